@@ -81,7 +81,7 @@ def fly(case: Case) -> list[GustError]:
             telemetry__rate_hz=case.telemetry_hz,
             disturbances=list(steps(case.frame)),
         )
-        return [error for gust in gusts(load_run(Path(out))) for error in gust.errors]
+        return gusts(load_run(Path(out)))
 
 
 def used(error: GustError) -> float:

@@ -20,7 +20,7 @@ from formation_scenario.fields import (
     Text,
     Timed,
     Vector,
-    derived,
+    key,
     one_of,
 )
 
@@ -50,13 +50,13 @@ DEFAULT_MODE: PilotsMode = "LOITER"
 class Fence(Keys):
     """Where vehicles must stay; none of its sides is needed."""
 
-    corners_m: Corners | None = Field(
-        default=None,
-        description="corners of a polygon, one after another: north and east of the origin, m",
-        examples=[[[-1000, -800], [4000, -800], [4000, 2000], [-1000, 2000]]],
+    corners_m: Corners | None = key(
+        None,
+        "corners of a polygon, one after another: north and east of the origin, m",
+        [[-1000, -800], [4000, -800], [4000, 2000], [-1000, 2000]],
     )
-    height_min_m: Number | None = Field(default=None, description="lowest height above the origin, m", examples=[40])
-    height_max_m: Number | None = Field(default=None, description="highest height above the origin, m", examples=[120])
+    height_min_m: Number | None = key(None, "lowest height above the origin, m", 40)
+    height_max_m: Number | None = key(None, "highest height above the origin, m", 120)
 
     @property
     def heights_m(self) -> tuple[float, float]:
@@ -103,9 +103,7 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
 class Passing(Timed):
     """A disturbance of some vehicles, with an optional end."""
 
-    until_s: Positive | None = Field(
-        default=None, description="when it ends, s", json_schema_extra=derived("never"), examples=[90]
-    )
+    until_s: Positive | None = key(None, "when it ends, s", 90, derived="never")
 
     @property
     def end_s(self) -> float:
@@ -120,42 +118,34 @@ class Passing(Timed):
 class StepDisturbance(Passing):
     """A velocity that acts at once."""
 
-    kind: Literal["step"] = Field(default="step", description=KIND)
-    velocity_mps: Vector = Field(description="north, east, down, m/s", examples=[[0.6, 0.6, 0]])
+    kind: Literal["step"] = key("step", KIND)
+    velocity_mps: Vector = key(..., "north, east, down, m/s", [0.6, 0.6, 0])
 
 
 class RampDisturbance(Passing):
     """A velocity that grows linearly, then stays."""
 
-    kind: Literal["ramp"] = Field(description=KIND)
-    velocity_mps: Vector = Field(description="north, east, down at the ramp's end, m/s", examples=[[2, 0, 0]])
-    duration_s: Positive = Field(description="time from nothing to the whole velocity, s", examples=[5])
+    kind: Literal["ramp"] = key(..., KIND)
+    velocity_mps: Vector = key(..., "north, east, down at the ramp's end, m/s", [2, 0, 0])
+    duration_s: Positive = key(..., "time from nothing to the whole velocity, s", 5)
 
 
 class SineDisturbance(Passing):
     """A sinusoidal velocity."""
 
-    kind: Literal["sine"] = Field(description=KIND)
-    velocity_mps: Vector = Field(description="amplitude north, east, down, m/s", examples=[[0, 0.5, 0]])
-    period_s: Positive = Field(description="period, s", examples=[8])
-    phase_deg: Annotated[Number, Field(ge=-360.0, le=360.0)] = Field(
-        default=0.0, description="phase at the beginning, degrees", examples=[90]
-    )
+    kind: Literal["sine"] = key(..., KIND)
+    velocity_mps: Vector = key(..., "amplitude north, east, down, m/s", [0, 0.5, 0])
+    period_s: Positive = key(..., "period, s", 8)
+    phase_deg: Annotated[Number, Field(ge=-360.0, le=360.0)] = key(0.0, "phase at the beginning, degrees", 90)
 
 
 class DrydenTurbulence(Passing):
     """Turbulence with Dryden's spectra, MIL-F-8785C: for low altitude from the wind at 6 m, or explicit."""
 
-    kind: Literal["dryden"] = Field(description=KIND)
-    wind_6m_mps: Positive | None = Field(
-        default=None, description="mean wind 6 m (20 ft) above ground, m/s", examples=[7]
-    )
-    sigma_mps: Positives | None = Field(
-        default=None, description="instead of wind_6m_mps: rms forward, right, down, m/s", examples=[[1.1, 1.1, 0.7]]
-    )
-    length_m: Positives | None = Field(
-        default=None, description="beside sigma_mps: scale lengths forward, right, down, m", examples=[[200, 200, 50]]
-    )
+    kind: Literal["dryden"] = key(..., KIND)
+    wind_6m_mps: Positive | None = key(None, "mean wind 6 m (20 ft) above ground, m/s", 7)
+    sigma_mps: Positives | None = key(None, "instead of wind_6m_mps: rms forward, right, down, m/s", [1.1, 1.1, 0.7])
+    length_m: Positives | None = key(None, "beside sigma_mps: scale lengths forward, right, down, m", [200, 200, 50])
 
 
 Disturbance = Annotated[
@@ -175,40 +165,30 @@ class Hill(Keys):
     height.
     """
 
-    name: Name = Field(default="hill", description="what messages call it", examples=["ridge"])
-    shape: HillShape = Field(default="gaussian", description="form of its section")
-    north_m: Number = Field(description="middle of the hill, north of the origin, m", examples=[1500])
-    east_m: Number = Field(description="middle of the hill, east of the origin, m", examples=[-200])
-    height_m: Number = Field(description="height of the top above the ground around, m; hills add up", examples=[80])
-    radius_m: Positive = Field(
-        description="one standard deviation (gaussian), or to the foot (cosine), m", examples=[400]
-    )
-    length_m: NonNegative = Field(default=0.0, description="length of a ridge's level crest line, m", examples=[600])
-    bearing_deg: Number = Field(
-        default=0.0, description="direction of the crest line from north, degrees", examples=[60]
-    )
+    name: Name = key("hill", "what messages call it", "ridge")
+    shape: HillShape = key("gaussian", "form of its section")
+    north_m: Number = key(..., "middle of the hill, north of the origin, m", 1500)
+    east_m: Number = key(..., "middle of the hill, east of the origin, m", -200)
+    height_m: Number = key(..., "height of the top above the ground around, m; hills add up", 80)
+    radius_m: Positive = key(..., "one standard deviation (gaussian), or to the foot (cosine), m", 400)
+    length_m: NonNegative = key(0.0, "length of a ridge's level crest line, m", 600)
+    bearing_deg: Number = key(0.0, "direction of the crest line from north, degrees", 60)
 
 
 class Terrain(Keys):
     """The ground, and the clearance that the formation keeps from it."""
 
-    file: Text | None = Field(
-        default=None,
-        description="elevations above sea level: a .hgt tile, or a GeoTIFF (with the extra `terrain`); a path from the "
+    file: Text | None = key(
+        None,
+        "elevations above sea level: a .hgt tile, or a GeoTIFF (with the extra `terrain`); a path from the "
         "scenario's file",
-        examples=["N35E125.hgt"],
+        "N35E125.hgt",
     )
-    base_m: Number = Field(
-        default=0.0, description="height of the ground around the hills, above the origin, m", examples=[20]
+    base_m: Number = key(0.0, "height of the ground around the hills, above the origin, m", 20)
+    hills: tuple[Hill, ...] = key(
+        (), "hills and ridges", [{"north_m": 1500, "east_m": 0, "height_m": 30, "radius_m": 600}]
     )
-    hills: tuple[Hill, ...] = Field(
-        default=(),
-        description="hills and ridges",
-        examples=[[{"north_m": 1500, "east_m": 0, "height_m": 30, "radius_m": 600}]],
-    )
-    clearance_m: NonNegative = Field(
-        default=50.0, description="height above ground that every vehicle keeps, m", examples=[60]
-    )
+    clearance_m: NonNegative = key(50.0, "height above ground that every vehicle keeps, m", 60)
 
 
 class Fault(Timed):
@@ -221,19 +201,9 @@ class Fault(Timed):
     - pilot: its pilot changes the mode, and changes it back to GUIDED at the end.
     """
 
-    kind: FaultKind = Field(description="the kind of fault", examples=["freeze"])
-    until_s: Positive | None = Field(
-        default=None,
-        description=f"{', '.join(PASSING)}: when it ends, s",
-        json_schema_extra=derived("never"),
-        examples=[50],
-    )
-    mode: PilotsMode | None = Field(
-        default=None,
-        description="pilot: the mode that the pilot chooses",
-        json_schema_extra=derived(DEFAULT_MODE),
-        examples=["FBWA"],
-    )
+    kind: FaultKind = key(..., "the kind of fault", "freeze")
+    until_s: Positive | None = key(None, f"{', '.join(PASSING)}: when it ends, s", 50, derived="never")
+    mode: PilotsMode | None = key(None, "pilot: the mode that the pilot chooses", "FBWA", derived=DEFAULT_MODE)
 
     def moments(self) -> Iterator[tuple[float, bool]]:
         """Yield the mission times at which it begins and, if it does, ends, s, and whether it ends then."""

@@ -41,6 +41,10 @@ class ScenarioError(Exception):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class FileError(Exception):
+    """A file that a key names can't be used; the message says what was found, and where."""
+
+
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the choice nearest to a word, "" when none is near.
 

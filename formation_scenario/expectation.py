@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection, derived
+from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection, key
 
 SETTLED_M = 0.5
 """Within so much of its slot on every axis a vehicle is in it."""
@@ -96,17 +96,9 @@ def bounds_text(below: float | None, above: float | None) -> str:
 class Expectation(Keys):
     """A bound on one figure of the summary, for some followers and over a window of time."""
 
-    metric: Metric = Field(description="a figure of summary.json: see Metrics", examples=["error_x_m.max"])
-    followers: VehicleSelection = Field(
-        default="all",
-        description="all, or a list of ids; for figures of one follower or one link",
-        examples=[[2, 3]],
-    )
-    from_s: NonNegative = Field(default=0.0, description="start of the window, s", examples=[70])
-    to_s: NonNegative = Field(
-        description="end of the window, s", json_schema_extra=derived("duration_s"), examples=[120]
-    )
-    below: Number | None = Field(
-        default=None, description="the figure must be smaller, in its own unit", examples=[0.22]
-    )
-    above: Number | None = Field(default=None, description="the figure must be larger, in its own unit", examples=[20])
+    metric: Metric = key(..., "a figure of summary.json: see Metrics", "error_x_m.max")
+    followers: VehicleSelection = key("all", "all, or a list of ids; for figures of one follower or one link", [2, 3])
+    from_s: NonNegative = key(0.0, "start of the window, s", 70)
+    to_s: NonNegative = key(..., "end of the window, s", 120, derived="duration_s")
+    below: Number | None = key(None, "the figure must be smaller, in its own unit", 0.22)
+    above: Number | None = key(None, "the figure must be larger, in its own unit", 20)

@@ -6,16 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, TypeAlias, cast
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    StrictBool,
-    StrictStr,
-    WithJsonSchema,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
 from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError
 
@@ -54,13 +45,23 @@ class Allowed:
     choices: tuple[str, ...] = ()
 
 
-def derived(words: str) -> JsonDict:
-    """Mark a key that `resolve` fills in from others where it isn't given; `words` say with what."""
-    return {DERIVED: words}
-
-
 DERIVED = "x-default"
-"""The JSON schema's keyword for the words of `derived`."""
+"""The JSON schema's keyword for what a key is derived from."""
+
+
+def key(default: object, description: str = "", *examples: object, derived: str = "") -> Any:  # noqa: ANN401 - as Field
+    """Return the field of a key.
+
+    Args:
+        default: its default; ... for none.
+        description: what it is, with its unit at the end.
+        *examples: values that it may have.
+        derived: of a key that `resolve` fills in from others where it isn't given: with what, in words.
+    """
+    extra: JsonDict | None = {DERIVED: derived} if derived else None
+    return Field(
+        default=default, description=description or None, examples=list(examples) or None, json_schema_extra=extra
+    )
 
 
 def one_of(key: str, default: str) -> Discriminator:
@@ -123,5 +124,5 @@ VehicleSelection: TypeAlias = Annotated[
 class Timed(Keys):
     """Something that happens to some vehicles at a mission time."""
 
-    at_s: NonNegative = Field(description="when it happens, s", examples=[40])
-    vehicles: VehicleSelection = Field(default="all", description="to whom: all, or a list of ids", examples=[[2, 3]])
+    at_s: NonNegative = key(..., "when it happens, s", 40)
+    vehicles: VehicleSelection = key("all", "to whom: all, or a list of ids", [2, 3])

@@ -6,15 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from formation_scenario.fields import (
-    Allowed,
-    Flag,
-    Keys,
-    NonNegative,
-    Positive,
-    Rate,
-    derived,
-)
+from formation_scenario.fields import Allowed, Flag, Keys, NonNegative, Positive, Rate, key
 
 GraphWeights = tuple[tuple[NonNegative, ...], ...]
 Graph = Annotated[
@@ -23,12 +15,12 @@ Graph = Annotated[
 ]
 LawType = Literal["fuzzy_pid", "pid", "consensus"]
 """`gcs_formation.control.laws` says what each is."""
-OF_THE_SET = derived("of the set that law.gains names")
+OF_THE_SET = "of the set that law.gains names"
 
 
 def _of_the_set(description: str, example: float) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
     """Return the field of a key that the set of gains fills."""
-    return Field(description=description, json_schema_extra=OF_THE_SET, examples=[example])
+    return key(..., description, example, derived=OF_THE_SET)
 
 
 class Mixer(Keys):
@@ -54,73 +46,57 @@ class PidGains(Keys):
 class Fuzzy(Keys):
     """Range of the fuzzy scheduler: gain = (base + span·F)·nominal, F in [0, 1]."""
 
-    base: NonNegative = Field(default=0.7, description="share of the nominal gain at F = 0", examples=[0.8])
-    span: NonNegative = Field(default=0.6, description="share of the nominal gain that F = 1 adds", examples=[0.4])
-    tables: Literal["printed", "symmetric"] = Field(
-        default="printed", description="the rule tables: as the paper prints them, or made symmetric"
+    base: NonNegative = key(0.7, "share of the nominal gain at F = 0", 0.8)
+    span: NonNegative = key(0.6, "share of the nominal gain that F = 1 adds", 0.4)
+    tables: Literal["printed", "symmetric"] = key(
+        "printed", "the rule tables: as the paper prints them, or made symmetric"
     )
 
 
 class Consensus(Keys):
     """Gains and graph of the consensus protocol (equation 3)."""
 
-    k1: NonNegative = Field(default=0.1, description="gain on positions, 1/s²", examples=[0.05])
-    k2: NonNegative = Field(default=0.6, description="gain on velocities, 1/s", examples=[0.5])
-    k3: NonNegative = Field(
-        default=0.25,
-        description="gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s",
-        examples=[0.5],
-    )
-    graph: Graph = Field(
-        default="star",
-        description="who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q",
-        examples=["ring"],
-    )
+    k1: NonNegative = key(0.1, "gain on positions, 1/s²", 0.05)
+    k2: NonNegative = key(0.6, "gain on velocities, 1/s", 0.5)
+    k3: NonNegative = key(0.25, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
+    graph: Graph = key("star", "who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q", "ring")
 
 
 class Law(Keys):
     """The control law and its parameters."""
 
-    type: LawType = Field(default="fuzzy_pid", description="the law", examples=["consensus"])
-    rate_hz: Rate = Field(default=10.0, description="control ticks a second, Hz", examples=[20])
-    delay_compensation: Flag = Field(default=True, description="predict the states over the links' delays")
-    lag_estimation: Flag = Field(
-        default=True, description="learn each vehicle's lags in flight, from half to twice those of its model"
+    type: LawType = key("fuzzy_pid", "the law", "consensus")
+    rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
+    delay_compensation: Flag = key(True, "predict the states over the links' delays")
+    lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
+    on_delay: Literal["degrade", "hold", "warn"] = key(
+        "warn", "when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn"
     )
-    on_delay: Literal["degrade", "hold", "warn"] = Field(
-        default="warn",
-        description="when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn",
-    )
-    gains: Literal["auto", "clean", "noise"] = Field(
-        description="set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
+    gains: Literal["auto", "clean", "noise"] = key(
+        ...,
+        "set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
         "and disturbance_observer_radps; auto: by design, from the vehicles' models, links and noise",
-        json_schema_extra=derived(
-            "auto if any vehicle's model has an airframe or is a file's, else noise if any vehicle's navigation is "
-            "noisy, else clean"
-        ),
-        examples=["noise"],
+        "noise",
+        derived="auto if any vehicle's model has an airframe or is a file's, else noise if any vehicle's navigation is "
+        "noisy, else clean",
     )
-    design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = Field(
-        default=0.0,
-        description="delay of the links each way that gains: auto are designed for where `links`, which emulates "
+    design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = key(
+        0.0,
+        "delay of the links each way that gains: auto are designed for where `links`, which emulates "
         "links, has less, ms; where longer ones are measured, they are designed anew",
-        examples=[300],
+        300,
     )
     derivative_filter_s: NonNegative = _of_the_set("time constant of the derivative's filter, s", 0.5)
-    anti_windup_s: Positive = Field(default=1.0, description="time constant of the back-calculation, s", examples=[20])
-    max_age_s: Positive = Field(
-        default=5.0,
-        description="oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter",
-        examples=[3],
+    anti_windup_s: Positive = key(1.0, "time constant of the back-calculation, s", 20)
+    max_age_s: Positive = key(
+        5.0, "oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter", 3
     )
     disturbance_observer_radps: NonNegative = _of_the_set(
         "bandwidth of the disturbance observer, rad/s; 0 switches it off", 0.5
     )
-    mixer: Mixer = Field(description="weights of the mixed errors", json_schema_extra=OF_THE_SET)
-    speed: PidGains = Field(description="forward channel", json_schema_extra=OF_THE_SET)
-    heading: PidGains = Field(
-        description="lateral channel; defaults depend on formation.frame too", json_schema_extra=OF_THE_SET
-    )
-    height: PidGains = Field(description="height channel", json_schema_extra=OF_THE_SET)
+    mixer: Mixer = key(..., "weights of the mixed errors", derived=OF_THE_SET)
+    speed: PidGains = key(..., "forward channel", derived=OF_THE_SET)
+    heading: PidGains = key(..., "lateral channel; defaults depend on formation.frame too", derived=OF_THE_SET)
+    height: PidGains = key(..., "height channel", derived=OF_THE_SET)
     fuzzy: Fuzzy = Fuzzy()
     consensus: Consensus = Consensus()

@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed, derived
+from formation_scenario.errors import FileError
+from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed, key
 
 MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
@@ -20,75 +21,60 @@ Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
 Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
 
 
-class TraceError(Exception):
-    """A file that isn't a list of recorded delays; the message says what was found, and on which line."""
-
-
 def read_trace_ms(path: Path) -> tuple[float, ...]:
     """Return the delays of a file in ms, in its order; empty lines and what follows a # are left out.
 
     Raises:
-        TraceError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
+        FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise TraceError(f"found {path}: {error.strerror}") from error
+        raise FileError(f"found {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise TraceError(f"found {path}, which isn't text in UTF-8") from error
+        raise FileError(f"found {path}, which isn't text in UTF-8") from error
     lines = ((number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1))
     delays_ms = tuple(_delay_ms(entry, f"{path}:{number}") for number, entry in lines if entry)
     if not delays_ms:
-        raise TraceError(f"found {path} without a number in it")
+        raise FileError(f"found {path} without a number in it")
     return delays_ms
 
 
 def _delay_ms(entry: str, place: str) -> float:
     if not _NUMBER.match(entry) or not 0.0 <= float(entry) <= MOST_MS:
-        raise TraceError(f"found '{entry[:40]}' at {place}")
+        raise FileError(f"found '{entry[:40]}' at {place}")
     return float(entry)
 
 
 class Impairment(Keys):
     """Impairments of one direction of one link."""
 
-    delay_ms: Milliseconds = Field(default=0.0, description="mean delay before truncation at 0, ms", examples=[300])
-    jitter_ms: Milliseconds = Field(default=0.0, description="standard deviation of the delay, ms", examples=[20])
-    distribution: Distribution = Field(default="normal", description="distribution of the jitter", examples=["pareto"])
-    loss: Fraction = Field(default=0.0, description="probability that a datagram is lost", examples=[0.02])
-    duplicate: Fraction = Field(default=0.0, description="probability that a datagram arrives twice", examples=[0.01])
-    rate_kbps: NonNegative = Field(default=0.0, description="data rate, kbit/s; 0: unlimited", examples=[57.6])
-    queue_ms: Milliseconds = Field(
-        default=1000.0, description="longest wait for the data rate, ms; what would wait longer is lost", examples=[500]
+    delay_ms: Milliseconds = key(0.0, "mean delay before truncation at 0, ms", 300)
+    jitter_ms: Milliseconds = key(0.0, "standard deviation of the delay, ms", 20)
+    distribution: Distribution = key("normal", "distribution of the jitter", "pareto")
+    loss: Fraction = key(0.0, "probability that a datagram is lost", 0.02)
+    duplicate: Fraction = key(0.0, "probability that a datagram arrives twice", 0.01)
+    rate_kbps: NonNegative = key(0.0, "data rate, kbit/s; 0: unlimited", 57.6)
+    queue_ms: Milliseconds = key(1000.0, "longest wait for the data rate, ms; what would wait longer is lost", 500)
+    mean_burst: Burst | None = key(
+        None, "mean number of datagrams lost in a row; without it each is lost on its own", 5
     )
-    mean_burst: Burst | None = Field(
-        default=None,
-        description="mean number of datagrams lost in a row; without it each is lost on its own",
-        examples=[5],
+    reorder: Flag = key(
+        False, "whether datagrams may overtake each other; if not, each waits for the one before it", True
     )
-    reorder: Flag = Field(
-        default=False,
-        description="whether datagrams may overtake each other; if not, each waits for the one before it",
-        examples=[True],
-    )
-    outage: Flag = Field(default=False, description="whether everything is lost")
-    trace_file: Text | None = Field(
-        default=None,
-        description="recorded delays, ms, a number a line, added to delay_ms instead of jitter, one after the other "
+    outage: Flag = key(False, "whether everything is lost")
+    trace_file: Text | None = key(
+        None,
+        "recorded delays, ms, a number a line, added to delay_ms instead of jitter, one after the other "
         "and over again; a path from the scenario's file",
-        examples=["lte.txt"],
+        "lte.txt",
     )
 
 
-def _patch(key: str) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
+def _patch(name: str) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
     """Return the field of a key that may change: described as the key, None where it stays as it was."""
-    field = Impairment.model_fields[key]
-    return Field(
-        default=None,
-        description=field.description,
-        examples=field.examples,
-        json_schema_extra=derived("as it was"),
-    )
+    field = Impairment.model_fields[name]
+    return key(None, field.description or "", *(field.examples or ()), derived="as it was")
 
 
 class ImpairmentPatch(Keys):
@@ -110,44 +96,32 @@ class ImpairmentPatch(Keys):
 class DefaultLink(Impairment):
     """Both directions of every link, and the differences of each direction."""
 
-    uplink: ImpairmentPatch | None = Field(
-        default=None, description="differences of the way from the ground station to the vehicle"
-    )
-    downlink: ImpairmentPatch | None = Field(
-        default=None, description="differences of the way from the vehicle to the ground station"
-    )
+    uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
+    downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
 
 
 class LinkChange(ImpairmentPatch, Timed):
     """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
-    uplink: ImpairmentPatch | None = Field(
-        default=None, description="differences of the way from the ground station to the vehicle"
-    )
-    downlink: ImpairmentPatch | None = Field(
-        default=None, description="differences of the way from the vehicle to the ground station"
-    )
+    uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
+    downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
 
 
 class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
-    uplink: ImpairmentPatch | None = Field(
-        default=None, description="the same as default.uplink; of a key that both give, this one holds"
+    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink; of a key that both give, this one holds")
+    downlink: ImpairmentPatch | None = key(
+        None, "the same as default.downlink; of a key that both give, this one holds"
     )
-    downlink: ImpairmentPatch | None = Field(
-        default=None, description="the same as default.downlink; of a key that both give, this one holds"
-    )
-    changes: tuple[LinkChange, ...] = Field(
-        default=(),
-        description="changes in flight",
-        examples=[
-            [
-                {"at_s": 40, "vehicles": [2], "delay_ms": 300},
-                {"at_s": 60, "uplink": {"outage": True}},
-                {"at_s": 63, "uplink": {"outage": False}, "loss": 0.05},
-            ]
+    changes: tuple[LinkChange, ...] = key(
+        (),
+        "changes in flight",
+        [
+            {"at_s": 40, "vehicles": [2], "delay_ms": 300},
+            {"at_s": 60, "uplink": {"outage": True}},
+            {"at_s": 63, "uplink": {"outage": False}, "loss": 0.05},
         ],
     )
 

@@ -27,7 +27,7 @@ from formation_scenario.fields import (
     Speed,
     Vector,
     VehicleSelection,
-    derived,
+    key,
 )
 from formation_scenario.formation import Formation, Step
 from formation_scenario.law import Law
@@ -47,15 +47,9 @@ Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1
 class Origin(Keys):
     """The origin of north, east and height."""
 
-    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = Field(
-        default=35.0, description="latitude, degrees", examples=[47.4]
-    )
-    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = Field(
-        default=125.0, description="longitude, degrees", examples=[8.54]
-    )
-    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = Field(
-        default=0.0, description="height above sea level, m", examples=[488]
-    )
+    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = key(35.0, "latitude, degrees", 47.4)
+    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = key(125.0, "longitude, degrees", 8.54)
+    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = key(0.0, "height above sea level, m", 488)
 
     @property
     def geodetic(self) -> GeodeticOrigin:
@@ -66,90 +60,73 @@ class Origin(Keys):
 class Start(Keys):
     """The start of the flight."""
 
-    in_air: Flag = Field(default=False, description="emulators only: begin in flight, without take-off")
-    offset_m: Offset = Field(
-        default=(0.0, 0.0, 0.0),
-        description="where each follower starts, from its slot: forward, right, up, m",
-        examples=[[8, 6, 4]],
+    in_air: Flag = key(False, "emulators only: begin in flight, without take-off")
+    offset_m: Offset = key(
+        (0.0, 0.0, 0.0), "where each follower starts, from its slot: forward, right, up, m", [8, 6, 4]
     )
-    row_m: Positive | None = Field(
-        default=None,
-        description="emulators only: on the ground they stand in a row, this far apart to the leader's right, "
+    row_m: Positive | None = key(
+        None,
+        "emulators only: on the ground they stand in a row, this far apart to the leader's right, "
         "in the scenario's order; by default at their slots, m",
-        examples=[9],
+        9,
     )
-    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = Field(
-        description="how long the leader flies straight to the path's start before t = 0, s",
-        json_schema_extra=derived("10 in the air, 60 from the ground"),
-        examples=[45],
+    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = key(
+        ...,
+        "how long the leader flies straight to the path's start before t = 0, s",
+        45,
+        derived="10 in the air, 60 from the ground",
     )
-    tolerance_m: Positive = Field(
-        default=3.0, description="a follower this near its slot counts as assembled, m", examples=[5]
-    )
-    timeout_s: Seconds = Field(default=300.0, description="longest wait for take-off and assembly, s", examples=[900])
+    tolerance_m: Positive = key(3.0, "a follower this near its slot counts as assembled, m", 5)
+    timeout_s: Seconds = key(300.0, "longest wait for take-off and assembly, s", 900)
 
 
 class Wind(Keys):
     """Constant wind on all vehicles."""
 
-    velocity_mps: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="where it blows to: north, east, down, m/s", examples=[[3, -2, 0]]
-    )
+    velocity_mps: Vector = key((0.0, 0.0, 0.0), "where it blows to: north, east, down, m/s", [3, -2, 0])
 
 
 class Avoidance(Keys):
     """The separation rule."""
 
-    enabled: Flag = Field(default=True, description="whether setpoints give way to it")
-    distance_m: Positive = Field(
-        description="distance that it keeps, m",
-        json_schema_extra=derived("safety.separation_m + 5"),
-        examples=[15],
-    )
-    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = Field(
-        default=12.0, description="how far it looks ahead, s", examples=[20]
-    )
+    enabled: Flag = key(True, "whether setpoints give way to it")
+    distance_m: Positive = key(..., "distance that it keeps, m", 15, derived="safety.separation_m + 5")
+    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = key(12.0, "how far it looks ahead, s", 20)
 
 
 class Safety(Keys):
     """Limits that fail a run if they are violated, and the rule that prevents it."""
 
-    separation_m: Distance = Field(default=5.0, description="least distance of two vehicles, m", examples=[20])
-    avoidance: Avoidance = Field(json_schema_extra=derived("its keys'"))
-    clearance_m: NonNegative = Field(default=5.0, description="least height above ground, m", examples=[50])
-    fence: Fence | None = Field(
-        default=None, description="where paths, slots and setpoints must stay; without it, anywhere"
-    )
+    separation_m: Distance = key(5.0, "least distance of two vehicles, m", 20)
+    avoidance: Avoidance = key(..., "", derived="its keys'")
+    clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
+    fence: Fence | None = key(None, "where paths, slots and setpoints must stay; without it, anywhere")
 
 
 class Finish(Keys):
     """The end of a run."""
 
-    loiter_s: NonNegative = Field(
-        default=10.0, description="how long the vehicles loiter after the run, s", examples=[30]
-    )
+    loiter_s: NonNegative = key(10.0, "how long the vehicles loiter after the run, s", 30)
 
 
 class Telemetry(Keys):
     """What the vehicles send."""
 
-    rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = Field(
-        default=10.0,
-        description="position and attitude messages a second, Hz; no more than turns of an autopilot's main loop",
-        examples=[5],
+    rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = key(
+        10.0, "position and attitude messages a second, Hz; no more than turns of an autopilot's main loop", 5
     )
-    clock: Literal["round_trip", "gnss"] = Field(
-        default="round_trip",
-        description="how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
+    clock: Literal["round_trip", "gnss"] = key(
+        "round_trip",
+        "how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
         "(SYSTEM_TIME), which no link is in",
-        examples=["gnss"],
+        "gnss",
     )
-    station_utc: Flag | None = Field(
-        default=None,
-        description="with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
+    station_utc: Flag | None = key(
+        None,
+        "with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
         "receiver; delays up and down are then known without a common error",
-        json_schema_extra=derived("true with the emulated vehicles of `run`, which have the same clock, else false"),
-        examples=[True],
+        True,
+        derived="true with the emulated vehicles of `run`, which have the same clock, else false",
     )
 
     @property
@@ -161,14 +138,14 @@ class Telemetry(Keys):
 class PathPlan(Keys):
     """The leader's path."""
 
-    speed_mps: Speed = Field(default=22.0, description="the leader's speed, m/s", examples=[20])
-    waypoints_m: Waypoints = Field(
-        description="north, east and height above the origin, m; a smooth curve goes through all of them",
-        examples=[[[0, 0, 100], [1500, 0, 100], [3000, 700, 120]]],
+    speed_mps: Speed = key(22.0, "the leader's speed, m/s", 20)
+    waypoints_m: Waypoints = key(
+        ...,
+        "north, east and height above the origin, m; a smooth curve goes through all of them",
+        [[0, 0, 100], [1500, 0, 100], [3000, 700, 120]],
     )
-    steps: tuple[Step, ...] = Field(
-        default=(),
-        description="what is added to the leader's setpoints for a while; `gcs-formation identify` flies them",
+    steps: tuple[Step, ...] = key(
+        (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )
 
     @cached_property
@@ -185,72 +162,58 @@ class Scenario(Keys):
     """A scenario with every default filled in; `load_scenario` makes them, from a file or a mapping."""
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
-    name: Name = Field(
-        default="scenario",
-        description="name of the run",
-        json_schema_extra=derived("the file's"),
-        examples=["three-followers"],
-    )
-    seed: Seed = Field(default=1, description="seed of all randomness: the same seed, the same flight", examples=[7])
-    duration_s: Seconds = Field(
-        default=120.0,
-        description="end of the run, from the leader's start on its path, s; the path's end may come first",
-        examples=[600],
+    name: Name = key("scenario", "name of the run", "three-followers", derived="the file's")
+    seed: Seed = key(1, "seed of all randomness: the same seed, the same flight", 7)
+    duration_s: Seconds = key(
+        120.0, "end of the run, from the leader's start on its path, s; the path's end may come first", 600
     )
     origin: Origin = Origin()
-    start: Start = Field(json_schema_extra=derived("its keys'"))
-    vehicles: Fleet = Field(
-        description="a list of vehicles, or {count: N}; without a leader in the list, a virtual one flies the path",
-        examples=[
-            [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3, "model": {"tau_v_s": 5.0}}],
-            {"count": 4, "navigation": {"source": "noisy"}},
-        ],
+    start: Start = key(..., "", derived="its keys'")
+    vehicles: Fleet = key(
+        ...,
+        "a list of vehicles, or {count: N}; without a leader in the list, a virtual one flies the path",
+        [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3, "model": {"tau_v_s": 5.0}}],
+        {"count": 4, "navigation": {"source": "noisy"}},
     )
     telemetry: Telemetry = Telemetry()
-    formation: Formation = Field(default=Formation(), json_schema_extra=derived("its keys'"))
-    law: Law = Field(json_schema_extra=derived("its keys'"))
+    formation: Formation = key(Formation(), "", derived="its keys'")
+    law: Law = key(..., "", derived="its keys'")
     path: PathPlan
-    terrain: Terrain | None = Field(default=None, description="the ground; without it, a plain at the origin's height")
+    terrain: Terrain | None = key(None, "the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
-    disturbances: tuple[Disturbance, ...] = Field(
-        default=(),
-        description="velocities that the air adds to vehicles besides the wind; they add up",
-        examples=[
-            [
-                {"at_s": 60, "velocity_mps": [0.6, 0.6, 0.0]},
-                {"at_s": 70, "until_s": 90, "kind": "ramp", "velocity_mps": [2, 0, 0], "duration_s": 5},
-                {"at_s": 80, "vehicles": [2], "kind": "sine", "velocity_mps": [0, 0.5, 0], "period_s": 8},
-                {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
-            ]
+    disturbances: tuple[Disturbance, ...] = key(
+        (),
+        "velocities that the air adds to vehicles besides the wind; they add up",
+        [
+            {"at_s": 60, "velocity_mps": [0.6, 0.6, 0.0]},
+            {"at_s": 70, "until_s": 90, "kind": "ramp", "velocity_mps": [2, 0, 0], "duration_s": 5},
+            {"at_s": 80, "vehicles": [2], "kind": "sine", "velocity_mps": [0, 0.5, 0], "period_s": 8},
+            {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
         ],
     )
-    orders: tuple[PlannedOrder, ...] = Field(
-        default=(),
-        description="orders that are given at a mission time, as by `gcs-formation tell`",
-        examples=[[{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}]],
+    orders: tuple[PlannedOrder, ...] = key(
+        (),
+        "orders that are given at a mission time, as by `gcs-formation tell`",
+        [{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}],
     )
-    faults: tuple[Fault, ...] = Field(
-        default=(),
-        description="faults of vehicles; emulators only",
-        examples=[
-            [
-                {"at_s": 50, "until_s": 60, "vehicles": [2], "kind": "freeze"},
-                {"at_s": 90, "vehicles": [3], "kind": "crash"},
-            ]
+    faults: tuple[Fault, ...] = key(
+        (),
+        "faults of vehicles; emulators only",
+        [
+            {"at_s": 50, "until_s": 60, "vehicles": [2], "kind": "freeze"},
+            {"at_s": 90, "vehicles": [3], "kind": "crash"},
         ],
     )
-    safety: Safety = Field(json_schema_extra=derived("its keys'"))
+    safety: Safety = key(..., "", derived="its keys'")
     finish: Finish = Finish()
-    expect: tuple[Expectation, ...] = Field(
-        default=(),
-        description="bounds that the run must have kept; exit status 1 if one is broken",
-        examples=[
-            [
-                {"metric": "error_x_m.max", "from_s": 70, "to_s": 120, "below": 0.22},
-                {"metric": "measured_delay_ms.p99", "followers": [2], "below": 350},
-                {"metric": "min_separation_m", "above": 20},
-            ]
+    expect: tuple[Expectation, ...] = key(
+        (),
+        "bounds that the run must have kept; exit status 1 if one is broken",
+        [
+            {"metric": "error_x_m.max", "from_s": 70, "to_s": 120, "below": 0.22},
+            {"metric": "measured_delay_ms.p99", "followers": [2], "below": 350},
+            {"metric": "min_separation_m", "above": 20},
         ],
     )
 
@@ -259,7 +222,7 @@ class Scenario(Keys):
         """The ground; without terrain, a plain at the origin's height.
 
         Raises:
-            ElevationError: the elevation file can't be read.
+            FileError: the elevation file can't be read.
         """
         return ground_of(self.terrain, self.origin.geodetic, np.array(self.path.waypoints_m))
 
@@ -268,7 +231,7 @@ class Scenario(Keys):
         """The path that the leader flies: lifted where the scenario has terrain, as written otherwise.
 
         Raises:
-            ElevationError: the elevation file can't be read.
+            FileError: the elevation file can't be read.
         """
         if self.terrain is None:
             return self.path.written

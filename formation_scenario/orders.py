@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.errors import did_you_mean
-from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef
+from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef, key
 from formation_scenario.formation import FormationChange, Shape
 
 End = Literal["loiter", "rtl", "land"]
@@ -19,6 +19,8 @@ SHAPES: tuple[Shape, ...] = get_args(Shape)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
 EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
+LEAST, MOST_MPS = math.ulp(0.0), 1000.0
+"""Of what is more than 0; of speeds."""
 
 
 class OrderError(ValueError):
@@ -52,9 +54,10 @@ def parse_order(text: str) -> Order:
         case "spacing", [_]:
             return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
         case "speed", [number]:
-            return Order(said, speed_mps=0.0 if _is_nought(number) else _positive(number, "m/s"))
+            return Order(said, speed_mps=_speed(number))
         case "heading", [number]:
-            return Order(said, heading_rad=math.radians(_degrees(number)))
+            degrees = _number(number, -360.0, 360.0, "degrees clockwise from north, -360 to 360")
+            return Order(said, heading_rad=math.radians(degrees))
         case "leader", [ref]:
             return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
@@ -70,32 +73,23 @@ def _shape(name: str) -> Shape:
 
 
 def _spacing(given: list[str]) -> float | None:
-    return _positive(given[0], "m", most=MAX_NEAR_M) if given else None
+    return _number(given[0], LEAST, MAX_NEAR_M, f"a number of m, up to {MAX_NEAR_M:g}") if given else None
 
 
-def _positive(text: str, unit: str, most: float = 1000.0) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value <= most:
-        raise OrderError(f"found '{text}'; allowed: a number of {unit}, up to {most:g}")
-    return value
+def _speed(text: str) -> float:
+    """Return a speed; of those that hover it may be 0, in whichever way that is written."""
+    nought = text.startswith("0") and text.removeprefix("0").removeprefix(".").strip("0") == ""
+    return 0.0 if nought else _number(text, LEAST, MOST_MPS, f"a number of m/s, up to {MOST_MPS:g}")
 
 
-def _degrees(text: str) -> float:
+def _number(text: str, low: float, high: float, allowed: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not -360.0 <= value <= 360.0:
-        raise OrderError(f"found '{text}'; allowed: degrees clockwise from north, -360 to 360")
+    if not low <= value <= high:
+        raise OrderError(f"found '{text}'; allowed: {allowed}")
     return value
-
-
-def _is_nought(text: str) -> bool:
-    """Return whether a number is 0: those that hover may stand."""
-    return text.removeprefix("0").removeprefix(".").strip("0") == "" and text.startswith("0")
 
 
 def _vehicle(ref: str) -> VehicleRef:
@@ -116,10 +110,10 @@ def _known_order(value: object) -> object:
 class PlannedOrder(Keys):
     """An order that is given at a mission time, as by `gcs-formation tell`."""
 
-    at_s: NonNegative = Field(description="when, s", examples=[40])
+    at_s: NonNegative = key(..., "when, s", 40)
     order: Annotated[
         str, BeforeValidator(_known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
-    ] = Field(description="the order", examples=["shape line 40"])
+    ] = key(..., "the order", "shape line 40")
 
 
 class Answer(NamedTuple):

@@ -11,7 +11,7 @@ from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
 from formation_scenario.environment import PASSING, DrydenTurbulence
-from formation_scenario.errors import Problem
+from formation_scenario.errors import FileError, Problem
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.links import (
@@ -21,14 +21,12 @@ from formation_scenario.links import (
     ImpairmentPatch,
     LinkChange,
     Links,
-    TraceError,
     least_mean_burst,
     read_trace_ms,
 )
 from formation_scenario.model import Scenario
 from formation_scenario.source import KeyPath, Source
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
-from formation_scenario.terrain import ElevationError
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
 
@@ -114,7 +112,7 @@ def terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:
         yield source.problem(("safety", "clearance_m"), found, allowed)
     try:
         _ = scenario.ground
-    except ElevationError as error:
+    except FileError as error:
         yield source.problem(("terrain", "file"), str(error), ELEVATION_FILES)
 
 
@@ -124,7 +122,7 @@ def traces(scenario: Scenario, source: Source) -> Iterator[Problem]:
         if patch.trace_file is not None:
             try:
                 read_trace_ms(Path(patch.trace_file))
-            except TraceError as error:
+            except FileError as error:
                 yield source.problem((*path, "trace_file"), str(error), ALLOWED)
 
 

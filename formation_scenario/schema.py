@@ -6,6 +6,7 @@ import inspect
 import re
 import types
 from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin
 
 import yaml
@@ -25,47 +26,6 @@ from formation_scenario.vehicles import VehicleGroup
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
 """Keywords that allow or refuse nothing."""
-REGENERATE = "gcs-formation schema --markdown > docs/scenario.md; gcs-formation schema > docs/scenario.schema.json"
-HEAD = f"""\
-# Scenario keys
-
-<!-- Generated from the models of the keys by: {REGENERATE} -->
-
-A scenario is a YAML file. Two keys are enough:
-
-```yaml
-vehicles: {{count: 4}}
-path: {{waypoints_m: [[0, 0, 100], [4000, 0, 100]]}}
-```
-
-- Every key carries its unit in its name. Unknown keys, values of another type and values out of range are refused, with
-  file, line and what is allowed.
-- `gcs-formation check FILE` prints the scenario with every default filled in. `--set KEY=VALUE` overrides a key:
-  `--set law.rate_hz=20`, `--set vehicles.1.model.tau_v_s=5` (items of a list from 0),
-  `--set "links.default={{delay_ms: 300, loss: 0.02}}"`.
-- Times (`at_s`, `until_s`, `from_s`, `to_s`) are mission times: t = 0 is when the leader starts along its path.
-- Places are north, east and height above `origin`; slots are forward, right and up of the leader. Velocities of the air
-  are north, east and down, where it blows to.
-- `vehicles` in an entry of a list is `all` or a list of ids. Where several networks use an id, the vehicle is
-  `network:id`, in quotes: `[2, '2:7']`.
-
-Below, `[]` stands for each item of a list.
-
-## In an editor
-
-`gcs-formation schema > scenario.schema.json` writes the JSON schema (draft 2020-12); that of this version is
-[scenario.schema.json](scenario.schema.json). With yaml-language-server (VS Code's YAML extension by Red Hat, Neovim,
-Emacs, Helix and others) it completes keys, explains them and marks mistakes, after this first line of the scenario:
-
-```yaml
-# yaml-language-server: $schema=scenario.schema.json
-```
-
-For all scenarios of a folder, in VS Code's `settings.json`:
-`"yaml.schemas": {{"./scenario.schema.json": "scenarios/*.yaml"}}`. In CI:
-`check-jsonschema --schemafile scenario.schema.json FILE`. The schema knows each key by itself; what keys must be to
-each other, and whether the formation can be flown, `gcs-formation check` knows.
-"""
 METRICS_HEAD = """
 ## Metrics
 
@@ -108,22 +68,16 @@ def scenario_schema() -> Schema:
     It allows every value that a key by itself may have. What keys must be to each other, and whether the formation can
     be flown, only `load_scenario` knows.
     """
-    generated = written_model().model_json_schema(schema_generator=_WithoutTitlesOfKeys)
+    generated = written_model().model_json_schema()
     for group in _groups(generated):
+        for value in group["properties"].values():
+            value.pop("title", None)  # which only repeats the key
         _name_models(group)
         _release_derived(group)
     properties: Schema = generated["properties"]
     properties |= {key: _or_null(properties[key]) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
-
-
-class _WithoutTitlesOfKeys(GenerateJsonSchema):
-    """pydantic's generator, without titles that only repeat a key."""
-
-    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ANN401, ARG002 - pydantic's signature
-        """Return False."""
-        return False
 
 
 def _groups(schema: Schema) -> Iterator[Schema]:
@@ -192,7 +146,8 @@ def scenario_reference() -> str:
     for group in _groups_in(top, ""):
         sections.setdefault(group.model, []).append(group)
     links = _links([groups[0] for groups in sections.values()])
-    parts = [HEAD, "## Top level\n", _table(top, links)]
+    head = (files("formation_scenario") / "reference.md").read_text(encoding="utf-8")
+    parts = [head, "## Top level\n", _table(top, links)]
     for model, groups in sections.items():
         also = [title for title in dict.fromkeys(group.title for group in groups) if title != groups[0].title]
         parts += [f"\n## {groups[0].title}\n", *([f"Also: {', '.join(also)}.\n"] if also else [])]
@@ -261,7 +216,7 @@ def _row(key: str, field: FieldInfo, links: Mapping[type[BaseModel], str]) -> st
     said = field.description or "".join(_docstring(group).partition("\n")[0].rstrip(".") for group in groups[:1])
     shown = None if groups else example(field)
     if not said or shown is PydanticUndefined:
-        raise ValueError(f"key {key}: found no description or no example; allowed: Field(description=…, examples=[…])")
+        raise ValueError(f"key {key}: found no description or no example; allowed: key(default, description, example)")
     text, unit = _unit(key, said)
     words = allowed(field)
     words = "one of the [metrics](#metrics)" if words == ", ".join(METRICS) else words

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from math import radians
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, overload
+from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from flight_model.displacement import STEP_M, Bounds, Lift, blend, sample_places
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.environment import Hill, Terrain
+from formation_scenario.errors import FileError
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
@@ -30,10 +31,6 @@ ROUNDING_M = 1e-6
 """By how much a bound lies above what it bounds, for the last digits."""
 FOLLOWER_SHARE = 0.85
 """Share of the climb limit that the path and a follower's own lift use together."""
-
-
-class ElevationError(Exception):
-    """An elevation file that can't be used; the message says what was found."""
 
 
 class ElevationGrid(NamedTuple):
@@ -93,7 +90,7 @@ def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> Eleva
     """Return the ground of a file up to `MARGIN_M` around points (n, 2), m north and east.
 
     Raises:
-        ElevationError: the file can't be read or isn't georeferenced, or rasterio isn't installed.
+        FileError: the file can't be read or isn't georeferenced, or rasterio isn't installed.
     """
     if path.suffix.lower() == ".hgt":
         return _read_hgt(path, origin)
@@ -108,13 +105,13 @@ def _read_hgt(path: Path, origin: GeodeticOrigin) -> ElevationGrid:
     try:
         values = np.fromfile(path, dtype=">i2").astype(np.float64)
     except OSError as error:
-        raise ElevationError(f"found {path}: {error.strerror}") from error
+        raise FileError(f"found {path}: {error.strerror}") from error
     named = HGT_NAME.match(path.stem)
     if named is None:
-        raise ElevationError(f"found {path.name}, which doesn't say where the tile lies")
+        raise FileError(f"found {path.name}, which doesn't say where the tile lies")
     side = round(values.size**0.5)
     if side < 2 or side * side != values.size:
-        raise ElevationError(f"found {path.name} with {values.size} values, which make no square")
+        raise FileError(f"found {path.name} with {values.size} values, which make no square")
     south = int(named[2]) * (1 if named[1].upper() == "N" else -1)
     west = int(named[4]) * (1 if named[3].upper() == "E" else -1)
     values[values == HGT_VOID] = np.nan
@@ -130,11 +127,11 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
         windows: Any = importlib.import_module("rasterio.windows")
     except ImportError as error:
         found = f"found {path.name}, and rasterio isn't installed: pip install 'gcs-formation[terrain]'"
-        raise ElevationError(found) from error
+        raise FileError(found) from error
     try:
         with rasterio.open(path) as file:
             if file.crs is None:
-                raise ElevationError(f"found {path.name} without a coordinate system")
+                raise FileError(f"found {path.name} without a coordinate system")
             with vrt.WarpedVRT(file, crs=WGS_84, resampling=rasterio.enums.Resampling.bilinear) as warped:
                 dataset: Any = file if file.crs.is_geographic else warped
                 whole = windows.Window(0, 0, dataset.width, dataset.height)
@@ -143,29 +140,16 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
                 values = dataset.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
                 place: Any = dataset.window_transform(window)
     except (rasterio.errors.RasterioError, windows.WindowError) as error:
-        raise ElevationError(f"found {path}: {error}") from error
+        raise FileError(f"found {path}: {error}") from error
     if min(values.shape) < 2 or place.b or place.d or place.e >= 0:
-        raise ElevationError(f"found {path.name} without values in rows from north to south there")
+        raise FileError(f"found {path.name} without values in rows from north to south there")
     return ElevationGrid(values, place.f + place.e / 2, place.c + place.a / 2, -place.e, place.a, origin)
-
-
-class Ground(Protocol):
-    """Ground heights in m above the scenario's origin; arrays of north and east in m have any common shape."""
-
-    def height(self, north_m: Array, east_m: Array) -> Array:
-        """Return the ground's height; NaN where it isn't known."""
-        ...
-
-    def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return a height that no ground within `around_m` of each place (n,) exceeds; it is quickly found."""
-        ...
 
 
 class Hills:
     """Level ground with hills, which add up, by the formulas of `environment.Hill`."""
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
-        """Take H hills."""
         self._base_m = base_m
         self._north_m = np.array([hill.north_m for hill in hills])
         self._east_m = np.array([hill.east_m for hill in hills])
@@ -177,13 +161,14 @@ class Hills:
         self._cosine, self._sine = np.cos(bearing), np.sin(bearing)
 
     def height(self, north_m: Array, east_m: Array) -> Array:
-        """Return the ground's height."""
+        """Return the ground's height, m above the scenario's origin; arrays of m have any common shape."""
         return self._base_m + self._share(self._squared_m2(north_m, east_m) / self._radius_m**2) @ self._height_m
 
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return what the ground around each place would be if it were as near to all hills as it can be.
+        """Return a height that no ground within `around_m` of each place (n,) exceeds; it is quickly found.
 
-        And as far as it can be from hollows: hills fall off with the distance from their crest lines.
+        Each hill is taken to be as near as it can be, each hollow as far: they fall off with the distance from their
+        crest lines.
         """
         away_m = np.sqrt(self._squared_m2(north_m, east_m))
         nearest_m = np.where(self._height_m > 0.0, np.maximum(away_m - around_m, 0.0), away_m + around_m)
@@ -203,11 +188,14 @@ class Hills:
         return np.where(self._gaussian, np.exp(-squared / 2), cosine)
 
 
+Ground: TypeAlias = Hills | ElevationGrid
+
+
 def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Array) -> Ground:
     """Return the ground around waypoints (n, 3); without terrain, a plain at the origin's height.
 
     Raises:
-        ElevationError: the elevation file can't be read.
+        FileError: the elevation file can't be read.
     """
     if terrain is None:
         return Hills(0.0, ())

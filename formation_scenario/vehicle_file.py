@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from formation_scenario.describe import problems_of
 from formation_scenario.errors import ScenarioError, did_you_mean
-from formation_scenario.fields import Keys, Name, Number
+from formation_scenario.fields import Keys, Name, Number, key
 from formation_scenario.gains import AUTO
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import VehicleModel
@@ -28,10 +28,10 @@ class VehicleFile(Keys):
     """What a vehicle file holds: the model of one kind of aircraft, and where it comes from."""
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
-    name: Name = Field(default="vehicle", description="of the kind of aircraft", examples=["skywalker"])
-    source: str = Field(default="", description="where the model comes from", examples=["runs/steps, vehicle 2"])
-    model: VehicleModel = Field(description="its autopilot's lags, its limits and its airframe")
-    fit: Mapping[str, Number] = Field(default={}, description="how well it was found, written by `identify`")
+    name: Name = key("vehicle", "of the kind of aircraft", "skywalker")
+    source: str = key("", "where the model comes from", "runs/steps, vehicle 2")
+    model: VehicleModel = key(..., "its autopilot's lags, its limits and its airframe")
+    fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
 
 
 def with_models(source: Source) -> Source:
@@ -63,9 +63,9 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
     names = {key: name for key in MODELS if isinstance(name := vehicle.get(key), str)}
     if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
         names["model"] = str(vehicle["autopilot"])
-    for key, name in names.items():
+    for which, name in names.items():
         if name not in read:
-            read[name] = read_model(name, directory, source, (*path, key))
+            read[name] = read_model(name, directory, source, (*path, which))
     return vehicle | {key: read[name] for key, name in names.items()}
 
 

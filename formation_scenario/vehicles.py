@@ -23,7 +23,7 @@ from formation_scenario.fields import (
     SystemId,
     Text,
     TimeConstant,
-    derived,
+    key,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
 
@@ -48,89 +48,55 @@ class EnergyAirframe(Keys):
     Names in capitals are ArduPilot's parameters.
     """
 
-    kind: Literal["energy"] = Field(default="energy", description="total-energy control of speed and height")
-    thrust_mps2: Positive = Field(default=14.0, description="acceleration by full throttle, m/s²", examples=[10])
-    drag_mps2: Positive = Field(default=6.7, description="deceleration by parasitic drag at 22 m/s, m/s²", examples=[4])
-    induced_drag_mps2: NonNegative = Field(
-        default=0.065, description="the same by lift's own drag in level flight, m/s²", examples=[0.5]
+    kind: Literal["energy"] = key("energy", "total-energy control of speed and height")
+    thrust_mps2: Positive = key(14.0, "acceleration by full throttle, m/s²", 10)
+    drag_mps2: Positive = key(6.7, "deceleration by parasitic drag at 22 m/s, m/s²", 4)
+    induced_drag_mps2: NonNegative = key(0.065, "the same by lift's own drag in level flight, m/s²", 0.5)
+    lift_mps2_per_rad: Positive = key(460.0, "acceleration by lift at 22 m/s for a radian of incidence, m/s²", 300)
+    throttle_slew_per_s: Positive = key(1.0, "fastest change of throttle (THR_SLEWRATE), 1/s", 0.5)
+    bank_lag_s: Lag = key(0.5, "time constant of bank (RLL2SRV_TCONST), s", 0.4)
+    pitch_lag_s: Lag = key(0.5, "time constant of pitch (PTCH2SRV_TCONST), s", 0.4)
+    rate_lag_s: Lag = key(0.1, "time constant of roll and pitch rates, s", 0.2)
+    bank_max_deg: Annotated[Positive, Field(le=85.0)] = key(65.0, "largest bank (ROLL_LIMIT_DEG), degrees", 45)
+    heading_gain: Positive = key(math.radians(50.0), "bank for an error of heading (GUIDED_P), rad/rad", 1.2)
+    pitch_max_deg: Angle = key(15.0, "largest pitch (TECS_PITCH_MAX), degrees", 20)
+    pitch_min_deg: Angle = key(-25.0, "least pitch (PTCH_LIM_MIN_DEG), degrees", -20)
+    throttle_cruise: Fraction = key(0.5, "throttle in level flight as the autopilot believes (TRIM_THROTTLE)", 0.45)
+    airspeed_min_mps: Speed = key(10.0, "the autopilot's least airspeed (AIRSPEED_MIN), m/s", 12)
+    airspeed_cruise_mps: Speed = key(22.0, "its cruising airspeed (AIRSPEED_CRUISE), m/s", 20)
+    airspeed_max_mps: Speed = key(30.0, "its greatest airspeed (AIRSPEED_MAX), m/s", 28)
+    climb_max_mps: Speed = key(5.0, "climb at full throttle as the autopilot believes (TECS_CLMB_MAX), m/s", 4)
+    sink_min_mps: Speed = key(2.0, "sink without throttle as the autopilot believes (TECS_SINK_MIN), m/s", 1.5)
+    sink_max_mps: Speed = key(5.0, "fastest sink (TECS_SINK_MAX), m/s", 4)
+    time_constant_s: Lag = key(5.0, "of the energy control (TECS_TIME_CONST), s", 3)
+    height_lag_s: Lag = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
+    throttle_damping: NonNegative = key(
+        0.5, "how errors of the energy's rate drive the throttle (TECS_THR_DAMP), s", 0.7
     )
-    lift_mps2_per_rad: Positive = Field(
-        default=460.0, description="acceleration by lift at 22 m/s for a radian of incidence, m/s²", examples=[300]
+    pitch_damping: NonNegative = key(0.3, "how errors of the balance's rate drive the pitch (TECS_PTCH_DAMP)", 0.5)
+    integral_gain: NonNegative = key(0.3, "integral of both (TECS_INTEG_GAIN), 1/s", 0.1)
+    speed_weight: Annotated[NonNegative, Field(le=2.0)] = key(
+        1.0, "what pitch is for: 0 height, 2 speed, 1 both (TECS_SPDWEIGHT)", 0.8
     )
-    throttle_slew_per_s: Positive = Field(
-        default=1.0, description="fastest change of throttle (THR_SLEWRATE), 1/s", examples=[0.5]
+    bank_to_throttle: NonNegative = key(10.0, "throttle for what a bank costs (TECS_RLL2THR), m²/s³", 15)
+    vertical_accel_max_mps2: Positive = key(7.0, "largest vertical acceleration (TECS_VERT_ACC), m/s²", 5)
+    speed_filter_radps: Positive = key(2.0, "bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", 1.5)
+    airspeed_lag_s: Lag = key(0.28, "lag of the airspeed's measurement, s", 0.1)
+    airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = key(
+        10.0, "new airspeeds a second in telemetry, Hz", 20
     )
-    bank_lag_s: Lag = Field(default=0.5, description="time constant of bank (RLL2SRV_TCONST), s", examples=[0.4])
-    pitch_lag_s: Lag = Field(default=0.5, description="time constant of pitch (PTCH2SRV_TCONST), s", examples=[0.4])
-    rate_lag_s: Lag = Field(default=0.1, description="time constant of roll and pitch rates, s", examples=[0.2])
-    bank_max_deg: Annotated[Positive, Field(le=85.0)] = Field(
-        default=65.0, description="largest bank (ROLL_LIMIT_DEG), degrees", examples=[45]
+    airspeed_step_mps: NonNegative = key(0.01, "resolution of airspeed in telemetry, m/s", 0.1)
+    airspeed_noise_mps: NonNegative = key(
+        0.06, "standard deviation of the sensor's white noise, before its lag, m/s", 0.2
     )
-    heading_gain: Positive = Field(
-        default=math.radians(50.0), description="bank for an error of heading (GUIDED_P), rad/rad", examples=[1.2]
+    dead_time_s: Annotated[NonNegative, Field(le=2.0)] = key(
+        0.1, "from a setpoint's arrival until the autopilot heeds it, s", 0.2
     )
-    pitch_max_deg: Angle = Field(default=15.0, description="largest pitch (TECS_PITCH_MAX), degrees", examples=[20])
-    pitch_min_deg: Angle = Field(default=-25.0, description="least pitch (PTCH_LIM_MIN_DEG), degrees", examples=[-20])
-    throttle_cruise: Fraction = Field(
-        default=0.5, description="throttle in level flight as the autopilot believes (TRIM_THROTTLE)", examples=[0.45]
-    )
-    airspeed_min_mps: Speed = Field(
-        default=10.0, description="the autopilot's least airspeed (AIRSPEED_MIN), m/s", examples=[12]
-    )
-    airspeed_cruise_mps: Speed = Field(
-        default=22.0, description="its cruising airspeed (AIRSPEED_CRUISE), m/s", examples=[20]
-    )
-    airspeed_max_mps: Speed = Field(
-        default=30.0, description="its greatest airspeed (AIRSPEED_MAX), m/s", examples=[28]
-    )
-    climb_max_mps: Speed = Field(
-        default=5.0, description="climb at full throttle as the autopilot believes (TECS_CLMB_MAX), m/s", examples=[4]
-    )
-    sink_min_mps: Speed = Field(
-        default=2.0, description="sink without throttle as the autopilot believes (TECS_SINK_MIN), m/s", examples=[1.5]
-    )
-    sink_max_mps: Speed = Field(default=5.0, description="fastest sink (TECS_SINK_MAX), m/s", examples=[4])
-    time_constant_s: Lag = Field(default=5.0, description="of the energy control (TECS_TIME_CONST), s", examples=[3])
-    height_lag_s: Lag = Field(default=3.0, description="lag of the demanded height (TECS_HDEM_TCONST), s", examples=[2])
-    throttle_damping: NonNegative = Field(
-        default=0.5, description="how errors of the energy's rate drive the throttle (TECS_THR_DAMP), s", examples=[0.7]
-    )
-    pitch_damping: NonNegative = Field(
-        default=0.3, description="how errors of the balance's rate drive the pitch (TECS_PTCH_DAMP)", examples=[0.5]
-    )
-    integral_gain: NonNegative = Field(
-        default=0.3, description="integral of both (TECS_INTEG_GAIN), 1/s", examples=[0.1]
-    )
-    speed_weight: Annotated[NonNegative, Field(le=2.0)] = Field(
-        default=1.0, description="what pitch is for: 0 height, 2 speed, 1 both (TECS_SPDWEIGHT)", examples=[0.8]
-    )
-    bank_to_throttle: NonNegative = Field(
-        default=10.0, description="throttle for what a bank costs (TECS_RLL2THR), m²/s³", examples=[15]
-    )
-    vertical_accel_max_mps2: Positive = Field(
-        default=7.0, description="largest vertical acceleration (TECS_VERT_ACC), m/s²", examples=[5]
-    )
-    speed_filter_radps: Positive = Field(
-        default=2.0, description="bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", examples=[1.5]
-    )
-    airspeed_lag_s: Lag = Field(default=0.28, description="lag of the airspeed's measurement, s", examples=[0.1])
-    airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = Field(
-        default=10.0, description="new airspeeds a second in telemetry, Hz", examples=[20]
-    )
-    airspeed_step_mps: NonNegative = Field(
-        default=0.01, description="resolution of airspeed in telemetry, m/s", examples=[0.1]
-    )
-    airspeed_noise_mps: NonNegative = Field(
-        default=0.06, description="standard deviation of the sensor's white noise, before its lag, m/s", examples=[0.2]
-    )
-    dead_time_s: Annotated[NonNegative, Field(le=2.0)] = Field(
-        default=0.1, description="from a setpoint's arrival until the autopilot heeds it, s", examples=[0.2]
-    )
-    spread: Annotated[NonNegative, Field(le=0.3)] = Field(
-        default=0.02,
-        description="standard deviation of what differs from aircraft to aircraft (thrust, drag, lift, lags), "
+    spread: Annotated[NonNegative, Field(le=0.3)] = key(
+        0.02,
+        "standard deviation of what differs from aircraft to aircraft (thrust, drag, lift, lags), "
         "as a share; drawn by the scenario's seed",
-        examples=[0.05],
+        0.05,
     )
 
     def parameters(self) -> dict[str, float]:
@@ -146,36 +112,32 @@ def _si(name: str) -> str:
 class VehicleModel(Keys):
     """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
-    tau_v_s: TimeConstant = Field(default=4.0, description="time constant of airspeed, s", examples=[5])
-    tau_psi_s: TimeConstant = Field(default=1.5, description="time constant of heading, s", examples=[3.4])
-    tau_ha_s: TimeConstant = Field(default=1.0, description="first time constant of height, s", examples=[1.5])
-    tau_hb_s: TimeConstant = Field(default=3.0, description="second time constant of height, s", examples=[2])
-    speed_min_mps: LeastSpeed = Field(
-        default=16.0, description="lowest airspeed, m/s; 0 only of what hovers", examples=[14]
-    )
-    speed_max_mps: Speed = Field(default=28.0, description="highest airspeed, m/s", examples=[29])
-    accel_max_mps2: Positive = Field(default=1.5, description="largest change of airspeed, m/s²", examples=[1])
-    turn_rate_max_rps: Positive = Field(default=0.25, description="highest turn rate, rad/s", examples=[0.2])
-    climb_max_mps: Speed = Field(default=3.0, description="highest climb and descent rate, m/s", examples=[4])
-    hovers: Flag = Field(
-        default=False,
-        description="whether it is a multirotor: it flies the velocity over ground that it is told, down to 0, in any "
+    tau_v_s: TimeConstant = key(4.0, "time constant of airspeed, s", 5)
+    tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
+    tau_ha_s: TimeConstant = key(1.0, "first time constant of height, s", 1.5)
+    tau_hb_s: TimeConstant = key(3.0, "second time constant of height, s", 2)
+    speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 only of what hovers", 14)
+    speed_max_mps: Speed = key(28.0, "highest airspeed, m/s", 29)
+    accel_max_mps2: Positive = key(1.5, "largest change of airspeed, m/s²", 1)
+    turn_rate_max_rps: Positive = key(0.25, "highest turn rate, rad/s", 0.2)
+    climb_max_mps: Speed = key(3.0, "highest climb and descent rate, m/s", 4)
+    hovers: Flag = key(
+        False,
+        "whether it is a multirotor: it flies the velocity over ground that it is told, down to 0, in any "
         "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
-        examples=[True],
+        True,
     )
-    prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = Field(
-        default=1.0,
-        description="of what hovers, and of a PX4: share of a change of the speed told that it flies with tau_v_s; the "
+    prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = key(
+        1.0,
+        "of what hovers, and of a PX4: share of a change of the speed told that it flies with tau_v_s; the "
         "rest comes as its integrator makes up for drag",
-        examples=[0.7],
+        0.7,
     )
-    rest_s: Lag = Field(default=5.0, description="time constant of that rest, s", examples=[9])
-    firmware: Literal["ardupilot", "px4"] = Field(
-        default="ardupilot", description="emulators: as whose autopilot it speaks", examples=["px4"]
-    )
-    airframe: EnergyAirframe | None = Field(
-        default=None,
-        description="emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
+    rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
+    firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: as whose autopilot it speaks", "px4")
+    airframe: EnergyAirframe | None = key(
+        None,
+        "emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
         "approximate; without it, equation (7) itself",
     )
 
@@ -215,49 +177,42 @@ Model: TypeAlias = Annotated[
 class VehicleClock(Keys):
     """Offset and drift of a vehicle's clock relative to the ground station's; its time stamps carry them."""
 
-    offset_s: Annotated[Number, Field(ge=0.0, le=MAX_CLOCK_S)] = Field(
-        default=0.0, description="vehicle's clock minus true time at t = 0, s", examples=[0.25]
+    offset_s: Annotated[Number, Field(ge=0.0, le=MAX_CLOCK_S)] = key(
+        0.0, "vehicle's clock minus true time at t = 0, s", 0.25
     )
-    drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = Field(
-        default=0.0, description="how much faster than true time the vehicle's clock runs, 1e-6", examples=[20]
+    drift_ppm: Annotated[Number, Field(ge=-1e5, le=1e5)] = key(
+        0.0, "how much faster than true time the vehicle's clock runs, 1e-6", 20
     )
-    utc: Flag = Field(default=True, description="whether it knows UTC, by its GNSS receiver")
-    utc_error_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = Field(
-        default=0.0, description="error of its receiver's UTC, s", examples=[0.05]
-    )
+    utc: Flag = key(True, "whether it knows UTC, by its GNSS receiver")
+    utc_error_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = key(0.0, "error of its receiver's UTC, s", 0.05)
 
 
 class VehicleCommon(Keys):
     """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
-    network: NetworkId = Field(
-        default=1, description="MAVLink network; each has system ids 1 to 254 of its own", examples=[2]
+    network: NetworkId = key(1, "MAVLink network; each has system ids 1 to 254 of its own", 2)
+    endpoint: Text = key(
+        f"udpin:127.0.0.1:{BASE_PORT}",
+        "where the ground station listens: udpin:HOST:PORT",
+        "udpin:0.0.0.0:14552",
+        derived="udpin:127.0.0.1, one port a network: 14549 + network",
     )
-    endpoint: Text = Field(
-        default=f"udpin:127.0.0.1:{BASE_PORT}",
-        description="where the ground station listens: udpin:HOST:PORT",
-        json_schema_extra=derived("udpin:127.0.0.1, one port a network: 14549 + network"),
-        examples=["udpin:0.0.0.0:14552"],
+    autopilot: Autopilot = key("emulator", "what flies the vehicle: an emulator, or one of the real autopilots")
+    model: Model = key(
+        VehicleModel(),
+        "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
+        derived="the keys' own; with any `autopilot` but `emulator`, the shipped file of that name",
     )
-    autopilot: Autopilot = Field(
-        default="emulator", description="what flies the vehicle: an emulator, or one of the real autopilots"
+    true_model: Model | None = key(
+        None,
+        "emulators only: what the vehicle flies by where that differs from `model`, which the station believes",
+        derived="the keys of `model`",
     )
-    model: Model = Field(
-        default=VehicleModel(),
-        description="its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
-        json_schema_extra=derived("the keys' own; with any `autopilot` but `emulator`, the shipped file of that name"),
-    )
-    true_model: Model | None = Field(
-        default=None,
-        description="emulators only: what the vehicle flies by where that differs from `model`, which the station "
-        "believes",
-        json_schema_extra=derived("the keys of `model`"),
-    )
-    navigation: Navigation = Field(default=TrueNavigation(), description="how well its telemetry knows its state")
-    true_navigation: Navigation | None = Field(
-        default=None,
-        description="emulators only: how well it does where that differs from `navigation`, which the station believes",
-        json_schema_extra=derived("as `navigation`"),
+    navigation: Navigation = key(TrueNavigation(), "how well its telemetry knows its state")
+    true_navigation: Navigation | None = key(
+        None,
+        "emulators only: how well it does where that differs from `navigation`, which the station believes",
+        derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()
 
@@ -265,10 +220,8 @@ class VehicleCommon(Keys):
 class VehicleIdentity(Keys):
     """Keys of a vehicle in the list only."""
 
-    id: SystemId = Field(description="MAVLink system id, unique on its network", examples=[2])
-    role: Literal["leader", "follower"] = Field(
-        default="follower", description="whether it leads at the start; one vehicle may"
-    )
+    id: SystemId = key(..., "MAVLink system id, unique on its network", 2)
+    role: Literal["leader", "follower"] = key("follower", "whether it leads at the start; one vehicle may")
 
 
 class Vehicle(VehicleCommon, VehicleIdentity):
@@ -297,4 +250,4 @@ def spoken(named: Autopilot, model: VehicleModel) -> Family:
 class VehicleGroup(VehicleCommon):
     """`vehicles: {count: N, ...}`: N identical vehicles, of which vehicle 1 leads."""
 
-    count: Count = Field(description="number of vehicles, the leader included", examples=[20])
+    count: Count = key(..., "number of vehicles, the leader included", 20)

@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: commands imported when chosen, arguments, how a process begins."""
+"""What the command lines of all packages share: commands imported when chosen, options, output directories."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import math
 import os
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from datetime import datetime
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
 from airlink import clock
 from airlink.cli.exit_status import end_quietly, end_unheard
 
+RUN = "run.yaml"
+"""The file that makes a directory that of a run."""
 OBJECTS = 100_000
 """Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
 COMPILED = not str(clock.__file__).endswith(".py")
@@ -65,13 +68,6 @@ def examples(*lines: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
-class Entry(NamedTuple):
-    """The module that defines a command, and the command's line in the list of commands."""
-
-    module: str
-    summary: str
-
-
 class Command(click.Command):
     """A command that ends with status 3 where nobody takes its words: by click alone it's 1, or a traceback."""
 
@@ -86,8 +82,8 @@ class Command(click.Command):
 class ImportedWhenChosen(Command, click.Group):
     """A group that imports a command only when it is used, so that none pays for the imports of another."""
 
-    def __init__(self, *args: Any, entries: Mapping[str, Entry], **kwargs: Any) -> None:
-        """Offer `entries`; each key is the name of the command's object in its module."""
+    def __init__(self, *args: Any, entries: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:
+        """Offer `entries`: by the name of a command, and of its object, the module and the line in the list."""
         super().__init__(*args, **kwargs)
         self.entries = entries
 
@@ -99,7 +95,8 @@ class ImportedWhenChosen(Command, click.Group):
         """Return the command of a name, None if there is none."""
         if cmd_name not in self.entries:
             return super().get_command(ctx, cmd_name)
-        return getattr(import_module(self.entries[cmd_name].module), cmd_name)
+        module, _ = self.entries[cmd_name]
+        return getattr(import_module(module), cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -115,7 +112,7 @@ class ImportedWhenChosen(Command, click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, self.entries[name].summary) for name in self.list_commands(ctx)])
+            formatter.write_dl([(name, self.entries[name][1]) for name in self.list_commands(ctx)])
 
 
 class WholeNumber(click.IntRange):
@@ -159,3 +156,36 @@ OUT = Directory()
 """Where a command writes to."""
 SEED = WholeNumber(0, 2**63 - 1)
 """A seed of the random streams: the same range as the scenario's key `seed`."""
+
+
+def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
+    """Return why a command may not write into a directory, in words; None if it may.
+
+    Args:
+        path: a directory, which need not exist.
+        overwrite: whether what an earlier command wrote there may be replaced.
+        mark: the file by which a directory of such a command is known.
+
+    Raises:
+        OSError: the directory can't be read.
+    """
+    if any("\ud800" <= each <= "\udfff" for each in str(path)):
+        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
+    if not path.is_dir() or next(path.iterdir(), None) is None:
+        return None
+    if not (path / mark).is_file():
+        return f"found files in {path}, and no {mark} of an earlier run; allowed: a new directory, or an empty one"
+    if overwrite:
+        return None
+    found = f"found an earlier run in {path}"
+    return f"{found}; allowed: another directory, or --overwrite (in Python overwrite=True), which replaces that run"
+
+
+def default_directory(name: str) -> Path:
+    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
+    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    directory, number = Path("runs") / stem, 1
+    while directory.exists():
+        number += 1
+        directory = Path("runs") / f"{stem}-{number}"
+    return directory

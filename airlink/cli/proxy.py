@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -16,8 +16,6 @@ from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
 
-_SHARE = "0 to 1"
-_MILLISECONDS = "0 to 600000"
 LONGEST_LINE: Final = 4096
 EXAMPLES: Final = """\b
 Every option that takes a VALUE is there for one direction too: --uplink-delay-ms
@@ -34,17 +32,17 @@ Example:
 
 @dataclass(frozen=True)
 class Key:
-    """One key: how its value is read and shown, which field it sets, what is allowed."""
+    """One key: which field it sets, how its value is read and shown, what is allowed."""
 
     field: str
-    read: Callable[[str], Any]
-    show: Callable[[Any], str]
-    allowed: str
     help: str
+    allowed: str
+    read: Callable[[str], Any]
+    show: Callable[[Any], str] = str
 
 
-def _number(low: float, high: float, units: float) -> Callable[[str], float]:
-    """Return a reader of numbers from `low` to `high`, in a unit of which one SI unit has `units`."""
+def _number(field: str, help_text: str, low: float, high: float, units: float = 1.0) -> Key:
+    """Return the key of a number from `low` to `high`, in a unit of which one SI unit has `units`."""
 
     def read(text: str) -> float:
         value = float(text)
@@ -52,60 +50,46 @@ def _number(low: float, high: float, units: float) -> Callable[[str], float]:
             raise ValueError(text)
         return value / units
 
-    return read
+    return Key(field, help_text, f"{low:g} to {high:.0f}", read, lambda value: f"{value * units:g}")
 
 
-def _shown(units: float) -> Callable[[float], str]:
-    return lambda value: f"{value * units:g}"
+def _word(field: str, help_text: str, words: Mapping[str, Any]) -> Key:
+    """Return the key of a value that has a word."""
 
-
-def _one_of(*names: str) -> Callable[[str], str]:
-    def read(text: str) -> str:
-        if text not in names:
+    def read(text: str) -> Any:  # noqa: ANN401 - whatever a word stands for
+        if text not in words:
             raise ValueError(text)
-        return text
+        return words[text]
 
-    return read
-
-
-def _burst(text: str) -> float | None:
-    return None if text == "none" else _number(1.0, 1e6, 1.0)(text)
+    return Key(field, help_text, ", ".join(words), read, {value: word for word, value in words.items()}.__getitem__)
 
 
-def _switch(text: str) -> bool:
-    return _one_of("on", "off")(text) == "on"
+def _or_none(number: Key) -> Key:
+    """Return a key whose value may be `none` too."""
+    return Key(
+        number.field,
+        number.help,
+        f"{number.allowed}, none",
+        lambda text: None if text == "none" else number.read(text),
+        lambda value: "none" if value is None else number.show(value),
+    )
 
 
-def _shown_switch(value: bool) -> str:
-    return "on" if value else "off"
-
-
-_read_ms = _number(0.0, 600_000.0, 1e3)
-_read_share = _number(0.0, 1.0, 1.0)
-
+MOST_MS: Final = 600_000.0
+SWITCH: Final = {"on": True, "off": False}
+NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
+BURST: Final = _number("mean_burst", "mean number of datagrams lost in a row, none: each on its own", 1.0, 1e6)
 KEYS = {
-    "delay-ms": Key("delay_s", _read_ms, _shown(1e3), _MILLISECONDS, "delay"),
-    "jitter-ms": Key("jitter_s", _read_ms, _shown(1e3), _MILLISECONDS, "standard deviation of the delay"),
-    "distribution": Key(
-        "distribution",
-        _one_of("normal", "uniform", "pareto"),
-        str,
-        "normal, uniform, pareto",
-        "of the jitter: normal, uniform or pareto",
-    ),
-    "loss": Key("loss", _read_share, _shown(1.0), _SHARE, "probability that a datagram is lost"),
-    "mean-burst": Key(
-        "mean_burst",
-        _burst,
-        lambda value: "none" if value is None else f"{value:g}",
-        "1 to 1000000, none",
-        "mean number of datagrams lost in a row, none: each on its own",
-    ),
-    "duplicate": Key("duplicate", _read_share, _shown(1.0), _SHARE, "probability that a datagram comes twice"),
-    "rate-kbps": Key("rate_bps", _number(0.0, 1e6, 1e-3), _shown(1e-3), "0 to 1000000", "data rate; 0: no limit"),
-    "queue-ms": Key("queue_s", _read_ms, _shown(1e3), _MILLISECONDS, "longest wait for the data rate"),
-    "reorder": Key("reorder", _switch, _shown_switch, "on, off", "whether datagrams may overtake others"),
-    "outage": Key("outage", _switch, _shown_switch, "on, off", "whether everything is lost"),
+    "delay-ms": _number("delay_s", "delay", 0.0, MOST_MS, 1e3),
+    "jitter-ms": _number("jitter_s", "standard deviation of the delay", 0.0, MOST_MS, 1e3),
+    "distribution": _word("distribution", "of the jitter: normal, uniform or pareto", NAMES),
+    "loss": _number("loss", "probability that a datagram is lost", 0.0, 1.0),
+    "mean-burst": _or_none(BURST),
+    "duplicate": _number("duplicate", "probability that a datagram comes twice", 0.0, 1.0),
+    "rate-kbps": _number("rate_bps", "data rate; 0: no limit", 0.0, 1e6, 1e-3),
+    "queue-ms": _number("queue_s", "longest wait for the data rate", 0.0, MOST_MS, 1e3),
+    "reorder": _word("reorder", "whether datagrams may overtake others", SWITCH),
+    "outage": _word("outage", "whether everything is lost", SWITCH),
 }
 
 

@@ -11,23 +11,28 @@ import numpy as np
 
 from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
-from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.expectation import SETTLED_M
-from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
+from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_end import final_circles
-from gcs_formation.app.check_links import assembly, goes_round, split_errors, ways_s
 from gcs_formation.app.check_speed import little_left
+from gcs_formation.app.check_warnings import (
+    assembly,
+    goes_round,
+    never_reached,
+    refused_rate,
+    slots_of_no_shape,
+    split_errors,
+    ways_s,
+)
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
-PLANES_MOST_HZ = 40.0
-"""Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
 ROOM_M = 2 * SETTLED_M
 """By how much two vehicles that are in their slots may be nearer to each other than these are."""
 NEAR = 0.8
@@ -171,53 +176,6 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
     if text := goes_round(scenario):
-        yield text
-
-
-def refused_rate(scenario: Scenario) -> str | None:
-    """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
-    planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
-    rate_hz = scenario.telemetry.rate_hz
-    if not planes or rate_hz <= PLANES_MOST_HZ:
-        return None
-    return (
-        f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
-        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
-    )
-
-
-def slots_of_no_shape(scenario: Scenario) -> str | None:
-    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
-    formation = scenario.formation
-    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
-    if formation.slots_m is None or "custom" in flown:
-        return None
-    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
-
-
-def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
-    end_s, whole_s = planned_end_s(scenario), scenario.duration_s
-    over = f"the flight is over at {end_s:.4g} s"
-    if end_s < whole_s:
-        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
-        yield f"duration_s: found {whole_s:g}; the path ends at {end_s:.4g} s{broken}"
-    for i, entry in enumerate(scenario.expect):
-        if entry.to_s > whole_s:
-            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
-    planned = {
-        "formation.changes": scenario.formation.changes,
-        "links.changes": scenario.links.changes,
-        "disturbances": scenario.disturbances,
-        "orders": scenario.orders,
-        "faults": scenario.faults,
-    }
-    times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
-    times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
-    for key, at_s in times_s.items():
-        if at_s >= end_s:
-            yield f"{key}: found {at_s:g}; {over}"
-    if text := unfinished_change(scenario, end_s):
         yield text
 
 

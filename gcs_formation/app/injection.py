@@ -13,7 +13,6 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.engine import Engine
 from airlink.impaired_link import ImpairedEngine, LinkStatistics
 from airlink.impairment import UNIMPAIRED, Impairment
 from flight_model.arrays import Array
@@ -21,7 +20,6 @@ from formation_scenario import Scenario
 from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import read_trace_ms
 from gcs_formation.phases import Flight
-from gcs_formation.record.expectations import Injected
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
@@ -32,7 +30,6 @@ class InjectedFaults:
     """Records each fault when it's due by mission time. The station isn't told: it has to notice by itself."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
-        """Take the faults from the scenario."""
         self._recorder = recorder
         self._pending = deque(sorted(_planned(scenario)))
 
@@ -51,43 +48,31 @@ def _planned(scenario: Scenario) -> Iterator[tuple[float, VehicleId, str, bool]]
             yield from ((at_s, vehicle.vehicle_id, fault.kind, ends) for at_s, ends in fault.moments())
 
 
-class LinkPlan:
-    """Impairments of each vehicle's link over mission time; before t = 0 those of t = 0."""
+def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
+    """Return the station wrapped in the scenario's links, None if these never impair anything.
 
-    def __init__(self, scenario: Scenario, station: Station) -> None:
-        """Take the links from the scenario, and mission time from the station."""
-        self._station = station
-        self._times: dict[VehicleId, list[float]] = {}
-        self._links: dict[VehicleId, list[Both]] = {}
-        for vehicle in scenario.vehicles:
-            steps = scenario.link_steps(vehicle)
-            self._times[vehicle.vehicle_id] = [step.at_s for step in steps[1:]]
-            self._links[vehicle.vehicle_id] = [(_impairment(step.uplink), _impairment(step.downlink)) for step in steps]
+    Links change with mission time; before t = 0 they are those of t = 0.
+    """
+    times_s, links = dict[VehicleId, list[float]](), dict[VehicleId, list[Both]]()
+    for vehicle in scenario.vehicles:
+        steps = scenario.link_steps(vehicle)
+        times_s[vehicle.vehicle_id] = [step.at_s for step in steps[1:]]
+        links[vehicle.vehicle_id] = [(_impairment(step.uplink), _impairment(step.downlink)) for step in steps]
 
-    @property
-    def clear(self) -> bool:
-        """Whether no link is ever impaired."""
-        return all(one.transparent for links in self._links.values() for both in links for one in both)
-
-    def at(self, vehicle: VehicleId, now: Instant) -> Both:
-        """Return a vehicle's uplink and downlink at an instant."""
-        links = self._links.get(vehicle)
-        if links is None:
+    def both_ways(vehicle: VehicleId, now: Instant) -> Both:
+        if vehicle not in links:
             return UNIMPAIRED, UNIMPAIRED
-        mission_s = self._station.flight.mission_time_s(now)
-        return links[0 if math.isnan(mission_s) else bisect_right(self._times[vehicle], mission_s)]
+        mission_s = station.flight.mission_time_s(now)
+        return links[vehicle][0 if math.isnan(mission_s) else bisect_right(times_s[vehicle], mission_s)]
+
+    clear = all(one.transparent for each in links.values() for both in each for one in both)
+    return None if clear else ImpairedEngine(station, station.networks, both_ways, scenario.seed)
 
 
-def impair(scenario: Scenario, station: Station, engine: Engine) -> ImpairedEngine | None:
-    """Return the engine wrapped in the scenario's links, None if these never impair anything."""
-    plan = LinkPlan(scenario, station)
-    return None if plan.clear else ImpairedEngine(engine, station.networks, plan.at, scenario.seed)
-
-
-def injected(statistics: LinkStatistics) -> Injected:
-    """Return what was injected into a link so far; 0 s where nothing was sent."""
+def injected(statistics: LinkStatistics) -> tuple[float, float, float]:
+    """Return the mean delays up and down that a link had so far, s, 0 where nothing was sent, and the loss down."""
     up, down = statistics
-    return Injected(up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss)
+    return up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss
 
 
 class InjectedDelays:

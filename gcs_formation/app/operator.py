@@ -73,7 +73,6 @@ class Interrupts:
     """While entered, counts the signals that request our end, instead of being terminated by them."""
 
     def __init__(self) -> None:
-        """Start with none."""
         self.count = 0
         self._before: dict[signal.Signals, Any] = {}
 
@@ -88,7 +87,6 @@ class Interrupts:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

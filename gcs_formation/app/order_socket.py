@@ -48,7 +48,6 @@ class OrderSocket:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop listening."""
         for opened in (*self._callers, *([self._listening] if self._listening else [])):
             opened.close()
         with suppress(OSError):

@@ -37,14 +37,15 @@ def words(event: Event) -> str:
 
 
 class Progress:
-    """Shows where a flight stands, and a line for each of its events that has weight. This one shows nothing."""
+    """A line for each phase and each event of weight; a log has no place that is rewritten to show where it stands."""
 
-    def __init__(self) -> None:
-        """Begin with vehicles of which nothing unusual has been told."""
+    def __init__(self, stream: TextIO | None = None) -> None:
+        """Write to `stream`; without one show nothing. Nothing unusual has been told of any vehicle yet."""
+        self._stream = stream
         self._unusual = set[tuple[str, VehicleId | None]]()
 
     def show(self, station: Station) -> None:
-        """Show where the station stands; called a few times a second."""
+        """Show where the station stands, if there is a place for it; called a few times a second."""
 
     def note(self, event: Event, mission_s: float) -> None:
         """Say an event if it has weight; `mission_s` is NaN before the path has begun."""
@@ -54,7 +55,11 @@ class Progress:
             self.say(f"{since}  {words(event)}")
 
     def say(self, line: str) -> None:
-        """Show a line that stays."""
+        """Write a line."""
+        if self._stream is not None:
+            with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
+                self._stream.write(f"{line}\n")
+                self._stream.flush()
 
     def close(self) -> None:
         """Show nothing more."""
@@ -71,26 +76,10 @@ class Progress:
         return was_unusual
 
 
-class Lines(Progress):
-    """A line for each phase and each event of weight; a log has no place that is rewritten."""
-
-    def __init__(self, stream: TextIO) -> None:
-        """Write to `stream`."""
-        super().__init__()
-        self._stream = stream
-
-    def say(self, line: str) -> None:
-        """Write a line."""
-        with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
-            self._stream.write(f"{line}\n")
-            self._stream.flush()
-
-
 class StatusLine(Progress):
     """One line at the bottom of a terminal, rewritten; events of weight as lines above it."""
 
     def __init__(self, stream: TextIO) -> None:
-        """Write to the terminal behind `stream`."""
         from rich.console import Console  # noqa: PLC0415 - rich takes 5 % of a short flight to import
         from rich.live import Live  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
@@ -122,9 +111,9 @@ class StatusLine(Progress):
 
 def progress_on(stream: TextIO | None) -> Progress:
     """Return what shows a flight's progress on a stream; None is one that was closed from the start."""
-    if stream is None:
-        return Progress()
-    return StatusLine(stream) if stream.isatty() and os.environ.get("TERM") != "dumb" else Lines(stream)
+    if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb":
+        return StatusLine(stream)
+    return Progress(stream)
 
 
 def progress_parts(station: Station) -> Sequence[tuple[str, ...]]:

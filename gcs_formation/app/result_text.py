@@ -98,7 +98,8 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     figures = summary.to_dict()
     words = [_headline(figures), _source(figures)]
     rows = table(_follower_groups(figures), width or TABLE_WIDTH) if figures["followers"] else []
-    more = [_more(figures)] if len(figures["followers"]) > MOST_ROWS else []
+    left = len(figures["followers"]) - MOST_ROWS
+    more = [f"… and {left} more in summary.json"] if left > 0 else []
     after = [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches]
     lines = [*_wrapped(words, width), *rows, *_wrapped([*more, *after, f"recorded in {directory}"], width)]
     return "\n".join(lines)
@@ -164,10 +165,6 @@ def _follower_groups(figures: dict[str, Any]) -> list[Group]:
             ("up", "down"), [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links], 0
         ),
     ]
-
-
-def _more(figures: dict[str, Any]) -> str:
-    return f"… and {len(figures['followers']) - MOST_ROWS} more in summary.json"
 
 
 def _partly(figures: dict[str, Any]) -> list[str]:

@@ -9,7 +9,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Generator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from airlink.cli.commands import looking_seldom
@@ -17,6 +19,7 @@ from airlink.clock import Clock, Instant, RealClock, VirtualClock
 from airlink.endpoint import PortError
 from airlink.engine import MemoryNetwork
 from airlink.udp import UdpDriver
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -24,7 +27,6 @@ from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import GroundTruth
 from gcs_formation.recorder import Event
 from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
@@ -67,8 +69,8 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver, _Emulators(options, clock) as emulators, session.listening():
-            driver.run(_watch(session, emulators))
+        with UdpDriver(session.engine, clock) as driver, _emulators(options, clock) as emulators, session.listening():
+            driver.run(partial(_over, session, emulators))
     except PortError as error:
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
@@ -84,64 +86,47 @@ def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progr
     return session
 
 
-class _Emulators:
-    """The emulated vehicles' process; it ends when this process does, in whatever way."""
-
-    def __init__(self, options: RunOptions, clock: RealClock) -> None:
-        command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
-        command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
-        command += ["--truth", str(options.out / TRUTH)]
-        command += ["--with-parent", str(os.getpid()), "--quiet"]
-        self._command = command
-
-    def __enter__(self) -> _Emulators:
-        # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
-        self._process = subprocess.Popen(
-            self._command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
-        )
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
+@contextmanager
+def _emulators(options: RunOptions, clock: RealClock) -> Generator[subprocess.Popen[bytes]]:
+    """Have the emulated vehicles in a process of their own; it ends when this process does, in whatever way."""
+    command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
+    command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
+    command += ["--truth", str(options.out / TRUTH)]
+    command += ["--with-parent", str(os.getpid()), "--quiet"]
+    # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    try:
+        yield process
+    finally:
+        process.terminate()
         try:
-            self._process.communicate(timeout=END_S)
+            process.communicate(timeout=END_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.communicate()
-
-    def ended(self) -> str | None:
-        """Return what the process said if it has ended, None while it runs."""
-        if self._process.poll() is None:
-            return None
-        said = self._process.stderr.read().decode(errors="replace").strip() if self._process.stderr else ""
-        return said or f"exit status {self._process.returncode}"
+            process.kill()
+            process.communicate()
 
 
-def _watch(session: Session, emulators: _Emulators) -> Callable[[], bool]:
-    station = session.station
-
-    def over() -> bool:
-        said = emulators.ended() if station.course.failure is None else None
-        if said is not None and not station.flight.ended:
-            station.course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
-        return session.attend()
-
-    return over
+def _over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
+    """Attend to a flight, which fails if its vehicles' process has ended; return whether it is over."""
+    course = session.station.course
+    if course.failure is None and emulators.poll() is not None and not session.station.flight.ended:
+        said = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""
+        said = said or f"exit status {emulators.returncode}"
+        course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
+    return session.attend()
 
 
 def _conclude(session: Session) -> Summary:
     """Return the summary; without one, the ground truth stays in the directory for `report`."""
-    summary = session.conclude(recorded_truth(session.options.out, session.scenario))
+    summary = session.conclude(recorded_truth(session.options.out))
     (session.options.out / TRUTH).unlink(missing_ok=True)
     return summary
 
 
-def recorded_truth(directory: Path, scenario: Scenario) -> GroundTruth | None:
+def recorded_truth(directory: Path) -> dict[str, Array] | None:
     """Return the emulators' ground truth as far as it was written, None if they wrote none."""
     try:
         rows = read_truth(directory / TRUTH)
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
-    if len(rows["time_s"]) < 2:
-        return None
-    return GroundTruth(tuple(vehicle.vehicle_id for vehicle in scenario.vehicles), rows)
+    return rows if len(rows["time_s"]) >= 2 else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -12,6 +13,7 @@ from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, 
 from airlink.endpoint import VehicleId
 from airlink.engine import Engine
 from airlink.words import counted
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import columns
@@ -24,12 +26,12 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, RunOutcome
+from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import split, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import GroundTruth, read_spool, spools, write_parquet
+from gcs_formation.record.timeseries import read_spool, spools, write_parquet
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
@@ -51,7 +53,6 @@ class TimedStation(Station):
         caution: Caution,
         resumed: Resumption | None,
     ) -> None:
-        """Prepare as a station does."""
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
         self._watch = Stopwatch()
         self._times = BytesWriter()
@@ -67,10 +68,10 @@ class TimedStation(Station):
             write_f64_le(self._times, float(now))
             write_f64_le(self._times, self._watch.wall_s - began_s)
 
-    def figures(self) -> ControlFigures:
-        """Return the times of all ticks."""
+    def times_s(self) -> Array:
+        """Return (3, K): when all ticks were due, when they began, and how long they took."""
         due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
-        return ControlFigures(due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s)
+        return np.array((due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s))
 
 
 class Session:
@@ -122,7 +123,7 @@ class Session:
         self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
-        self._links = impair(scenario, self.station, self.station)
+        self._links = impair(scenario, self.station)
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
@@ -177,7 +178,7 @@ class Session:
                 self._left = True
         return self._left
 
-    def conclude(self, truth: GroundTruth | None) -> Summary:
+    def conclude(self, truth: Mapping[str, Array] | None) -> Summary:
         """Close the record, and write the time series and the summary.
 
         Raises:
@@ -207,7 +208,7 @@ class Session:
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
-    def _make_summary(self, truth: GroundTruth | None, wall_s: float) -> Summary:
+    def _make_summary(self, truth: Mapping[str, Array] | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
         rows = read_spool(spool)
         flight = split(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))
@@ -219,7 +220,7 @@ class Session:
                 clock=self.options.clock,
                 flight=flight,
                 links={identity: self._link(identity) for identity in self.station.vehicles},
-                control=self.station.figures(),
+                ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
@@ -240,6 +241,7 @@ class Session:
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         began = self.station.flight.path_began
+        uninjected = (0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4).copy()
         if not self._keeps_utc:
             probes[:, 2:] = np.nan  # a common error of all vehicles' UTC is in how their round trips are split
@@ -251,13 +253,10 @@ class Session:
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.telemetry.implausible,
-            injected=injected(self._links.statistics(identity)) if self._links else self._uninjected(),
+            injected=injected(self._links.statistics(identity)) if self._links else uninjected,
         )
-
-    def _uninjected(self) -> Injected | None:
-        return Injected(0.0, 0.0, 0.0) if self.emulated else None
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = percentile(self.station.figures().compute_s, 50) if self.station.controlled_ticks else 0.0
+        compute_s = percentile(self.station.times_s()[2], 50) if self.station.controlled_ticks else 0.0
         return if_finite(self.station.margins.longest_s + compute_s)

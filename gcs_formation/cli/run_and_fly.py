@@ -1,4 +1,4 @@
-"""`gcs-formation run` and `gcs-formation fly`."""
+"""`gcs-formation run`, `fly` and `identify`: the commands that fly a scenario."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, examples
+from airlink.cli.commands import OUT, SECONDS, SEED, Number, WholeNumber, default_directory, examples
 from airlink.cli.exit_status import Status, fail, say
-from airlink.cli.output_directory import default_directory
-from formation_scenario import Scenario
+from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
@@ -38,9 +37,16 @@ FLY_EXAMPLES = examples(
     "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
     "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
 )
+IDENTIFY_EXAMPLES = examples(
+    "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
+    "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
+    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
+)
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
+Fly = Callable[[Scenario, RunOptions, Progress, Interrupts], Result]
+"""Flies or rehearses a scenario."""
 
 
 def _options(command: Command) -> Command:
@@ -124,7 +130,7 @@ def _resume(given: dict[str, Any]) -> None:
 
 
 def _done(
-    flown: Callable[[Scenario, RunOptions, Progress, Interrupts], Result],
+    flown: Fly[Result],
     conclude: Callable[..., Status],
     *,
     scenario: Path,
@@ -142,20 +148,29 @@ def _done(
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts:
         loaded = load(scenario, (*overrides, *seeded))
-        try:
-            options = RunOptions(out or default_directory(loaded.name), **given)
-        except ValueError as error:
-            fail(str(error))
-        shown = Progress() if quiet else progress_on(sys.stderr)
-        try:
-            result = flown(loaded, options, shown, interrupts)
-        except RecordError as error:
-            return say(str(error), Status.BAD_USAGE)
-        except RunAbortedError as error:
-            return _interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON)
-        finally:
-            shown.close()
+        options = _run_options(out or default_directory(loaded.name), given)
+        result = _flown(flown, loaded, options, interrupts, quiet=quiet)
         return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
+
+
+def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
+    try:
+        return RunOptions(out, **given)
+    except ValueError as error:
+        fail(str(error))
+
+
+def _flown(fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts: Interrupts, *, quiet: bool) -> Result:
+    """Return what came of a flight, or end with why it couldn't begin or go on."""
+    shown = Progress() if quiet else progress_on(sys.stderr)
+    try:
+        return fly(scenario, options, shown, interrupts)
+    except (RecordError, ScenarioError) as error:
+        fail(str(error))
+    except RunAbortedError as error:
+        sys.exit(_interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON))
+    finally:
+        shown.close()
 
 
 def _tell_rehearsal(
@@ -192,3 +207,59 @@ def _tell(summary: Summary, options: RunOptions, *, as_json: bool) -> None:
 
 def _interrupted(options: RunOptions) -> Status:
     return say(f"interrupted; what was recorded is in {options.out}", Status.INTERRUPTED)
+
+
+VEHICLE_FILE = "vehicle.yaml"
+LOGS = (".tlog", ".bin")
+
+
+@click.command(epilog=IDENTIFY_EXAMPLES)
+@click.argument("source", type=click.Path(path_type=Path, exists=True))
+@click.option("--out", type=click.Path(path_type=Path), help=f"Vehicle file; default: {VEHICLE_FILE} in the run.")
+@click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --run-dir.")
+@click.option("--vehicle", type=WholeNumber(1), help="Of this system id alone; default: all, as of one kind.")
+@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots that fly the steps.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
+def identify(
+    source: Path,
+    out: Path | None,
+    run_dir: Path | None,
+    vehicle: int | None,
+    overrides: tuple[str, ...],
+    quiet: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
+    from gcs_formation.identify import command  # noqa: PLC0415 - a flight fits and draws nothing
+
+    recorded, believed = source, None
+    if not source.is_dir() and source.suffix.lower() not in LOGS:
+        believed = load(source, overrides)
+        recorded = run_dir or default_directory(f"{believed.name}-identify")
+        emulated = all(each.autopilot == "emulator" for each in believed.vehicles)
+        options = _run_options(recorded, {"clock": "virtual" if emulated else "real", **given})
+        with Interrupts() as interrupts:
+            _flown(_fly_steps, believed, options, interrupts, quiet=quiet)
+            if interrupts.count:
+                sys.exit(_interrupted(options))
+    beside = recorded if recorded.is_dir() else recorded.parent
+    try:
+        found = command.identify(recorded, out or beside / VEHICLE_FILE, vehicle, believed)
+    except (RecordError, ScenarioError) as error:
+        fail(str(error))
+    if as_json:
+        click.echo(json.dumps(found, indent=2))
+    elif not quiet:
+        click.echo(command.report(found))
+
+
+def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
+    """Fly the steps: emulated vehicles at once, others where they are, at the scenario's endpoints."""
+    from gcs_formation.identify.command import identification_scenario  # noqa: PLC0415 - a flight fits and draws nothing
+
+    flown = run_scenario if options.clock == "virtual" else fly_scenario
+    return flown(identification_scenario(scenario), options, progress, interrupts)

@@ -1,7 +1,8 @@
-"""`gcs-formation study` and `stress`: many flights."""
+"""`gcs-formation study`, `stress` and `compare`: many flights."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -11,9 +12,8 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SEED, WholeNumber, examples
+from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples, refusal
 from airlink.cli.exit_status import Status, fail, raised, say
-from airlink.cli.output_directory import refusal
 from airlink.words import counted
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
@@ -35,6 +35,10 @@ STRESS_EXAMPLES = examples(
     "gcs-formation stress --count 100",
     "gcs-formation stress --hard --count 200",
     "gcs-formation stress --count 1 --seed 17 --out runs/seed-17",
+)
+COMPARE_EXAMPLES = examples(
+    "gcs-formation compare paper.yaml --laws pid,fuzzy_pid,consensus --from 500 --jobs 2 --out runs/laws",
+    "gcs-formation compare quickstart.yaml --laws fuzzy_pid,fuzzy_pid_uncompensated --set links.default.delay_ms=300",
 )
 
 Row = dict[str, Any]
@@ -184,8 +188,10 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     plan = Plan(_study(count, seed, hard=hard))
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
-            rows = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
-            wrong = _name_broken(_alone(plan, out) if out else rows, "stress --hard" if hard else "stress")
+            rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
+            if out is not None:  # the one flight, its record kept
+                rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]
+            wrong = _name_broken(rows, "stress --hard" if hard else "stress")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
@@ -198,11 +204,6 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
 def _study(count: int, seed: int, *, hard: bool) -> Study:
     keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
     return Study.model_validate({**keys, "name": "stress", "record": "none"})
-
-
-def _alone(plan: Plan, out: Path) -> Iterable[Row]:
-    """Yield the one flight, its record kept."""
-    yield fly(refly_task(next(plan.begin()), plan.study, {}, out))
 
 
 def _name_broken(rows: Iterable[Row], command: str) -> int:
@@ -235,3 +236,44 @@ def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
         refused = f"cannot write {out}: {error.strerror}; allowed: a directory that can be written"
     if refused is not None:
         fail(refused)
+
+
+@click.command(epilog=COMPARE_EXAMPLES)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
+@click.option("--from", "from_s", type=SECONDS, default=0.0, metavar="SECONDS", help="Errors count from…")
+@click.option("--to", "to_s", type=SECONDS, metavar="SECONDS", help="… to; default: the end.")
+@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
+@click.option("--seed", type=SEED, help="Instead of the scenario's.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
+@click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
+@click.option("--json", "as_json", is_flag=True, help="The figures alone on standard output, as JSON.")
+def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, **given: Any) -> None:
+    """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
+
+    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
+    without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
+    """
+    from gcs_formation.studies.compare import compare_laws  # noqa: PLC0415 - what a study needn't import
+
+    overrides = (*given["overrides"], *(() if seed is None else (f"seed={seed}",)))
+    directory = out or default_directory(f"{scenario.stem}-laws")
+    between_s, workers = (given["from_s"], given["to_s"]), Processes(given["jobs"])
+    laws, until_s, overwrite = given["laws"], given["until_s"], given["overwrite"]
+    try:
+        found = compare_laws(scenario, laws, overrides, directory, workers, between_s, until_s, overwrite=overwrite)
+    except (ScenarioError, RecordError) as error:
+        fail(str(error))
+    except RunAbortedError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    if as_json:
+        click.echo(json.dumps(found.comparison, indent=2))
+    click.echo(found.text, err=as_json)
+    broken, stopped = found.broken(), found.stopped()
+    for text in (*broken, *stopped):
+        click.echo(text, err=True)
+    if found.interrupted:
+        sys.exit(say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED))
+    sys.exit(Status.COULD_NOT_GO_ON if stopped else Status.EXPECTATION_BROKEN if broken else Status.FINE)

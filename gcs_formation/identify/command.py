@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.fit import Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
@@ -30,7 +29,6 @@ steps of heading faster than anybody follows."""
 LEGS = 12
 """Waypoints of the straight path."""
 HEIGHT_CM = 14.0
-CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
 UNITS = ("m/s", "rad", "m")
 
 
@@ -107,36 +105,11 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         save(figure, file)
 
 
-@dataclass(frozen=True)
-class Identified:
-    """What identification found."""
+def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
+    """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
-    fit: Fit
-    model: VehicleModel
-    """As it is written: with an airframe where that flies the recording better, and the lags of its slow changes."""
-    flights: Mapping[str, Array]
-    """Root mean square errors (3,) of a flight by the setpoints alone, by the model's name."""
-    recordings: tuple[Recording, ...]
-    figure: Path
-    file: Path
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as `--json` prints it."""
-        return {
-            "file": str(self.file),
-            "figure": str(self.figure),
-            "vehicles": [each.system for each in self.recordings],
-            "recorded_s": [each.duration_s for each in self.recordings],
-            "lags": {name: each._asdict() for name, each in self.fit.estimates.items()},
-            "residual_rms": self.fit.residual_rms,
-            "explained": self.fit.explained,
-            "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in self.flights.items()},
-            "model": self.model.model_dump(exclude_none=True),
-        }
-
-
-def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> Identified:
-    """Fit a model to a recording, and write the vehicle file and its figure beside it.
+    The model written has an airframe where that flies the recording better, and the lags of its slow changes. Errors
+    `flown_rms` are of a flight by the setpoints alone, by the model's name.
 
     Args:
         source: a run directory or a telemetry log.
@@ -175,26 +148,38 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         draw(longest, flown, figure)
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror or error}") from error
-    return Identified(fitted, model, errors, tuple(found), figure, file)
+    return {
+        "file": str(file),
+        "figure": str(figure),
+        "vehicles": [each.system for each in found],
+        "recorded_s": [each.duration_s for each in found],
+        "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
+        "residual_rms": fitted.residual_rms,
+        "explained": fitted.explained,
+        "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in errors.items()},
+        "model": model.model_dump(exclude_none=True),
+    }
 
 
-def report(found: Identified) -> str:
+def report(found: Mapping[str, Any]) -> str:
     """Return it for a person."""
-    whose = ", ".join(f"{each.system} ({each.duration_s:.0f} s)" for each in found.recordings)
+    recorded = zip(found["vehicles"], found["recorded_s"], strict=True)
+    whose = ", ".join(f"{system} ({duration_s:.0f} s)" for system, duration_s in recorded)
     lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
-    for name, each in found.fit.estimates.items():
+    for name, each in found["lags"].items():
         unit = "" if name == "prompt_share" else "s"
-        lines.append(f"  {name:<12} {each.value:6.2f} {unit:<2} ± {each.sigma:.2f}")
+        lines.append(f"  {name:<12} {each['value']:6.2f} {unit:<2} ± {each['sigma']:.2f}")
     lines.append("errors of its predictions, and what they explain of the change:")
     for name, unit in zip(CHANNELS, UNITS, strict=True):
-        lines.append(f"  {name:<13} {found.fit.residual_rms[name]:.3f} {unit:<4} {found.fit.explained[name]:.0%}")
+        lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
     lines.append("errors of a whole flight by the setpoints alone, RMS:")
-    for name, rms in found.flights.items():
-        lines.append(f"  {name:<13} " + ", ".join(f"{e:.3f} {unit}" for e, unit in zip(rms, UNITS, strict=True)))
-    if found.model.airframe is not None:
-        lags = ", ".join(f"{name} {getattr(found.model, name):g}" for name in found.fit.estimates)
+    for name, rms in found["flown_rms"].items():
+        each = zip(rms.values(), UNITS, strict=True)
+        lines.append(f"  {name:<13} " + ", ".join(f"{error:.3f} {unit}" for error, unit in each))
+    if "airframe" in found["model"]:
+        lags = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
         lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
-    lines.append(f"wrote {found.file} and {found.figure}")
+    lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
 
 

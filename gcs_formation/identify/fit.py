@@ -35,6 +35,8 @@ UNKNOWN = 0.5
 """Standard deviation of a lag's logarithm before anything was flown."""
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """By how much each setpoint must have changed for its channel to be learnt."""
+CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
+"""What recordings and models are compared by."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 REST = ("prompt_share", "rest_s")
 """Fitted too of vehicles that are believed to leave part of a change of speed to an integrator."""
@@ -100,15 +102,14 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
     errors = errors_by(lags)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
-    names = ("airspeed_mps", "heading_rad", "height_m")
-    rms = dict[str, float](zip(names, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
+    rms = dict[str, float](zip(CHANNELS, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
     sigmas = np.sqrt(np.diag(covariance)) * lags
     estimates = {
         name: Estimate(*each) for name, *each in zip(names_fitted, lags.tolist(), sigmas.tolist(), strict=True)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
-    return Fit(model, estimates, rms, dict[str, float](zip(names, explained.tolist(), strict=True)))
+    return Fit(model, estimates, rms, dict[str, float](zip(CHANNELS, explained.tolist(), strict=True)))
 
 
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -127,9 +127,11 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
 
 
 def _of_telemetry(log: Path) -> dict[int, _Samples]:
-    vehicles = dict[int, _Samples]()
-    for at_s, frame in _frames(log):
-        _take(vehicles, at_s, frame)
+    vehicles, parser, begin_us = dict[int, _Samples](), StreamParser(), None
+    for time_us, raw in read_tlog(log):
+        begin_us = time_us if begin_us is None else begin_us
+        for frame in parser.feed(raw):
+            _take(vehicles, (time_us - begin_us) * 1e-6, frame)
     return vehicles
 
 
@@ -143,14 +145,6 @@ def _of_dataflash(log: Path) -> dict[int, _Samples]:
         for name, key, scale in DATAFLASH_FIELDS[kind]:
             samples.add(name, float(fields["TimeUS"]) * 1e-6, scale * float(fields[key]))
     return {system: samples}
-
-
-def _frames(log: Path) -> Iterator[tuple[float, Frame]]:
-    parser, begin_us = StreamParser(), None
-    for logged in read_tlog(log):
-        begin_us = logged.time_us if begin_us is None else begin_us
-        for frame in parser.feed(logged.raw):
-            yield (logged.time_us - begin_us) * 1e-6, frame
 
 
 def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
@@ -17,16 +17,6 @@ from gcs_formation.record.flight import Flight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
-
-
-class Injected(NamedTuple):
-    """What was injected into a vehicle's link."""
-
-    up_s: float
-    """Realised mean delay of the uplink."""
-    down_s: float
-    loss: float
-    """Share of the downlink's datagrams lost."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +32,11 @@ class LinkFigures:
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
-    injected: Injected | None = None
-    """None where nothing is known of the link, as in `fly` behind something else."""
+    injected: tuple[float, float, float] | None = None
+    """Realised mean delays up and down, s, and the share of the downlink's datagrams lost.
 
-
-@dataclass(frozen=True)
-class ControlFigures:
-    """When ticks were due and when they began, in s of the run's clock; how long they took, in s of real time."""
-
-    due_s: Array
-    begun_s: Array
-    compute_s: Array
+    None where nothing is known of the link, as in `fly` behind something else.
+    """
 
 
 @dataclass(frozen=True)
@@ -63,7 +47,8 @@ class RunOutcome:
     clock: str
     flight: Flight
     links: Mapping[VehicleId, LinkFigures]
-    control: ControlFigures
+    ticks_s: Array
+    """(3, K): when ticks were due and when they began, by the run's clock, and how long they took, in real time."""
     delay_margin_s: float | None
     worst_loop_delay_s: float | None
     margin_used: float
@@ -121,7 +106,6 @@ class Verdict:
         return entry | ({"reason": self.reason} if self.reason else {})
 
     def __str__(self) -> str:
-        """Return the verdict in words."""
         wanted = self.expectation
         who = f"vehicle {self.vehicle}: " if self.vehicle else ""
         found = "no value" if self.value is None else f"{self.value:.4g}"

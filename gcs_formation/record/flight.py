@@ -21,8 +21,8 @@ from gcs_formation.record.timeseries import (
     PHASES,
     ROWS_AT_ONCE,
     TRUTH,
-    GroundTruth,
     flying,
+    true_columns,
 )
 
 Columns = Mapping[str, Array]
@@ -49,6 +49,10 @@ class Flight:
     def place(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones where there is truth."""
         return _place(self.vehicles[vehicle], truth=self.truth)
+
+    def heading(self, vehicle: VehicleId) -> Array:
+        """Return (T,) headings, rad: true ones where there is truth."""
+        return self.vehicles[vehicle]["true_heading_rad" if self.truth else "heading_rad"]
 
     def place_in_flight(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) the same, NaN where the vehicle doesn't fly."""
@@ -109,10 +113,12 @@ class Flight:
         return np.any(down, axis=0)[window]
 
 
-def split(
-    columns: Columns, scenario: Scenario, truth: GroundTruth | None, injected_s: Mapping[VehicleId, Array]
-) -> Flight:
-    """Return the flight of a spool's columns, with injected delays, true places, errors and clearances added."""
+def split(columns: Columns, scenario: Scenario, truth: Columns | None, injected_s: Mapping[VehicleId, Array]) -> Flight:
+    """Return the flight of a spool's columns, with injected delays, true places, errors and clearances added.
+
+    `truth` is what the emulated vehicles really did, as `sim_vehicles.truth` names and reads it: `time_s` (T,) since
+    the clock's epoch, all else (T, V) in the scenario's order.
+    """
     vehicles: dict[VehicleId, dict[str, Array]] = {}
     for planned in scenario.vehicles:
         identity = planned.vehicle_id
@@ -120,7 +126,8 @@ def split(
         vehicles[identity] = {name: values[rows] for name, values in columns.items()}
         vehicles[identity] |= _injected(injected_s[identity])
     if truth is not None:
-        vehicles = {i: {**own, **truth.at(i, own["t_s"])} for i, own in vehicles.items()}
+        known = enumerate(vehicles.items())
+        vehicles = {i: {**own, **true_columns(truth, column, own["t_s"])} for column, (i, own) in known}
     frame = scenario.formation.frame
     seen = _leader(vehicles) if truth is not None and scenario.leader else None
     errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
@@ -143,17 +150,16 @@ def _injected(ways_s: Array) -> dict[str, Array]:
     return dict(zip((*INJECTED, INJECTED_MEAN), (*ways_s.T, mean_s), strict=True))
 
 
-def join(flight: Flight, ticks: slice = slice(None)) -> dict[str, Array]:
-    """Return the time series again, of some ticks: these in order, at each the vehicles in order."""
-    parts = list(flight.vehicles.values())
-    return {name: np.stack([part[name][ticks] for part in parts], axis=1).ravel() for name in parts[0]}
-
-
 def tables(flight: Flight) -> Iterator[dict[str, Array]]:
-    """Yield the time series as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one."""
-    ticks, at_once = flight.mission_time_s.size, max(1, ROWS_AT_ONCE // len(flight.vehicles))
-    for begin in range(0, max(1, ticks), at_once):
-        yield join(flight, slice(begin, begin + at_once))
+    """Yield the time series as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one.
+
+    Ticks are in order, at each the vehicles in order.
+    """
+    parts = list(flight.vehicles.values())
+    at_once = max(1, ROWS_AT_ONCE // len(parts))
+    for begin in range(0, max(1, flight.mission_time_s.size), at_once):
+        ticks = slice(begin, begin + at_once)
+        yield {name: np.stack([part[name][ticks] for part in parts], axis=1).ravel() for name in parts[0]}
 
 
 def _place(own: Columns, *, truth: bool) -> Array:

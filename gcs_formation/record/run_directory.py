@@ -7,11 +7,11 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Final, NamedTuple, TextIO
+from typing import IO, Any, BinaryIO, Final, TextIO
 
 from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
-from airlink.cli.output_directory import RUN, refusal
+from airlink.cli.commands import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.frame import frame_length
@@ -38,20 +38,13 @@ RECORDING = "recording"
 """Kind of the first event of a record: it tells when instant 0 was."""
 
 
-class LoggedFrame(NamedTuple):
-    """A frame of a log and when it was written, microseconds since 1970."""
-
-    time_us: int
-    raw: bytes
-
-
 class TlogWriter:
     """Appends frames to a file."""
 
     def __init__(self, path: Path, epoch_us: int) -> None:
         """Create the file, or go on after its last whole frame; `epoch_us`: instant 0, microseconds since 1970."""
         self._file: BinaryIO = path.open("ab")
-        self._file.truncate(sum(_STAMP_BYTES + len(frame.raw) for frame in read_tlog(path)))
+        self._file.truncate(sum(_STAMP_BYTES + len(raw) for _, raw in read_tlog(path)))
         self._epoch_us = epoch_us
         self._waiting = BytesWriter()
 
@@ -76,8 +69,8 @@ class TlogWriter:
             self._file.close()
 
 
-def read_tlog(path: Path) -> Iterator[LoggedFrame]:
-    """Yield a log's frames up to its end, or to where it was cut off."""
+def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield a log's frames, each after when it was written, microseconds since 1970, up to where it was cut off."""
     data = path.read_bytes()
     begin = 0
     while begin + _STAMP_BYTES < len(data):
@@ -85,7 +78,7 @@ def read_tlog(path: Path) -> Iterator[LoggedFrame]:
         end = frame + frame_length(data, frame)
         if end == frame or end > len(data):
             return
-        yield LoggedFrame(read_i64_be(data, begin), data[frame:end])
+        yield read_i64_be(data, begin), data[frame:end]
         begin = end
 
 

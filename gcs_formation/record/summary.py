@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.expectations import ControlFigures, Injected, LinkFigures, RunOutcome, Verdict, judge
+from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, judge
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import PHASES
 
@@ -61,7 +61,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
-        "control": _control(outcome.control, scenario.law.rate_hz),
+        "control": _control(outcome.ticks_s, scenario.law.rate_hz),
         "safety": safety,
         "undone": list(outcome.undone),
         "stability": {
@@ -92,27 +92,24 @@ def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     each_way_ms, up_ms, down_ms = link.delays_s.T * 1e3
-    injected_ms = [None] * 3 if link.injected is None else [1e3 * way_s for way_s in _ways_s(link.injected)]
+    mean_s, up_s, down_s, loss = (None,) * 4
+    if link.injected is not None:
+        up_s, down_s, loss = link.injected
+        mean_s = (up_s + down_s) / 2
+    ways_s = {"delay": mean_s, "up": up_s, "down": down_s}
     return {
-        "injected_delay_ms": injected_ms[0],
-        "injected_up_ms": injected_ms[1],
-        "injected_down_ms": injected_ms[2],
+        **{f"injected_{name}_ms": None if way_s is None else 1e3 * way_s for name, way_s in ways_s.items()},
         "measured_delay_ms": figures.percentiles(each_way_ms, 50, 99),
         "measured_up_ms": figures.percentiles(up_ms, 50)["p50"],
         "measured_down_ms": figures.percentiles(down_ms, 50)["p50"],
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),
-        "injected_loss": None if link.injected is None else link.injected.loss,
+        "injected_loss": loss,
         "measured_loss": link.measured_loss,
         "frames_in": link.frames_in,
         "frames_out": link.frames_out,
         "frames_bad": link.frames_bad,
         "frames_implausible": link.frames_implausible,
     }
-
-
-def _ways_s(injected: Injected) -> tuple[float, float, float]:
-    """Return the mean delay of both directions, that up, and that down."""
-    return (injected.up_s + injected.down_s) / 2, injected.up_s, injected.down_s
 
 
 def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
@@ -124,15 +121,16 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
     }
 
 
-def _control(control: ControlFigures, rate_hz: float) -> dict[str, Any]:
-    period_ms = np.diff(control.begun_s) * 1e3
+def _control(ticks_s: Array, rate_hz: float) -> dict[str, Any]:
+    due_s, begun_s, compute_s = ticks_s
+    period_ms = np.diff(begun_s) * 1e3
     return {
         "rate_hz": rate_hz,
-        "ticks": int(control.begun_s.size),
-        "late_ticks": int((control.begun_s - control.due_s > LATE_S).sum()),
+        "ticks": int(begun_s.size),
+        "late_ticks": int((begun_s - due_s > LATE_S).sum()),
         "period_ms": figures.percentiles(period_ms, 50, 99)
         | {"max": float(period_ms.max()) if period_ms.size else None},
-        "compute_ms": figures.percentiles(control.compute_s * 1e3, 50, 99),
+        "compute_ms": figures.percentiles(compute_s * 1e3, 50, 99),
     }
 
 

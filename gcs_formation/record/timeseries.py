@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,8 @@ STATE = (
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
 LINK = ("age_s", "delay_s", "up_s", "down_s", "jitter_s", "margin_used", "active", "leads", "yielding")
 AIRBORNE = "airborne"
+FLAGS = ("active", "leads", "yielding", AIRBORNE)
+"""What is true or false in a time series, 1 or 0 in a spool."""
 INJECTED = ("injected_up_s", "injected_down_s")
 INJECTED_MEAN = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
@@ -152,16 +153,8 @@ def _read_part(path: Path) -> dict[str, Array]:
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 
 
-def in_words(columns: Mapping[str, Array]) -> dict[str, Any]:
-    """Return the columns of a spool as the time series has them: phases in words, flags as true or false."""
-    named: dict[str, Any] = dict(columns)
-    named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-    named |= {flag: columns[flag] > 0 for flag in ("active", "leads", "yielding", AIRBORNE)}
-    return named
-
-
 def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
-    """Write a time series as tables of a spool's columns, of successive ticks, at least one.
+    """Write a time series as tables of a spool's columns, of successive ticks, at least one; phases are in words there.
 
     A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
     """
@@ -169,7 +162,10 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
     with ExitStack() as stack:
         writer: pq.ParquetWriter | None = None
         for columns in tables:
-            arrays = {name: _arrow(column) for name, column in in_words(columns).items()}
+            named: dict[str, Any] = dict(columns)
+            named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
+            named |= {flag: columns[flag] > 0 for flag in FLAGS}
+            arrays = {name: _arrow(column) for name, column in named.items()}
             schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
             if writer is None:
                 opened = pq.ParquetWriter(path, schema, use_dictionary=repeated, write_statistics=False)
@@ -244,26 +240,18 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
     write_f64_le(to, third)
 
 
-@dataclass(frozen=True)
-class GroundTruth:
-    """What the emulated vehicles really did."""
-
-    vehicles: tuple[VehicleId, ...]
-    columns: Mapping[str, Array]
-    """As `sim_vehicles.truth` names and reads them: `time_s` (T,) since the clock's epoch, (T, V) all else."""
-
-    def at(self, vehicle: VehicleId, time_s: Array) -> dict[str, Array]:
-        """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
-        column, known_s = self.vehicles.index(vehicle), self.columns["time_s"]
-        own = {name: each[:, column] for name, each in self.columns.items() if name != "time_s"}
-        own["heading_rad"] = np.unwrap(own["heading_rad"])
-        place = np.column_stack([own[name] for name in PLACE])
-        rate = np.column_stack([own[name] for name in ("north_mps", "east_mps", "climb_mps")])
-        linear = [np.interp(time_s, known_s, own[name.removeprefix("true_")]) for name in TRUTH[len(PLACE) :]]
-        # A place between one in flight and one on the ground is neither.
-        airborne = np.interp(time_s, known_s, own["airborne"]) >= 1.0
-        values = (*_hermite(known_s, place, rate, time_s).T, *linear)
-        return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
+def true_columns(truth: Mapping[str, Array], column: int, time_s: Array) -> dict[str, Array]:
+    """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
+    known_s = truth["time_s"]
+    own = {name: each[:, column] for name, each in truth.items() if name != "time_s"}
+    own["heading_rad"] = np.unwrap(own["heading_rad"])
+    place = np.column_stack([own[name] for name in PLACE])
+    rate = np.column_stack([own[name] for name in ("north_mps", "east_mps", "climb_mps")])
+    linear = [np.interp(time_s, known_s, own[name.removeprefix("true_")]) for name in TRUTH[len(PLACE) :]]
+    # A place between one in flight and one on the ground is neither.
+    airborne = np.interp(time_s, known_s, own["airborne"]) >= 1.0
+    values = (*_hermite(known_s, place, rate, time_s).T, *linear)
+    return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
 
 
 def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:

@@ -1,7 +1,8 @@
-"""Formation errors over time, with what came before them (take-off, assembly) and what displaced vehicles."""
+"""Formation errors over time: what came before them, what displaced vehicles, and those of laws side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,27 @@ from matplotlib.figure import Figure
 from flight_model.arrays import Array, Mask
 from formation_scenario.expectation import SETTLED_M, Expectation
 from gcs_formation.record.timeseries import DISTURBANCE
-from gcs_formation.report.geometry import evenly
-from gcs_formation.report.gusts import Gust, gusts
+from gcs_formation.report.geometry import evenly, extremes
+from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import INK, LIMIT, THIN, axes_grid, column_of, legend_below, new_figure
+from gcs_formation.report.style import (
+    GREY,
+    INK,
+    LIMIT,
+    LINE,
+    THIN,
+    axes_grid,
+    column_of,
+    legend_below,
+    marks,
+    new_figure,
+    note,
+)
 from gcs_formation.report.time_axes import (
+    BUCKETS,
     Group,
     at_least,
+    draw_marks,
     everyone,
     finished,
     followers_of,
@@ -49,6 +64,13 @@ STANDS_OUT = 50.0
 """An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
 LEAST_M = 0.012
 """What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
+AROUND_S = 1.0
+"""Errors cross zero, so laws are compared by the largest one within this time before and after each tick."""
+SIZES = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
+LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
+LEAST_SIZE_M = 1e-3
+"""Smallest |error| that laws are compared by; that scale is logarithmic."""
 LEAST = r"least possible: $|D|\,T + D^2/2a$"
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
@@ -184,17 +206,68 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
                 _both_ways(axes, reach, bound.below, "expected bound", color=LIMIT, ls=(0, (1, 1.5)))
 
 
-def _after_gusts(axes: Axes, gusted: list[Gust], axis: str) -> None:
+def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
     """Draw the least error that any law can achieve after each gust on followers only, and the bound on ours."""
     begin, end = axes.get_xlim()
-    for gust in gusted:
-        reach = max(begin, gust.at_s), min(end, gust.to_s)
-        for error in gust.errors:
-            if error.axis == axis and reach[0] < reach[1]:
-                _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
-                _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
+    for error in gusted:
+        reach = max(begin, error.at_s), min(end, error.to_s)
+        if error.axis == axis and reach[0] < reach[1]:
+            _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
+            _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
 
 
 def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
     for sign in (-1, 1):
         axes.plot(reach, [sign * size] * 2, lw=THIN, label=label, zorder=1.8, **look)
+
+
+def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]) -> Figure:
+    """Draw the largest |error| of runs by several laws over spans of time beside each other, with the first's marks."""
+    figure = new_figure(13.5)
+    lines = {law: (run.time_s, largest_around_m(run)) for law, run in runs.items() if run.followers}
+    if not lines:
+        note(figure.add_subplot(), "no law flew any follower")
+        return figure
+    grid = axes_grid(figure, 3, len(spans), sharex="col", sharey="row", width_ratios=(0.6, 1.0)[-len(spans) :])
+    columns = [column_of(grid, index) for index in range(len(spans))]
+    for column, (begin, end) in zip(columns, spans, strict=True):
+        for axis, axes in enumerate(column):
+            _laws(axes, {law: (time_s, error_m[:, axis]) for law, (time_s, error_m) in lines.items()}, begin, end)
+        column[-1].set_xlabel("mission time, s")
+    draw_marks(columns, marks(next(iter(runs.values()))))
+    for axis, (row, label) in enumerate(zip(grid, SIZES, strict=True)):
+        row[0].set_ylabel(label)
+        most = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
+        row[0].set_ylim(LEAST_SIZE_M, 2.0 * most)
+    figure.align_ylabels(columns[0])
+    legend_below(figure)
+    return figure
+
+
+def largest_around_m(run: RunData) -> Array:
+    """Return (T, 3) the largest |error| of any follower within `AROUND_S` of each tick."""
+    import scipy  # noqa: PLC0415 - few reports compare laws
+
+    errors = np.fmax.reduce(np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers])))
+    known = np.isfinite(errors)
+    ticks = 2 * round(AROUND_S * run.scenario.law.rate_hz) + 1
+    around = scipy.ndimage.maximum_filter1d(np.where(known, errors, 0.0), ticks, axis=0, mode="nearest")
+    return np.where(known, around, np.nan)
+
+
+def _laws(axes: Axes, lines: Mapping[str, tuple[Array, Array]], begin: float, end: float) -> None:
+    """Draw each law's (T,) |error| of one axis."""
+    axes.set_yscale("log")
+    highest_m = LEAST_SIZE_M
+    axes.yaxis.set_major_formatter("{x:g}")
+    for index, (law, (time_s, error_m)) in enumerate(lines.items()):
+        colour, dash = LAW_COLOURS[index % len(LAW_COLOURS)], DASHES[index % len(DASHES)]
+        kept = (time_s >= begin) & (time_s <= end)
+        within_s, sizes_m = time_s[kept], np.maximum(error_m[kept], LEAST_SIZE_M)
+        shown = extremes(sizes_m, BUCKETS)
+        axes.plot(within_s[shown], sizes_m[shown], color=colour, ls=dash, lw=LINE, label=law)
+        highest_m = max(highest_m, float(sizes_m.max(initial=LEAST_SIZE_M)))
+    if highest_m <= LEAST_SIZE_M:
+        note(axes, "all below 1 mm")
+    axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
+    span(axes, begin, end)

@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from gcs_formation.record.flight import Flight
 from gcs_formation.report.run_data import RunData
 
 Indices = npt.NDArray[np.int64]
@@ -72,11 +70,6 @@ class Snapshot(NamedTuple):
     """What is up: the leader's heading, or the mean of all."""
 
 
-def heading_rad(flight: Flight, vehicle: VehicleId) -> Array:
-    """Return a vehicle's (T,) headings: true ones where there is truth."""
-    return flight.vehicles[vehicle]["true_heading_rad" if flight.truth else "heading_rad"]
-
-
 def path_m(run: RunData) -> Array:
     """Return the scenario's path, (P, 3) north, east, height."""
     path = run.scenario.leader_path
@@ -100,7 +93,7 @@ def snapshot(run: RunData, tick: int) -> Snapshot:
     """Return the formation at a flown tick."""
     flight, vehicles = run.flown, list(run.flown.vehicles)
     places = np.array([flight.place_in_flight(vehicle)[tick, :2] for vehicle in vehicles])
-    headings = np.array([heading_rad(flight, vehicle)[tick] for vehicle in vehicles])
+    headings = np.array([flight.heading(vehicle)[tick] for vehicle in vehicles])
     leader = flight.leader_at(tick)
     lead = vehicles.index(leader) if leader is not None and flight.airborne(leader)[tick] else None
     reference = places[lead] if lead is not None else _mean(places)

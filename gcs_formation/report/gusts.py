@@ -15,7 +15,6 @@ from flight_model.arrays import Array
 from formation_scenario import Vehicle
 from formation_scenario.environment import StepDisturbance
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.report.geometry import heading_rad
 from gcs_formation.report.run_data import RunData
 
 SHARE, SPARE_M = 1.5, 0.05
@@ -73,8 +72,10 @@ def accel_limits_mps2(model: VehicleModel, speed_mps: float) -> tuple[float, flo
 
 
 class GustError(NamedTuple):
-    """One follower's error along one slot axis after a gust, and what it's held against, m."""
+    """One follower's error along one slot axis after a gust, until the next one, and what it's held against, m."""
 
+    at_s: float
+    to_s: float
     vehicle: VehicleId
     axis: str
     round_trip_s: float
@@ -84,25 +85,16 @@ class GustError(NamedTuple):
     found_m: float
 
 
-class Gust(NamedTuple):
-    """A step of the relative velocity, and on each axis the follower that is nearest to what it's allowed, or beyond.
+def gusts(run: RunData) -> list[GustError]:
+    """Return the errors after each step of the relative velocity of followers and the vehicle that leads.
 
-    It counts until the next one.
+    On each axis it is that of the follower nearest to what it's allowed, or beyond; none without such a leader.
     """
-
-    at_s: float
-    to_s: float
-    errors: tuple[GustError, ...]
-
-
-def gusts(run: RunData) -> list[Gust]:
-    """Return the steps of a run that act on followers and not on the vehicle that leads; none without such a leader."""
     if not run.begun:
         return []
     end_s = float(run.time_s[-1])
     starts = [at_s for at_s in _instants(run) if float(run.time_s[0]) <= at_s < end_s]
-    found = (Gust(at_s, to_s, tuple(_worst(run, at_s, to_s))) for at_s, to_s in pairwise([*starts, end_s]))
-    return [gust for gust in found if gust.errors]
+    return [error for at_s, to_s in pairwise([*starts, end_s]) for error in _worst(run, at_s, to_s)]
 
 
 def _instants(run: RunData) -> list[float]:
@@ -141,7 +133,7 @@ def _errors(
     run: RunData, vehicle: Vehicle, leader: VehicleId, gust_mps: Array, at_s: float, to_s: float
 ) -> Iterator[GustError]:
     identity, scenario, tick = vehicle.vehicle_id, run.scenario, int(np.searchsorted(run.time_s, at_s - 1e-9))
-    psi = heading_rad(run.flown, leader if scenario.formation.frame == "leader_heading" else identity)[tick]
+    psi = run.flown.heading(leader if scenario.formation.frame == "leader_heading" else identity)[tick]
     along_mps = np.array(((np.cos(psi), np.sin(psi)), (-np.sin(psi), np.cos(psi)))) @ gust_mps
     round_trip_s = _response_s(run, identity, at_s, tick)
     limits = accel_limits_mps2(vehicle.model, scenario.path.speed_mps)
@@ -153,7 +145,7 @@ def _errors(
                 float(bound(along_mps[i], round_trip_s, limits[i]))
                 for bound in (least_gust_error_m, allowed_gust_error_m)
             )
-            yield GustError(identity, axis, round_trip_s, least_m, allowed_m, found_m)
+            yield GustError(at_s, to_s, identity, axis, round_trip_s, least_m, allowed_m, found_m)
 
 
 def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> float:

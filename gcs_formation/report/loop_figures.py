@@ -33,14 +33,7 @@ from gcs_formation.report.style import (
     new_figure,
     note,
 )
-from gcs_formation.report.time_axes import (
-    BUCKETS,
-    Group,
-    everyone,
-    finished,
-    followers_of,
-    span,
-)
+from gcs_formation.report.time_axes import BUCKETS, Group, everyone, finished, followers_of, span
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}

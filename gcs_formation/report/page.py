@@ -21,7 +21,7 @@ from gcs_formation.record.timeseries import GROUND
 from gcs_formation.report import html
 from gcs_formation.report.error_figures import transient_end_s
 from gcs_formation.report.figures import Plate, write_figures
-from gcs_formation.report.geometry import Indices, evenly, extremes, heading_rad, path_m, reach
+from gcs_formation.report.geometry import Indices, evenly, extremes, path_m, reach
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
 from gcs_formation.report.run_data import RunData, load_run
@@ -98,8 +98,10 @@ def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
         if vehicle not in run.followers:
             continue
         error_m = run.whole.error(vehicle)
-        axes = zip("xyz", error_m.T, strict=True)
-        series = {axis: _series(time_s, values, extremes(values, buckets)) for axis, values in axes}
+        series = dict[str, Any]()
+        for axis, values in zip("xyz", error_m.T, strict=True):
+            kept = extremes(values, buckets)
+            series[axis] = {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
         found.append({"vehicle": index, **series})
     return found
 
@@ -109,18 +111,13 @@ def _bounds(run: RunData) -> list[dict[str, Any]]:
     return [
         {
             "axis": error.axis,
-            "from": round(gust.at_s, TIME_DIGITS),
-            "to": round(gust.to_s, TIME_DIGITS),
+            "from": round(error.at_s, TIME_DIGITS),
+            "to": round(error.to_s, TIME_DIGITS),
             "allowed": round(error.allowed_m, ERROR_DIGITS),
             "least": round(error.least_m, ERROR_DIGITS),
         }
-        for gust in gusts(run)
-        for error in gust.errors
+        for error in gusts(run)
     ]
-
-
-def _series(time_s: Array, values: Array, kept: Indices) -> dict[str, Any]:
-    return {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
 
 
 def _tracks(run: RunData, group: Group) -> dict[str, Any]:
@@ -134,7 +131,7 @@ def _tracks(run: RunData, group: Group) -> dict[str, Any]:
 
 def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
     north, east, height = run.whole.place(vehicle)[kept].T
-    heading = heading_rad(run.whole, vehicle)[kept]
+    heading = run.whole.heading(vehicle)[kept]
     known = np.isfinite(heading)
     heading[known] = np.unwrap(heading[known])
     return {
@@ -197,13 +194,12 @@ def after_gusts(run: RunData) -> str:
     """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
     rows = [
         [
-            f"{gust.at_s:g} s, {error.axis}",
+            f"{error.at_s:g} s, {error.axis}",
             str(error.vehicle),
-            *(number(value) for value in error[2:]),
+            *(number(value) for value in error[4:]),
             badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
         ]
-        for gust in gusts(run)
-        for error in gust.errors
+        for error in gusts(run)
     ]
     if not rows:
         return ""

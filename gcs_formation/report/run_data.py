@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,12 +17,12 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
-from gcs_formation.record.expectations import ControlFigures, LinkFigures, RunOutcome
+from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
-from gcs_formation.record.flight import Columns, Flight, join, split
+from gcs_formation.record.flight import Columns, Flight, split
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA, summarise
-from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, in_words, read_parquet, read_spool
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
 from gcs_formation.stability import scenario_delay_margin
 
 LINK_DELAYS = ("delay_s", "up_s", "down_s")
@@ -110,7 +110,12 @@ def load_run(directory: Path) -> RunData:
         columns = read_parquet(directory / TIMESERIES)
     except (OSError, ValueError, pa.ArrowException, ScenarioError) as error:
         raise RecordError(f"cannot read the run in {directory}: {error}") from error
-    return _run_data(directory, scenario, summary, events, columns)
+    missing = sorted(set(EXPECTED) - set(columns))
+    if missing:
+        found = f"found no column {missing[0]} in {directory / TIMESERIES}"
+        raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
+    whole = Flight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
+    return _run_data(scenario, summary, events, whole)
 
 
 def _is_finished(directory: Path) -> bool:
@@ -142,32 +147,27 @@ def _events(path: Path) -> tuple[Mapping[str, Any], ...]:
 
 
 def _run_data(
-    directory: Path,
     scenario: Scenario,
     summary: Mapping[str, Any],
     events: tuple[Mapping[str, Any], ...],
-    columns: Mapping[str, Array],
+    whole: Flight,
+    missing: tuple[str, ...] = (),
 ) -> RunData:
-    missing = sorted(set(EXPECTED) - set(columns))
-    if missing:
-        found = f"found no column {missing[0]} in {directory / TIMESERIES}"
-        raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
-    vehicles = _vehicles(directory / TIMESERIES, scenario, columns)
-    any_vehicle = next(iter(vehicles.values()))
+    any_vehicle = next(iter(whole.vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
     known = np.flatnonzero(flying(any_vehicle) & np.isfinite(mission_s))
     first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
-    truth = TRUTH[0] in columns
-    flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in vehicles.items()}
+    flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in whole.vehicles.items()}
     return RunData(
         scenario=scenario,
         summary=summary,
         events=events,
-        whole=Flight(vehicles, truth),
-        flown=Flight(flown, truth),
+        whole=whole,
+        flown=Flight(flown, whole.truth),
         clock_s=clock_s,
         zero_s=float(clock_s[first] - (mission_s[first] if known.size else 0.0)),
         begun=bool(known.size),
+        missing=missing,
     )
 
 
@@ -209,9 +209,9 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
 
     events, cut_off = recorded_events(directory)
     columns = read_spool(directory / SPOOL)
-    truth = recorded_truth(directory, scenario)
+    truth = recorded_truth(directory)
     if truth is not None:
-        known = columns["t_s"] <= truth.columns["time_s"][-1]
+        known = columns["t_s"] <= truth["time_s"][-1]
         columns = {name: values[known] for name, values in columns.items()}
     if not columns["t_s"].size:
         raise RecordError(f"found no control tick in {directory}: {_last_phase(events)}, and nothing was flown")
@@ -219,7 +219,7 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
     flight = split(columns, scenario, truth, {each.vehicle_id: unknown_s for each in scenario.vehicles})
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
-    return replace(_run_data(directory, scenario, summary, events, in_words(join(flight))), missing=words)
+    return _run_data(scenario, summary, events, flight, words)
 
 
 def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenario:
@@ -249,10 +249,10 @@ def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
             )
             for identity, own in flight.vehicles.items()
         },
-        control=ControlFigures(t_s, t_s, np.full(t_s.shape, np.nan)),
+        ticks_s=np.array((t_s, t_s, np.full(t_s.shape, np.nan))),
         delay_margin_s=if_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
-        margin_used=max(_largest(own["margin_used"]) for own in flight.vehicles.values()),
+        margin_used=max(float(np.fmax.reduce(own["margin_used"], initial=0.0)) for own in flight.vehicles.values()),
         received=ParserCounts(),
         frames_refused=0,
         simulated_s=float(t_s[-1]),
@@ -296,7 +296,3 @@ def _missing(
     ]
     missing += [] if flight.truth else ["ground truth: errors are from telemetry, as the law saw them"]
     return (*missing, *(["the end of the last event"] if cut_off else []))
-
-
-def _largest(values: Array) -> float:
-    return float(np.nanmax(values)) if np.isfinite(values).any() else 0.0

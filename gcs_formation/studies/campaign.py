@@ -40,21 +40,19 @@ class StudyProgress:
     def __init__(self, *, quiet: bool) -> None:
         """Show nothing if `quiet`."""
         self._quiet = quiet
-        self._live = (
-            Live(console=Console(stderr=True), transient=True, auto_refresh=False) if _terminal(quiet) else None
-        )
+        self._live: Live | None = None
+        if sys.stderr.isatty() and not quiet:
+            self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
         self._spent, self._shown_s = Stopwatch(), 0.0
         self._first: int | None = None
         self._tenths = 0
 
     def __enter__(self) -> Self:
-        """Begin."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Remove the line."""
         if self._live is not None:
             self._live.stop()
 
@@ -91,10 +89,6 @@ def _time(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-def _terminal(quiet: bool) -> bool:
-    return sys.stderr.isatty() and not quiet
-
-
 class Verdict(NamedTuple):
     """An expectation and what came of it."""
 
@@ -127,7 +121,6 @@ class Verdict(NamedTuple):
         return {**said, **found, "interval": [low, high], "held": self.held}
 
     def __str__(self) -> str:
-        """Return the verdict in words."""
         bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
         low, high = self.interval
@@ -139,12 +132,8 @@ class Verdict(NamedTuple):
 
 def judge(wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation concerns."""
-    concerned = [row for row in rows if _matches(wanted.where, row)]
+    concerned = [row for row in rows if all(row.get(name) == value for name, value in wanted.where.items())]
     return Verdict(wanted, len(concerned), sum(keeps(wanted, row) for row in concerned))
-
-
-def _matches(where: Mapping[str, Any], row: Row) -> bool:
-    return all(row.get(name) == value for name, value in where.items())
 
 
 @dataclass(frozen=True)

@@ -1,51 +1,42 @@
-"""Flies a scenario by several laws, and sets them side by side as table, figure and page."""
+"""Flies a scenario by several laws, and sets them side by side in one window of time: as table, figure and page."""
 
 from __future__ import annotations
 
 import json
 import shutil
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
+from airlink.cli.commands import refusal
 from airlink.cli.exit_status import raised
-from airlink.cli.output_directory import refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
-from formation_scenario.expectation import SETTLED_M
+from gcs_formation.app.check import lag_margins, warnings
 from gcs_formation.app.result_text import WIDE, Group
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
+from gcs_formation.record.figures_of_merit import axis_figures, effort, least, separation_m
 from gcs_formation.record.run_directory import SCENARIO
-from gcs_formation.report.geometry import extremes
+from gcs_formation.record.timeseries import CHANNELS, ERROR
+from gcs_formation.report.error_figures import law_errors
 from gcs_formation.report.html import document, figure, number, table
-from gcs_formation.report.style import (
-    GREY,
-    LINE,
-    THIN,
-    axes_grid,
-    column_of,
-    legend_below,
-    new_figure,
-    note,
-    print_style,
-    save,
-)
-from gcs_formation.report.time_axes import BUCKETS, draw_marks, span
-from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task
+from gcs_formation.report.run_data import RunData, load_run
+from gcs_formation.report.style import print_style, save
+from gcs_formation.stability import law_margins
+from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task, worst
+from gcs_formation.studies.flight import figure as figure_of
 from gcs_formation.studies.keys import Study
-from gcs_formation.studies.law_scores import Comparison, Line, Row, Window, compare_flights
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
 
+SCHEMA = 1
 WAYS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))
 LAWS: dict[str, tuple[str, ...]] = {
     f"{law}{variant}{way}": (f"law.type={law}", *overrides, compensated)
@@ -54,13 +45,10 @@ LAWS: dict[str, tuple[str, ...]] = {
     for way, compensated in WAYS
 }
 """Overrides in the manner of `--set`; gains stay the scenario's, and the consensus law has its own."""
-LABELS = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
-LEAST_M = 1e-3
 SETTLING_S = 60.0
 """What the left column shows, where the window begins later."""
 HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
+EFFORTS = ("variation_per_s", "step_p95")
 NAME = "comparison"
 TITLE = "Largest error of any follower over time"
 CAPTION = (
@@ -68,6 +56,94 @@ CAPTION = (
     "what is below 1 mm is drawn there."
 )
 TWO_SPANS = "Left: how each law settles; right: the window of the table. "
+Comparison = Mapping[str, Any]
+"""What comparison.json holds: what was flown, the window (s), and each law's figures.
+
+Errors and effort are those of the worst follower; when the last one settled is of the whole flight; None where there is
+no figure. `aborted` says why a law has none.
+"""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Result of `compare`."""
+
+    comparison: Comparison
+    said: tuple[tuple[str, int, str], ...]
+    """Each law that was flown, its flight's exit status, and what was broken or why it could not go on, in lines."""
+    page: Path
+    interrupted: bool
+
+    @property
+    def text(self) -> str:
+        """The table, and where its files are."""
+        return f"{comparison_text(self.comparison)}\nwrote {self.page}"
+
+    def broken(self) -> list[str]:
+        """Return what each law broke of the scenario's expectations and safety limits."""
+        return self._of(EXPECTED)
+
+    def stopped(self) -> list[str]:
+        """Return which flights could not go on, and why."""
+        return self._of(COULD_NOT_GO_ON)
+
+    def _of(self, exit_status: int) -> list[str]:
+        return [
+            f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
+        ]
+
+
+def compare_laws(
+    file: Path,
+    names: str,
+    overrides: tuple[str, ...],
+    out: Path,
+    workers: Workers,
+    between_s: tuple[float, float | None],
+    until_s: float | None,
+    *,
+    overwrite: bool,
+) -> Compared:
+    """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
+
+    Args:
+        file: the scenario's.
+        names: of the laws, like "pid,fuzzy_pid".
+        overrides: of the scenario's keys, as `--set` takes them.
+        out: directory of it all.
+        workers: fly.
+        between_s: mission times between which errors count; None: the flights' end.
+        until_s: when flights end at the latest.
+        overwrite: whether an earlier comparison in `out` may be replaced.
+
+    Raises:
+        ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
+        RecordError: the directory holds an earlier comparison or other files, or it can't be written.
+        RunAbortedError: no flight can be flown.
+    """
+    laws = named_laws(names)
+    scenario = load_scenario(file, overrides)
+    window_s = _window(scenario, *between_s, until_s)
+    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in laws]  # a law's settings take precedence
+    study = Study(record="full", until_s=until_s)
+    tasks = [
+        Task(Planned(number, flight.seed, {}), study, flight, str(out / law))
+        for number, (law, flight) in enumerate(zip(laws, flights, strict=True))
+    ]
+    _claim(out, overwrite=overwrite)
+    rows = dict[int, dict[str, Any]]()
+    interrupted = False
+    try:
+        with raised(), workers:
+            for row in workers.rows(deque(tasks)):
+                rows[row["flight"]] = row
+    except KeyboardInterrupt:
+        interrupted = True
+    said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
+    flown = {law: words if status > EXPECTED else "" for law, status, words in said}
+    runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
+    comparison = compared(flown, runs, scenario, window_s)
+    return Compared(comparison, said, _write(comparison, runs, out), interrupted)
 
 
 def named_laws(names: str) -> tuple[str, ...]:
@@ -87,224 +163,13 @@ def named_laws(names: str) -> tuple[str, ...]:
     return found
 
 
-def comparison_figure(comparison: Comparison) -> Figure:
-    """Draw |error| by axis over the window; where that begins later, how the laws settle on the left of it."""
-    figure = new_figure(13.5)
-    if not comparison.lines:
-        note(figure.add_subplot(), "no law flew any follower")
-        return figure
-    columns = spans(comparison.window)
-    ratios = (0.6, 1.0)[-len(columns) :]
-    grid = axes_grid(figure, 3, len(columns), sharex="col", sharey="row", width_ratios=ratios)
-    for index, (begin, end) in enumerate(columns):
-        for axis, axes in enumerate(column_of(grid, index)):
-            _panel(axes, comparison.lines, axis, begin, end)
-        grid[-1][index].set_xlabel("mission time, s")
-    draw_marks([column_of(grid, index) for index in range(len(columns))], comparison.marks)
-    for axis, (row, label) in enumerate(zip(grid, LABELS, strict=True)):
-        row[0].set_ylabel(label)
-        most = max(float(np.nanmax(line.error_m[:, axis], initial=SETTLED_M)) for line in comparison.lines)
-        row[0].set_ylim(LEAST_M, 2.0 * most)
-    figure.align_ylabels(column_of(grid, 0))
-    legend_below(figure)
-    return figure
-
-
-def spans(window: Window) -> list[tuple[float, float]]:
-    """Return the spans of time that are drawn beside each other: one, where it shows how laws settle as well."""
-    if window.from_s > 0.0 and window.to_s > SETTLING_S:
-        return [(0.0, SETTLING_S), (window.from_s, window.to_s)]
-    return [(0.0, window.to_s)]
-
-
-def _panel(axes: Axes, lines: tuple[Line, ...], axis: int, begin: float, end: float) -> None:
-    axes.set_yscale("log")
-    highest_m = LEAST_M
-    axes.yaxis.set_major_formatter(FuncFormatter(_plain))
-    for index, line in enumerate(lines):
-        kept = (line.time_s >= begin) & (line.time_s <= end)
-        time_s, error_m = line.time_s[kept], np.maximum(line.error_m[kept, axis], LEAST_M)
-        shown = extremes(error_m, BUCKETS)
-        colour, dash = COLOURS[index % len(COLOURS)], DASHES[index % len(DASHES)]
-        axes.plot(time_s[shown], error_m[shown], color=colour, ls=dash, lw=LINE, label=line.law)
-        highest_m = max(highest_m, float(error_m.max(initial=LEAST_M)))
-    if highest_m <= LEAST_M:
-        note(axes, "all below 1 mm")
-    axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
-    span(axes, begin, end)
-
-
-def _plain(value: float, _: int | None) -> str:
-    return f"{value:g}"
-
-
-def comparison_text(comparison: Comparison) -> str:
-    """Return the table for a terminal, what its figures are, and what is said of each law."""
-    shown = [row for row in comparison.rows if not row.aborted]
-    rows = [(row.law, *_cells(row).values()) for row in shown]
-    lines = text_table([Group(("law", *_cells(shown[0])), rows, 0)], WIDE) if shown else []
-    return "\n".join([_about(comparison), *lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
-
-
-def comparison_table(comparison: Comparison) -> str:
-    """Return the table as HTML."""
-    shown = [row for row in comparison.rows if not row.aborted]
-    rows = [[row.law, *_cells(row).values()] for row in shown]
-    notes = _notes(comparison)
-    made = table(["Law", *_cells(shown[0])], rows) if shown else ""
-    return made + (table(["Law", "note"], notes, (0, 1)) if notes else "")
-
-
-def _about(comparison: Comparison) -> str:
-    window, scenario = comparison.window, comparison.scenario
-    return (
-        f"{scenario.name}, seed {scenario.seed}: errors of the worst follower, frame {scenario.formation.frame}, "
-        f"{window.from_s:g} to {window.to_s:g} s; settled: all within 0.5 m for 10 s; steady: max from 30 s "
-        "after that on; steps: of the setpoints from tick to tick, 95th percentile"
-    )
-
-
-def _notes(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return what is said of each law beside its figures."""
-    return [
-        (row.law, text)
-        for row in comparison.rows
-        for text in (*row.warnings, *((f"could not go on: {row.aborted}",) if row.aborted else ()))
-    ]
-
-
-def _cells(row: Row) -> dict[str, str]:
-    """Return a row's figures by their columns' heads."""
-    errors = row.error_x_m, row.error_y_m, row.error_z_m
-    used = None if row.margin_used is None else 100.0 * row.margin_used
-    return {
-        "settled, s": number(row.settled_at_s, 1),
-        **{head: " / ".join(number(axis[figure]) for axis in errors) for figure, head in HEADS.items()},
-        "steps, m/s / rad / m": " / ".join(number(row.effort[each]["step_p95"]) for each in row.effort),
-        "separation, m": number(row.min_separation_m, 1),
-        "margin, s": number(row.delay_margin_s, 2),
-        "used, %": number(used, 0),
-    }
-
-
-def write_comparison(comparison: Comparison, out: Path) -> Path:
-    """Write a comparison's three files into a directory; return the page's path.
-
-    Raises:
-        RecordError: the directory can't be written.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / f"{NAME}.json").write_text(json.dumps(comparison.to_dict(), indent=2), encoding="utf-8")
-        picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
-        with print_style():
-            save(comparison_figure(comparison), picture)
-        target.write_text(_page(comparison, picture), encoding="utf-8")
-    except OSError as error:
-        raise RecordError(f"cannot write the comparison into {out}: {error.strerror}") from error
-    return target
-
-
-def _page(comparison: Comparison, picture: Path) -> str:
-    scenario = comparison.scenario
-    caption = TWO_SPANS + CAPTION if len(spans(comparison.window)) > 1 else CAPTION
-    return document(
-        f"{scenario.name}: laws side by side",
-        "comparison.html",
-        seed=str(scenario.seed),
-        frame=escape(scenario.formation.frame.replace("_heading", "")),
-        from_s=f"{comparison.window.from_s:g}",
-        to_s=f"{comparison.window.to_s:g}",
-        table=comparison_table(comparison),
-        figure=figure(NAME, TITLE, caption, picture),
-        laws=table(
-            ["Law", "What it sets in the scenario"],
-            [[row.law, ", ".join(LAWS[row.law])] for row in comparison.rows],
-            (0, 1),
-        ),
-    )
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options on the command line of `compare`."""
-
-    scenario: Path
-    laws: str
-    overrides: tuple[str, ...]
-    out: Path
-    from_s: float = 0.0
-    to_s: float | None = None
-    until_s: float | None = None
-    overwrite: bool = False
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Result of `compare`."""
-
-    comparison: Comparison
-    said: tuple[tuple[str, int, str], ...]
-    """Each law that was flown, its flight's exit status, and what was broken or why it could not go on, in lines."""
-    page: Path
-    interrupted: bool
-
-    @property
-    def text(self) -> str:
-        """The table, and where its files are."""
-        return f"{comparison_text(self.comparison)}\nwrote {self.page}"
-
-    @property
-    def json(self) -> str:
-        """What comparison.json holds."""
-        return json.dumps(self.comparison.to_dict(), indent=2)
-
-    def broken(self) -> list[str]:
-        """Return what each law broke of the scenario's expectations and safety limits."""
-        return self._of(EXPECTED)
-
-    def stopped(self) -> list[str]:
-        """Return which flights could not go on, and why."""
-        return self._of(COULD_NOT_GO_ON)
-
-    def _of(self, exit_status: int) -> list[str]:
-        return [
-            f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
-        ]
-
-
-def compare_laws(options: CompareOptions, workers: Workers) -> Compared:
-    """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
-
-    Raises:
-        ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
-        RecordError: the directory holds an earlier comparison or other files, or it can't be written.
-        RunAbortedError: no flight can be flown.
-    """
-    laws = named_laws(options.laws)
-    scenario = load_scenario(options.scenario, options.overrides)
-    window = _window(scenario, options)
-    tasks = [_task(number, law, options) for number, law in enumerate(laws)]
-    _claim(options.out, overwrite=options.overwrite)
-    rows = dict[int, dict[str, Any]]()
-    interrupted = False
-    try:
-        with raised(), workers:
-            for row in workers.rows(deque(tasks)):
-                rows[row["flight"]] = row
-    except KeyboardInterrupt:
-        interrupted = True
-    said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
-    flown = {law: words if status > EXPECTED else "" for law, status, words in said}
-    comparison = compare_flights(flown, options.out, scenario, window)
-    return Compared(comparison, said, write_comparison(comparison, options.out), interrupted)
-
-
-def _task(number: int, law: str, options: CompareOptions) -> Task:
-    """Return a law's flight; its settings take precedence over the command line's."""
-    scenario = load_scenario(options.scenario, (*options.overrides, *LAWS[law]))
-    planned = Planned(number, scenario.seed, {})
-    return Task(planned, Study(record="full", until_s=options.until_s), scenario, str(options.out / law))
+def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: float | None) -> tuple[float, float]:
+    end_s = scenario.duration_s if until_s is None else min(until_s, scenario.duration_s)
+    last_s = end_s if to_s is None else to_s
+    if not from_s < last_s <= end_s:
+        found = f"found {from_s:g} s to {last_s:g} s"
+        raise ScenarioError([Problem("--from, --to", None, None, "", found, f"a window within 0 s to {end_s:g} s")])
+    return from_s, last_s
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
@@ -327,10 +192,137 @@ def _claim(out: Path, *, overwrite: bool) -> None:
         raise RecordError(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written") from error
 
 
-def _window(scenario: Scenario, options: CompareOptions) -> Window:
-    end_s = scenario.duration_s if options.until_s is None else min(options.until_s, scenario.duration_s)
-    window = Window(options.from_s, end_s if options.to_s is None else options.to_s)
-    if not window.from_s < window.to_s <= end_s:
-        found = f"found {window.from_s:g} s to {window.to_s:g} s"
-        raise ScenarioError([Problem("--from, --to", None, None, "", found, f"a window within 0 s to {end_s:g} s")])
-    return window
+def compared(
+    flown: Mapping[str, str], runs: Mapping[str, RunData], scenario: Scenario, window_s: tuple[float, float]
+) -> Comparison:
+    """Return the comparison of flights of a scenario.
+
+    Args:
+        flown: why each law's run could not go on, "" where it could.
+        runs: those that could, by their laws.
+        scenario: that they flew.
+        window_s: mission times from which and up to which errors count, both included.
+    """
+    named = {"schema": SCHEMA, "name": scenario.name, "seed": scenario.seed, "frame": scenario.formation.frame}
+    each = {law: _figures(runs[law], window_s) if law in runs else _none(why) for law, why in flown.items()}
+    return {**named, "from_s": window_s[0], "to_s": window_s[1], "laws": each}
+
+
+def _none(aborted: str) -> dict[str, Any]:
+    nothing = {"settled_at_s": None, **{name: dict.fromkeys(HEADS) for name in ERROR}, "effort": {}}
+    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None} | _said((), aborted)
+
+
+def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
+    within, stability = run.flown.window(*window_s), run.summary["stability"]
+    efforts = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
+    return {
+        "settled_at_s": figure_of(run.summary, "settled_at_s"),
+        **{name: _axis(run, window_s, axis) for axis, name in enumerate(ERROR)},
+        "effort": {
+            channel: {name: worst(name, [each[channel][name] for each in efforts]) for name in EFFORTS}
+            for channel in CHANNELS
+        },
+        "min_separation_m": least(separation_m(run.flown, within)),
+        "delay_margin_s": stability["delay_margin_s"],
+        "margin_used": stability.get("margin_used"),
+    } | _said(tuple(warnings(run.scenario, law_margins(run.scenario), lag_margins(run.scenario)[0])), "")
+
+
+def _said(warned: tuple[str, ...], aborted: str) -> dict[str, Any]:
+    """Return what is said of a law: `check`'s warnings, of loops whose delay is near their margin; why it stopped."""
+    return {"warnings": warned, "aborted": aborted}
+
+
+def _axis(run: RunData, window_s: tuple[float, float], axis: int) -> dict[str, float | None]:
+    """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
+    settled_s = figure_of(run.summary, "settled_at_s")
+    found: list[dict[str, float | None]] = []
+    for vehicle in run.followers:
+        error_m = run.flown.error(vehicle)[:, axis]
+        kept = run.flown.window(*window_s) & np.isfinite(error_m)
+        found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
+    return {name: worst(name, [each[name] for each in found]) for name in HEADS}
+
+
+def _spans(comparison: Comparison) -> list[tuple[float, float]]:
+    """Return the spans of time that are drawn beside each other: one, where it shows how laws settle as well."""
+    from_s, to_s = comparison["from_s"], comparison["to_s"]
+    return [(0.0, SETTLING_S), (from_s, to_s)] if from_s > 0.0 and to_s > SETTLING_S else [(0.0, to_s)]
+
+
+def comparison_text(comparison: Comparison) -> str:
+    """Return the table for a terminal, what its figures are, and what is said of each law."""
+    about = (
+        f"{comparison['name']}, seed {comparison['seed']}: errors of the worst follower, frame {comparison['frame']}, "
+        f"{comparison['from_s']:g} to {comparison['to_s']:g} s; settled: all within 0.5 m for 10 s; steady: max from "
+        "30 s after that on; steps: of the setpoints from tick to tick, 95th percentile"
+    )
+    heads, rows = _table(comparison)
+    lines = text_table([Group(("law", *heads), rows, 0)], WIDE) if rows else []
+    return "\n".join([about, *lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
+
+
+def _table(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
+    """Return the heads of the figures' columns, and a row for each law that has some, its name first."""
+    cells = {law: _cells(each) for law, each in comparison["laws"].items() if not each["aborted"]}
+    return list(next(iter(cells.values()), ())), [[law, *each.values()] for law, each in cells.items()]
+
+
+def _cells(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Return a law's figures by their columns' heads."""
+    errors = [figures[name] for name in ERROR]
+    used = None if figures["margin_used"] is None else 100.0 * figures["margin_used"]
+    return {
+        "settled, s": number(figures["settled_at_s"], 1),
+        **{head: " / ".join(number(axis[name]) for axis in errors) for name, head in HEADS.items()},
+        "steps, m/s / rad / m": " / ".join(number(each["step_p95"]) for each in figures["effort"].values()),
+        "separation, m": number(figures["min_separation_m"], 1),
+        "margin, s": number(figures["delay_margin_s"], 2),
+        "used, %": number(used, 0),
+    }
+
+
+def _notes(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return what is said of each law beside its figures."""
+    return [
+        (law, text)
+        for law, each in comparison["laws"].items()
+        for text in (*each["warnings"], *((f"could not go on: {each['aborted']}",) if each["aborted"] else ()))
+    ]
+
+
+def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:
+    """Write a comparison's three files into a directory; return the page's path.
+
+    Raises:
+        RecordError: the directory can't be written.
+    """
+    picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / f"{NAME}.json").write_text(json.dumps(comparison, indent=2), encoding="utf-8")
+        with print_style():
+            save(law_errors(runs, _spans(comparison)), picture)
+        target.write_text(_page(comparison, picture), encoding="utf-8")
+    except OSError as error:
+        raise RecordError(f"cannot write the comparison into {out}: {error.strerror}") from error
+    return target
+
+
+def _page(comparison: Comparison, picture: Path) -> str:
+    (heads, rows), notes = _table(comparison), _notes(comparison)
+    caption = TWO_SPANS + CAPTION if len(_spans(comparison)) > 1 else CAPTION
+    return document(
+        f"{comparison['name']}: laws side by side",
+        "comparison.html",
+        seed=str(comparison["seed"]),
+        frame=escape(comparison["frame"].replace("_heading", "")),
+        from_s=f"{comparison['from_s']:g}",
+        to_s=f"{comparison['to_s']:g}",
+        table=(table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else ""),
+        figure=figure(NAME, TITLE, caption, picture),
+        laws=table(
+            ["Law", "What it sets in the scenario"], [[law, ", ".join(LAWS[law])] for law in comparison["laws"]], (0, 1)
+        ),
+    )

@@ -9,13 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
-from gcs_formation.studies.columns import LEVELS_UP_TO, Flights, Mask, is_wide, scale
+from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import clopper_pearson
 
+LEVELS_UP_TO = 12
+"""Different values up to which each is named; drawn ones beyond that are put into bins, and so many at most."""
+WIDE = 30.0
+"""Largest by median from which a scale is logarithmic."""
 CONFIDENCE = 0.95
 PANELS = 3
 """Plots beside each other in a row."""
@@ -160,6 +164,17 @@ def bounds_of(study: Study, metric: str) -> list[float]:
     """Return the bounds that the study expects of a figure."""
     wanted = [each for each in study.expect if each.metric == metric]
     return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
+
+
+def scale(axes: Axes, values: Array, which: str) -> None:
+    """Make a scale logarithmic where a few values are far beyond the others."""
+    if is_wide(values):
+        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+
+
+def is_wide(values: Array) -> bool:
+    """Whether the largest of some values is far beyond the others."""
+    return bool(values.size and values.min() > 0.0 and values.max() > WIDE * np.median(values))
 
 
 def _counts(axes: Axes, values: Array) -> None:

@@ -1,4 +1,4 @@
-"""A study's directory: a journal of rows as flights end, and the tables that are made of it.
+"""A study's directory: a journal of rows as flights end, and the tables and columns that are made of it.
 
 The journal is appended to and flushed, so that whatever ends the study costs no finished flight; the table is written
 anew and put in place at once.
@@ -12,18 +12,21 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any, Self
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from airlink.cli.output_directory import refusal
+from airlink.cli.commands import refusal
+from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.keys import Study
+from gcs_formation.studies.keys import DRAWN, LISTED, Bisection, Study
 from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
 
 STUDY = "study.yaml"
@@ -78,11 +81,9 @@ class Dataset:
             ) from error
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the journal."""
         self._journal.close()
 
     def add(self, row: Mapping[str, Any]) -> None:
@@ -212,6 +213,59 @@ def _text(plan: object) -> str:
     return yaml.dump(json.loads(json.dumps(plan)), Dumper=Dumper, sort_keys=False, allow_unicode=True)
 
 
+class Flights(NamedTuple):
+    """A study's flights that came to an end, as columns."""
+
+    study: Study
+    parameters: Mapping[str, Array]
+    """(N,) values of those that vary; of one that is no number, the place of its value among `levels`."""
+    metrics: Mapping[str, Array]
+    """(N,), NaN where a flight has none."""
+    levels: Mapping[str, Sequence[str]] = MappingProxyType({})
+    """The values of parameters that are no numbers, in words."""
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
+        drawn = any(map(self.draws, self.study.parameters))
+        return self.study.seeds.count > 1 or self.study.design in DRAWN or drawn
+
+    def draws(self, name: str) -> bool:
+        """Return whether a parameter's values are drawn from a distribution."""
+        return not isinstance(self.study.parameters.get(name, []), LISTED)
+
+    def groups(self, name: str) -> dict[str, Mask]:
+        """Return which flights have each value of a parameter, by the value in words."""
+        values = self.parameters[name]
+        return {self.word(name, level): values == level for level in np.unique(values).tolist()}
+
+    def word(self, name: str, level: float) -> str:
+        """Return a parameter's value in words."""
+        return self.levels[name][int(level)] if name in self.levels else f"{level:g}"
+
+
+def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
+    """Return the rows of the flights that came to an end."""
+    ended = [row for row in rows if row["exit"] <= 1]
+    parameters, levels = dict[str, Array](), dict[str, Sequence[str]]()
+    for name in columns_of(study):
+        values = [row.get(name) for row in ended]
+        if not all(_is_number(value) for value in values):
+            words = [str(value) for value in values]
+            levels[name] = list(dict.fromkeys(words))
+            values = [levels[name].index(word) for word in words]
+        column = np.array(values, dtype=np.float64)
+        if np.unique(column).size > 1:
+            parameters[name] = column
+    metrics = {name: np.array([row[name] for row in ended], dtype=np.float64) for name in study.measured}
+    known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
+    return Flights(study, parameters, known, levels)
+
+
+def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table: text to the left, numbers to the right; a row's cells are numbers where `head` ends in a unit."""
     lines = [_line(head), _line(["---:" if "," in cell else "---" for cell in head])]
@@ -225,7 +279,7 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
     figures of the two flights between which the bound is crossed.
     """
     if study.bisect is not None:
-        return markdown(*_searches(study, rows, crossings))
+        return markdown(*_searches(study, study.bisect, rows, crossings))
     found = dict[int, list[Row]]()
     for row in rows:
         found.setdefault(int(row["flight"]) // study.seeds.count, []).append(row)
@@ -234,14 +288,12 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
 
 
 def _searches(
-    study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
+    study: Study, search: Bisection, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
 ) -> tuple[list[str], Iterator[list[str]]]:
-    search = study.bisect
-    name = "" if search is None else search.parameter
-    others = [each for each in study.measured if search is None or each != search.metric]
+    name, each = search.parameter, search.most_flights
+    others = [metric for metric in study.measured if metric != search.metric]
 
     def cells() -> Iterator[list[str]]:
-        each = 1 if search is None else search.most_flights
         for first, crossing in crossings:
             flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
             ends = [flown[value] for value in crossing if value is not None]

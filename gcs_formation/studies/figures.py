@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
-from gcs_formation.studies.columns import (
-    IN_A_BIN,
-    Flights,
-    cells_of,
-    edges_of,
-    is_crowded,
-    is_wide,
-    scale,
-    tick,
-    words_of,
-)
-from gcs_formation.studies.curves import CELL_CM, bounds, bounds_of, panels_of
-from gcs_formation.studies.keys import Bisection
+from gcs_formation.studies.curves import CELL_CM, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
+from gcs_formation.studies.dataset import Flights
+from gcs_formation.studies.keys import LISTED, Bisection, LogUniform
 from gcs_formation.studies.plan import Row
 
+LISTED_UP_TO = 40
+"""Different values of a list up to which each is a level of its own."""
+IN_A_BIN = 5
+"""Flights that a bin should have at least, on average."""
+ROUND = (1.0, 2.0, 5.0)
+"""What is written of each decade of a logarithmic axis."""
+LABEL = 24
+"""Characters of a name."""
+IN_A_ROW = 24
+"""Characters of all names that have room below an axis."""
 MARGIN, LOOP_DELAY, MARGIN_S = "margin_used", "worst_loop_delay_s", "delay_margin_s"
 CELLS = mpl.colormaps["cividis"]
 PANELS, MAPPED = 9, 4
@@ -260,3 +264,46 @@ def _row_at(
     same = (row for row in rows if row["seed"] == entry["seed"] and row.get(searched) == value)
     none: Row = {}
     return next((row for row in same if all(row.get(name) == entry.get(name) for name in names)), none)
+
+
+def edges_of(flights: Flights, name: str, most: int) -> Array:
+    """Return the borders of a parameter's levels, halfway between; of bins of as many each where they are drawn."""
+    levels: Array = np.unique(flights.parameters[name])
+    listed = isinstance(flights.study.parameters.get(name), LISTED)
+    if flights.draws(name) or levels.size > (LISTED_UP_TO if listed else LEVELS_UP_TO):
+        bins = int(np.clip(most, 2, LEVELS_UP_TO))
+        return np.quantile(levels, np.linspace(0.0, 1.0, bins + 1))
+    if levels.size == 1:
+        return np.array([levels[0] - 0.5, levels[0] + 0.5])
+    between = (levels[1:] + levels[:-1]) / 2.0
+    return np.concatenate(([levels[0] - (between[0] - levels[0])], between, [levels[-1] + levels[-1] - between[-1]]))
+
+
+def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:
+    """Return the cell between edges in which each value lies."""
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+
+
+def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
+    """Name a parameter at its axis, and its levels where there are few: upright below an axis with no room for them."""
+    axis.set_label_text(name if len(name) <= LABEL or "." not in name else ".\n".join(name.rsplit(".", 1)))
+    if isinstance(flights.study.parameters.get(name), LogUniform):
+        (axis.axes.set_xscale if below else axis.axes.set_yscale)("log")
+        axis.set_major_locator(LogLocator(subs=ROUND))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    levels = np.unique(flights.parameters[name])
+    if levels.size <= LEVELS_UP_TO and not flights.draws(name):
+        words = words_of(flights, name)
+        axis.set_ticks(levels, labels=words, rotation=90 if below and is_crowded(words) else 0)
+
+
+def words_of(flights: Flights, name: str) -> list[str]:
+    """Return a parameter's values in words that aren't long."""
+    levels: list[float] = np.unique(flights.parameters[name]).tolist()
+    return [textwrap.shorten(flights.word(name, level), LABEL, placeholder=" …") for level in levels]
+
+
+def is_crowded(words: Sequence[str]) -> bool:
+    """Whether words have no room below an axis."""
+    return max(map(len, words)) * len(words) > IN_A_ROW

@@ -85,9 +85,9 @@ class FlightRecord:
 def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
     """Return what a run directory holds."""
     parser, sent, frames = StreamParser(), list[tuple[int, CommandInt]](), 0
-    for logged in read_tlog(directory / TLOG):
+    for _, raw in read_tlog(directory / TLOG):
         frames += 1
-        for frame in parser.feed(logged.raw):
+        for frame in parser.feed(raw):
             if isinstance(frame.message, CommandInt):
                 sent.append((frame.message.target_system, frame.message))
     lines = (directory / EVENTS).read_text(encoding="utf-8").splitlines()

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
-from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive
+from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive, key
 from gcs_formation.app.operator import Record
 
 MOST_VALUES = 10_000
@@ -42,13 +42,13 @@ class Range(Keys):
 
     range: Annotated[
         tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]], Allowed("[first, last, how many]")
-    ] = Field(description="first, last, how many", examples=[[0, 500, 6]])
+    ] = key(..., "first, last, how many", [0, 500, 6])
 
 
 class Uniform(Keys):
     """A uniform distribution."""
 
-    uniform: Annotated[tuple[Number, Number], Allowed("[least, most]")] = Field(description="least, most")
+    uniform: Annotated[tuple[Number, Number], Allowed("[least, most]")] = key(..., "least, most")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -58,15 +58,15 @@ class Uniform(Keys):
 class Normal(Keys):
     """A normal distribution."""
 
-    normal: Annotated[tuple[Number, Positive], Allowed("[mean, standard deviation > 0]")] = Field(
-        description="mean, standard deviation"
+    normal: Annotated[tuple[Number, Positive], Allowed("[mean, standard deviation > 0]")] = key(
+        ..., "mean, standard deviation"
     )
 
 
 class LogUniform(Keys):
     """A distribution whose logarithm is uniform."""
 
-    log_uniform: Annotated[tuple[Positive, Positive], Allowed("[least > 0, most]")] = Field(description="least, most")
+    log_uniform: Annotated[tuple[Positive, Positive], Allowed("[least > 0, most]")] = key(..., "least, most")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -78,10 +78,7 @@ class Cases(Keys):
 
     cases: Annotated[
         dict[str, dict[str, Any]], Field(min_length=1), Allowed("names, each with a mapping of dotted keys to values")
-    ] = Field(
-        description="name of each -> the scenario's keys that it sets",
-        examples=[{"5 % loss": {"links.default.loss": 0.05}}],
-    )
+    ] = key(..., "name of each -> the scenario's keys that it sets", {"5 % loss": {"links.default.loss": 0.05}})
 
 
 Values = Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)]
@@ -98,27 +95,23 @@ Parameter = Annotated[
 class Seeds(Keys):
     """The seeds with which every sample is flown."""
 
-    first: Annotated[int, Field(strict=True, ge=0, le=2**62), Allowed("a whole number from 0 to 2^62")] = Field(
-        default=1, description="the first seed"
+    first: Annotated[int, Field(strict=True, ge=0, le=2**62), Allowed("a whole number from 0 to 2^62")] = key(
+        1, "the first seed"
     )
-    count: Annotated[int, Field(strict=True, ge=1, le=10**6)] = Field(
-        default=1, description="how many, one after another"
-    )
+    count: Annotated[int, Field(strict=True, ge=1, le=10**6)] = key(1, "how many, one after another")
 
 
 class Wanted(Keys):
     """A bound that a share of the flights must keep."""
 
-    metric: Metric = Field(description="a figure of the flights")
-    below: Number | None = Field(default=None, description="it must be smaller")
-    above: Number | None = Field(default=None, description="it must be larger")
-    share: Annotated[Fraction, Field(gt=0.0), Allowed("a number > 0 and <= 1")] = Field(
-        default=1.0, description="of the flights, at least"
+    metric: Metric = key(..., "a figure of the flights")
+    below: Number | None = key(None, "it must be smaller")
+    above: Number | None = key(None, "it must be larger")
+    share: Annotated[Fraction, Field(gt=0.0), Allowed("a number > 0 and <= 1")] = key(1.0, "of the flights, at least")
+    confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0), Allowed("a number > 0 and < 1")] = key(
+        0.95, "of the interval that is stated for the share (Clopper and Pearson)"
     )
-    confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0), Allowed("a number > 0 and < 1")] = Field(
-        default=0.95, description="of the interval that is stated for the share (Clopper and Pearson)"
-    )
-    where: dict[str, Any] = Field(default={}, description="only flights whose parameters have these values")
+    where: dict[str, Any] = key({}, "only flights whose parameters have these values")
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
@@ -128,13 +121,13 @@ class Wanted(Keys):
 class Bisection(Keys):
     """Searches the value of a parameter at which a figure crosses its bound, for every sample and seed."""
 
-    parameter: str = Field(description="a dotted key of the scenario, whose value is a number")
-    low: Number = Field(description="a value at which the bound should be kept")
-    high: Number = Field(description="a value at which it should be broken")
-    tolerance: Positive = Field(description="how near the two ends come to each other")
-    metric: Metric = Field(description="a figure of the flights")
-    below: Number | None = Field(default=None, description="it is kept while it is smaller")
-    above: Number | None = Field(default=None, description="it is kept while it is larger")
+    parameter: str = key(..., "a dotted key of the scenario, whose value is a number")
+    low: Number = key(..., "a value at which the bound should be kept")
+    high: Number = key(..., "a value at which it should be broken")
+    tolerance: Positive = key(..., "how near the two ends come to each other")
+    metric: Metric = key(..., "a figure of the flights")
+    below: Number | None = key(None, "it is kept while it is smaller")
+    above: Number | None = key(None, "it is kept while it is larger")
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
@@ -148,40 +141,44 @@ class Bisection(Keys):
         return 2 + max(0, math.ceil(math.log2((self.high - self.low) / self.tolerance)))
 
 
+DRAWN = ("random", "latin_hypercube", "sobol")
+"""Designs of so many samples."""
+
+
 class Study(Keys):
     """Many flights of one scenario."""
 
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
-    name: Name = Field(default="study", description="name of the study; the file's by default")
-    base: Annotated[str | dict[str, Any], Allowed("a scenario's file, relative to the study's, or its keys")] = Field(
-        default={}, description="the scenario: a file, relative to the study's, or its keys"
+    name: Name = key("study", "name of the study; the file's by default")
+    base: Annotated[str | dict[str, Any], Allowed("a scenario's file, relative to the study's, or its keys")] = key(
+        {}, "the scenario: a file, relative to the study's, or its keys"
     )
-    random: Literal["usual", "hard"] | None = Field(
-        default=None,
-        description="instead of `base`: every flight's scenario is drawn from its seed, as `gcs-formation stress` and "
+    random: Literal["usual", "hard"] | None = key(
+        None,
+        "instead of `base`: every flight's scenario is drawn from its seed, as `gcs-formation stress` and "
         "`stress --hard` do",
     )
-    set: dict[str, Any] = Field(default={}, description="keys of the scenario that all flights have, as --set")
-    parameters: Annotated[Mapping[str, Parameter], Allowed("a mapping of dotted keys to values")] = Field(
-        default={}, description="dotted keys of the scenario, or names of `cases`, and their values"
+    set: dict[str, Any] = key({}, "keys of the scenario that all flights have, as --set")
+    parameters: Annotated[Mapping[str, Parameter], Allowed("a mapping of dotted keys to values")] = key(
+        {}, "dotted keys of the scenario, or names of `cases`, and their values"
     )
-    design: Literal["grid", "one_at_a_time", "random", "latin_hypercube", "sobol"] = Field(
-        default="grid",
-        description="grid: every combination; one_at_a_time: the first value of each, and each varied alone; "
+    design: Literal["grid", "one_at_a_time", "random", "latin_hypercube", "sobol"] = key(
+        "grid",
+        "grid: every combination; one_at_a_time: the first value of each, and each varied alone; "
         "random, latin_hypercube, sobol: `samples` points (scipy.stats.qmc)",
     )
-    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = Field(default=100, description="for the last three")
+    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = key(100, "for the last three")
     seeds: Seeds = Seeds()
-    metrics: Annotated[tuple[Metric, ...], Field(min_length=1), Allowed("a list of 1 or more figures")] = Field(
-        default=("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),
-        description="figures of each flight, as in the scenario's `expect`; of several vehicles the worst",
+    metrics: Annotated[tuple[Metric, ...], Field(min_length=1), Allowed("a list of 1 or more figures")] = key(
+        ("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),
+        "figures of each flight, as in the scenario's `expect`; of several vehicles the worst",
     )
-    from_s: NonNegative | None = Field(default=None, description="metrics count from this mission time on, s")
-    to_s: Positive | None = Field(default=None, description="… to this one, s; the flight's end by default")
-    record: Record = Field(default="summary", description="what is kept of each flight")
-    until_s: Positive | None = Field(default=None, description="end every flight at this mission time")
-    bisect: Bisection | None = Field(default=None, description="search a bound's crossing instead of flying each once")
-    expect: tuple[Wanted, ...] = Field(default=(), description="exit status 1 if one is broken")
+    from_s: NonNegative | None = key(None, "metrics count from this mission time on, s")
+    to_s: Positive | None = key(None, "… to this one, s; the flight's end by default")
+    record: Record = key("summary", "what is kept of each flight")
+    until_s: Positive | None = key(None, "end every flight at this mission time")
+    bisect: Bisection | None = key(None, "search a bound's crossing instead of flying each once")
+    expect: tuple[Wanted, ...] = key((), "exit status 1 if one is broken")
 
     @property
     def cases(self) -> dict[str, dict[str, dict[str, Any]]]:

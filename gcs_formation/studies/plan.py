@@ -15,16 +15,7 @@ from scipy.special import betaincinv, ndtri
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from formation_scenario import expectation
-from gcs_formation.studies.keys import (
-    Bisection,
-    LogUniform,
-    Normal,
-    Parameter,
-    Study,
-    Uniform,
-    Value,
-    levels_of,
-)
+from gcs_formation.studies.keys import DRAWN, Bisection, LogUniform, Normal, Parameter, Study, Uniform, Value, levels_of
 
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
@@ -63,7 +54,7 @@ def samples(study: Study) -> list[Sample]:
 
 def drawn(study: Study, flight: int) -> Sample:
     """Return the values that a flight draws by itself: those of distributions in designs of lists."""
-    if study.design not in {"grid", "one_at_a_time"}:
+    if study.design in DRAWN:
         return {}
     open_ones = {name: each for name, each in study.parameters.items() if levels_of(each) is None}
     random = random_stream(study.seeds.first, "study", flight)

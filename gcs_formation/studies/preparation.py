@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -16,13 +16,11 @@ from formation_scenario.errors import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.keys import LISTED, Cases, Parameter, Range, Study, Value, levels_of
+from gcs_formation.studies.keys import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
 from gcs_formation.studies.plan import Planned, Row, Sample, at, columns_of, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
-DRAWN = ("random", "latin_hypercube", "sobol")
-"""Designs of so many samples."""
 MANY = 100_000
 """Flights beyond which a study asks whether that many are meant."""
 EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
@@ -160,11 +158,11 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
         found, allowed = f"found {count:,} flights", f"up to {MANY:,}, or --yes if that many are meant"
         raise ScenarioError([Problem(read.file, None, None, "", found, allowed)])
     base = base_keys(study, read)
-    trial = _Trial(study, base)
+    trial = _Trial(study, base, read)
     if (wrong := trial.first_wrong()) is not None:
-        raise _placed(wrong, study, read)
+        raise wrong
     problems = list(_never(study, read, trial))
-    problems += [problem for each in trial.wrong_values() for problem in _placed(each, study, read).problems]
+    problems += [problem for each in trial.wrong_values() for problem in each.problems]
     if problems:
         raise ScenarioError(problems)
     return study, base
@@ -180,27 +178,17 @@ def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: P
     return Task(planned, study.model_copy(update={"record": "full"}), base, str(out))
 
 
-class _Wrong(NamedTuple):
-    """Why flights can't be flown."""
-
-    error: ScenarioError
-    usual: Sample
-    """With what they were tried."""
-    tried: Sample
-    """The value of which this is so; empty where it is so of the first values of all parameters."""
-
-
 class _Trial:
-    """Resolves scenarios of a study without flying them."""
+    """Resolves scenarios of a study without flying them, and says where in the study's file stands what is wrong."""
 
-    def __init__(self, study: Study, base: Mapping[Any, Plain]) -> None:
-        """Take the study, and the keys of its scenario."""
-        self._study, self._base = study, base
+    def __init__(self, study: Study, base: Mapping[Any, Plain], read: Source) -> None:
+        """Take the study, the keys of its scenario, and the study's file."""
+        self._study, self._base, self._read = study, base, read
         self._usual: Sample = {}
         search = study.bisect
         self._searched: Mapping[str, Sequence[Value]] = {search.parameter: (search.low, search.high)} if search else {}
 
-    def first_wrong(self) -> _Wrong | None:
+    def first_wrong(self) -> ScenarioError | None:
         """Return what is wrong where every parameter has its first value, None if nothing is.
 
         One that is drawn has the scenario's own value, or where there is none that can be, its median.
@@ -221,7 +209,7 @@ class _Trial:
         duration_s = Task(planned, self._study, self._base).scenario().duration_s
         return min(duration_s, self._study.until_s or duration_s)
 
-    def wrong_values(self) -> Iterator[_Wrong]:
+    def wrong_values(self) -> Iterator[ScenarioError]:
         """Yield what is wrong with the first value of each parameter that can't be flown."""
         for name, parameter in self._study.parameters.items():
             if isinstance(parameter, LISTED):
@@ -233,21 +221,44 @@ class _Trial:
         for name, values in self._searched.items():
             yield from islice(filter(None, (self._wrong({name: value}) for value in values)), 1)
 
-    def _wrong_level(self, name: str, value: Value) -> _Wrong | None:
+    def _wrong_level(self, name: str, value: Value) -> ScenarioError | None:
         """Return why a value can't be flown: with the others' first values, and with those that it is drawn with."""
         wrong = self._wrong({name: value})
-        if wrong is None or self._study.design in {"grid", "one_at_a_time"}:
+        if wrong is None or self._study.design not in DRAWN:
             return wrong
         drawn = islice((sample for sample in samples(self._study) if sample[name] == value), TRIED_WITH)
         return wrong if all(self._wrong(sample) for sample in drawn) else None
 
-    def _wrong(self, sample: Sample) -> _Wrong | None:
+    def _wrong(self, sample: Sample) -> ScenarioError | None:
+        """Return why flights with a value can't be flown; if it is empty, with the first values of all parameters."""
         planned = Planned(0, self._study.seeds.first, {**self._usual, **sample})
         try:
             Task(planned, self._study, self._base).scenario()
         except ScenarioError as error:
-            return _Wrong(error, self._usual, sample)
+            return ScenarioError([self._placed(problem, sample) for problem in error.problems])
         return None
+
+    def _placed(self, problem: Problem, tried: Sample) -> Problem:
+        """Return a problem of the scenario with the place, in the study's file, of what set the key that is wrong.
+
+        What follows from a value in places that the study doesn't set is said of that value.
+        """
+        study, set_by = self._study, dict[str, KeyPath]()
+        set_by |= {name: ("set", name) for name in study.set}
+        set_by |= {name: ("parameters", name) for name in study.parameters}
+        if study.bisect is not None:
+            set_by[study.bisect.parameter] = ("bisect", "parameter")
+        for name, cases in study.cases.items():
+            case = {**self._usual, **tried}[name]
+            set_by |= dict.fromkeys(cases[case], ("parameters", name, "cases", case))
+        name = (problem.file or "").partition("=")[0]
+        if name in set_by:
+            return replace(problem, **self._read.place(set_by[name])._asdict())
+        if not tried:
+            return problem
+        place = self._read.place(set_by[next(iter(tried))])
+        with_it = ", ".join(f"{name} = {value}" for name, value in tried.items())
+        return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
 
 
 def _never(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
@@ -266,29 +277,3 @@ def _distinct(parameter: Parameter) -> list[Value]:
     levels = levels_of(parameter) or []
     ends = [levels[0], levels[-1]] if isinstance(parameter, Range) else levels
     return list({repr(value): value for value in ends}.values())
-
-
-def _placed(wrong: _Wrong, study: Study, read: Source) -> ScenarioError:
-    """Return an error of the scenario with the places, in the study's file, of what set the keys that are wrong.
-
-    What follows from a value in places that the study doesn't set is said of that value.
-    """
-    set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
-    set_by |= {name: ("parameters", name) for name in study.parameters}
-    if study.bisect is not None:
-        set_by[study.bisect.parameter] = ("bisect", "parameter")
-    for name, cases in study.cases.items():
-        case = {**wrong.usual, **wrong.tried}[name]
-        set_by |= dict.fromkeys(cases[case], ("parameters", name, "cases", case))
-    with_it = ", ".join(f"{name} = {value}" for name, value in wrong.tried.items())
-
-    def placed(problem: Problem) -> Problem:
-        name = (problem.file or "").partition("=")[0]
-        if name in set_by:
-            return replace(problem, **read.place(set_by[name])._asdict())
-        if not wrong.tried:
-            return problem
-        place = read.place(set_by[next(iter(wrong.tried))])
-        return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
-
-    return ScenarioError([placed(problem) for problem in wrong.error.problems])

@@ -21,9 +21,8 @@ from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.report import html
 from gcs_formation.report.html import NONE, badge, table
 from gcs_formation.report.style import print_style, save
-from gcs_formation.studies.columns import Flights, flights_of
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
-from gcs_formation.studies.dataset import RESULT, STUDY, read_journal, read_plan
+from gcs_formation.studies.dataset import RESULT, STUDY, Flights, flights_of, read_journal, read_plan
 from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
 from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.keys import Study

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from time import sleep
-from typing import Any, Protocol, Self
+from typing import Any, Self, TypeAlias
 
 from airlink.clock import Stopwatch
 from gcs_formation.errors import RunAbortedError
@@ -29,31 +29,6 @@ ANSWER_S = 10.0
 GONE_S = 60.0
 """For which a scheduler may be without workers."""
 ASKED_EVERY_S, POLL_S = 1.0, 0.01
-
-
-class Workers(Protocol):
-    """Flies tasks, in whatever order."""
-
-    def __enter__(self) -> Self:
-        """Start."""
-        ...
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Give up what isn't flown yet."""
-        ...
-
-    @property
-    def where(self) -> str:
-        """Where else one can see what they do, in words; "" for nowhere. Known once they are started."""
-        ...
-
-    def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the row of each task as it ends; the caller may add tasks meanwhile.
-
-        Raises:
-            RunAbortedError: no flight can be flown any more.
-        """
-        ...
 
 
 class Processes:
@@ -92,7 +67,7 @@ class Processes:
                 with _uncut():
                     flying[self._pool.submit(fly, task)] = task
             done, _ = wait(flying, return_when=FIRST_COMPLETED)
-            broken = [flying.pop(future) for future in done if _died(future)]
+            broken = [flying.pop(each) for each in done if isinstance(each.exception(), BrokenProcessPool)]
             ended = [future.result() for future in done if flying.pop(future, None) is not None]
             if broken:
                 broken += flying.values()
@@ -146,10 +121,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-def _died(future: Future[dict[str, Any]]) -> bool:
-    return isinstance(future.exception(), BrokenProcessPool)
 
 
 def _again(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
@@ -264,3 +235,10 @@ class Cluster:
 
 def _version() -> str:
     return VERSION
+
+
+Workers: TypeAlias = Processes | Cluster
+"""Flies tasks, in whatever order; the caller may add some meanwhile. Left with an error, it gives up what isn't flown.
+
+`where` is known once they are started: where else one can see what they do, in words; "" for nowhere.
+"""

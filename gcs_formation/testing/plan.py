@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
@@ -26,31 +26,19 @@ from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import PHASES, read_parquet
 
-Followers = int | str | Sequence[int | str]
-"""One follower's id (or "network:id"), several, or "all"."""
 AXES = "xyz"
 MOST_NAMED = 8
 Against = Literal["emulators", "real endpoints"]
 Way = Literal["both", "uplink", "downlink"]
-VehicleName = int | str
-"""A vehicle's id, or "network:id"."""
-Vehicles = VehicleName | Sequence[VehicleName]
-"""One or several vehicles, or "all"."""
+Vehicles = int | str | Sequence[int | str]
+"""One vehicle's id (or "network:id"), several, or "all"."""
 
 
-class Violation(NamedTuple):
-    """Where a follower was furthest from its slot along one axis."""
-
-    size_m: float
-    at_s: float
-    axis: str
-    vehicle: VehicleId
-
-    def __str__(self) -> str:
-        """Return it in words."""
-        if math.isnan(self.size_m):
-            return f"vehicle {self.vehicle}: error_{self.axis} unknown at {self.at_s:.1f} s"
-        return f"vehicle {self.vehicle}: |error_{self.axis}| = {self.size_m:.3f} m at {self.at_s:.1f} s"
+def in_words(vehicle: VehicleId, axis: str, size_m: float, at_s: float) -> str:
+    """Return where a follower was furthest from its slot along an axis; NaN: where that isn't known."""
+    if math.isnan(size_m):
+        return f"vehicle {vehicle}: error_{axis} unknown at {at_s:.1f} s"
+    return f"vehicle {vehicle}: |error_{axis}| = {size_m:.3f} m at {at_s:.1f} s"
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,7 @@ class FlownFlight:
         limit_m: float,
         *,
         axes: str = AXES,
-        followers: Followers = "all",
+        followers: Vehicles = "all",
         from_s: float = 0.0,
         to_s: float | None = None,
     ) -> Self:
@@ -111,12 +99,13 @@ class FlownFlight:
         self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
         worst = [each for vehicle in chosen for each in self._worst(vehicle.vehicle_id, axes, from_s, end_s)]
         self._require(bool(worst), f"none of these followed anybody {window}", [each.vehicle_id for each in chosen])
-        broken = sorted((each for each in worst if not each.size_m <= limit_m), key=_unknown_first, reverse=True)
-        on = ", ".join(axes)
-        self._require(not broken, f"more than {limit_m:g} m from the slot along {on} {window}", broken)
+        beyond = (each for each in worst if not each[0] <= limit_m)
+        broken = sorted(beyond, key=lambda each: math.inf if math.isnan(each[0]) else each[0], reverse=True)
+        claim = f"more than {limit_m:g} m from the slot along {', '.join(axes)} {window}"
+        self._require(not broken, claim, [text for _, text in broken])
         return self
 
-    def settles(self, *, before_s: float, followers: Followers = "all") -> Self:
+    def settles(self, *, before_s: float, followers: Vehicles = "all") -> Self:
         """Claim that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
         __tracebackhide__ = True
         chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self._followers)]
@@ -162,8 +151,8 @@ class FlownFlight:
         mine &= np.isin(columns["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
         return {name: values[mine] for name, values in columns.items()}
 
-    def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[Violation]:
-        """Yield the largest |error| along each axis; a tick whose error isn't known counts as NaN, the worst of all."""
+    def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[tuple[float, str]]:
+        """Yield the largest |error| along each axis, and it in words; NaN, the worst of all, where one isn't known."""
         series = self._series_of(vehicle)
         time_s = series["mission_time_s"]
         window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
@@ -173,13 +162,14 @@ class FlownFlight:
             if not window.any():
                 if led:
                     return
-                yield Violation(math.nan, from_s, axis, vehicle)
+                yield math.nan, in_words(vehicle, axis, math.nan, from_s)
                 continue
             size_m = np.abs(series[f"error_{axis}_m"][window])
             index = int(np.argmax(size_m))
-            yield Violation(float(size_m[index]), float(time_s[window][index]), axis, vehicle)
+            worst_m = float(size_m[index])
+            yield worst_m, in_words(vehicle, axis, worst_m, float(time_s[window][index]))
 
-    def _chosen(self, names: Followers, among: Sequence[Vehicle]) -> list[Vehicle]:
+    def _chosen(self, names: Vehicles, among: Sequence[Vehicle]) -> list[Vehicle]:
         if names == "all":
             return list(among)
         wanted = [names] if isinstance(names, int | str) else list(names)
@@ -205,11 +195,6 @@ class FlownFlight:
             f"again: {self.command}",
         ]
         raise AssertionError("\n".join(lines))
-
-
-def _unknown_first(violation: Violation) -> tuple[bool, float]:
-    unknown = math.isnan(violation.size_m)
-    return unknown, 0.0 if unknown else violation.size_m
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, Entry, ImportedWhenChosen, examples
+from airlink.cli.commands import VERSION, ImportedWhenChosen, examples
 
 EXAMPLES = examples(
     "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",
@@ -14,8 +14,8 @@ EXAMPLES = examples(
     "sim-vehicles fly --help                     every option",
 )
 COMMANDS = {
-    "fly": Entry("sim_vehicles.cli.fly", "Fly emulated vehicles: those of a scenario, or a number of them."),
-    "sins": Entry("sim_vehicles.inertial.command", "Align and navigate by inertial sensors alone."),
+    "fly": ("sim_vehicles.cli.fly", "Fly emulated vehicles: those of a scenario, or a number of them."),
+    "sins": ("sim_vehicles.inertial.command", "Align and navigate by inertial sensors alone."),
 }
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from airlink.cli.commands import refusal
 from airlink.cli.exit_status import Status
-from airlink.cli.output_directory import refusal
 from tests.processes import STATION, VEHICLES
 
 FULL = Path("/dev/full")

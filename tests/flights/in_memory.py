@@ -154,7 +154,7 @@ class World:
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)
         self.attach(self.between)
-        self.process = Sleeper(impair(planned, self.station, self.station) or self.station)
+        self.process = Sleeper(impair(planned, self.station) or self.station)
         self.attach(self.process)
 
     def attach(self, engine: Engine) -> None:

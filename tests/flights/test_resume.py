@@ -297,7 +297,7 @@ def regained_s(run: Path) -> float:
 def armings_us(run: Path) -> list[int]:
     """Return when vehicles were told to arm, microseconds since 1970."""
     logged = read_tlog(run / "flight.tlog")
-    frames = ((each.time_us, frame) for each in logged for frame in StreamParser().feed(each.raw))
+    frames = ((time_us, frame) for time_us, raw in logged for frame in StreamParser().feed(raw))
     told = ((at_us, frame.message) for at_us, frame in frames if isinstance(frame.message, CommandLong))
     return [at_us for at_us, sent in told if sent.command == m.MAV_CMD_COMPONENT_ARM_DISARM and sent.param1 == 1.0]
 

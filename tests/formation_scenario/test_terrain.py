@@ -6,7 +6,8 @@ import pytest
 
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.environment import Hill
-from formation_scenario.terrain import ElevationError, ElevationGrid, Hills, read_elevation
+from formation_scenario.errors import FileError
+from formation_scenario.terrain import ElevationGrid, Hills, read_elevation
 
 ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)
 NEAR = np.array([[0.0, 0.0], [500.0, 500.0]])
@@ -69,7 +70,7 @@ def test_an_hgt_tile_is_placed_by_its_name_and_its_voids_are_unknown(tmp_path):
 @pytest.mark.parametrize(("name", "count", "said"), [("tile.hgt", 9, "where the tile lies"), ("N35E125.hgt", 8, "8")])
 def test_a_tile_without_a_place_or_that_is_no_square_is_refused(tmp_path, name, count, said):
     np.zeros(count, dtype=">i2").tofile(tmp_path / name)
-    with pytest.raises(ElevationError, match=said):
+    with pytest.raises(FileError, match=said):
         read_elevation(tmp_path / name, ORIGIN, NEAR)
 
 
@@ -117,5 +118,5 @@ def test_many_places_on_the_earth_are_those_of_one_by_one():
 
 
 def test_a_tile_that_is_not_there_is_missed_before_its_name_is_judged(tmp_path):
-    with pytest.raises(ElevationError, match="No such file"):
+    with pytest.raises(FileError, match="No such file"):
         read_elevation(tmp_path / "tile.hgt", ORIGIN, NEAR)

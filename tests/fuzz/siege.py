@@ -168,7 +168,7 @@ def fly(duration_s: float, siege: Siege) -> Flown:
     station, fleet = Station(plan, notes), Fleet(fleet_config(plan))
     vehicles = [Address(LOOPBACK, FIRST_EPHEMERAL_PORT + i) for i in range(len(plan.vehicles))]
     ground = station.endpoints()[0].address
-    ends: dict[End, Engine] = {"vehicles": fleet, "station": impair(plan, station, station) or station}
+    ends: dict[End, Engine] = {"vehicles": fleet, "station": impair(plan, station) or station}
     peers: dict[End, list[list[Address]]] = {"vehicles": [[ground]] * len(vehicles), "station": [vehicles]}
     wall = Besieged(ends[siege.end], peers[siege.end], siege) if siege.end else None
     network = MemoryNetwork(clock)

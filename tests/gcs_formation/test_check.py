@@ -16,8 +16,16 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.graph import graph_adjacency
-from gcs_formation.app.check import check_report, never_reached, refused_rate, slots_of_no_shape
-from gcs_formation.app.check_links import Assembly, assembly, goes_round, split_errors
+from gcs_formation.app.check import check_report
+from gcs_formation.app.check_warnings import (
+    Assembly,
+    assembly,
+    goes_round,
+    never_reached,
+    refused_rate,
+    slots_of_no_shape,
+    split_errors,
+)
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.stability import consensus_delay_margin

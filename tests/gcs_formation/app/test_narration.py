@@ -7,7 +7,7 @@ import pytest
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.app.progress import Lines, Progress, progress_on
+from gcs_formation.app.progress import Progress, StatusLine, progress_on
 from gcs_formation.recorder import Event
 
 THREE = VehicleId(1, 3)
@@ -16,7 +16,7 @@ THREE = VehicleId(1, 3)
 def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
     """Return the line that is said of each event, None where none is."""
     stream = io.StringIO()
-    lines = Lines(stream)
+    lines = Progress(stream)
     said: list[str | None] = []
     for event in events:
         before = stream.tell()
@@ -48,7 +48,7 @@ def test_chatter_is_for_the_record_alone() -> None:
 def test_a_log_whose_reader_has_gone_ends_no_flight() -> None:
     stream = io.StringIO()
     lines = progress_on(stream)
-    assert isinstance(lines, Lines)
+    assert not isinstance(lines, StatusLine)
     lines.note(Event(Instant(0), "failure", "the disk is full"), 1.0)
     assert stream.getvalue() == "t     =    1.0 s  failure: the disk is full\n"
     stream.close()

@@ -8,7 +8,7 @@ from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
 from gcs_formation.record.flight import split
-from gcs_formation.record.timeseries import MEASURED, PHASES, GroundTruth
+from gcs_formation.record.timeseries import MEASURED, PHASES
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
 TIME_S = np.arange(0.0, 10.01, 0.1)
@@ -54,7 +54,7 @@ def truth(*crashed):
         after, column = time_s >= CRASH_S, each.system - 1
         flying[after, column] = 0.0
         north_m[after, column] = north_m[~after, column][-1]
-    columns = {
+    return {
         "time_s": time_s,
         "north_m": north_m,
         "east_m": nothing,
@@ -69,7 +69,6 @@ def truth(*crashed):
         "disturbance_down_mps": nothing,
         "airborne": flying,
     }
-    return GroundTruth((LEADER, FOLLOWER, THIRD), columns)
 
 
 def flown(*crashed, third_leads_from_s=np.inf):

@@ -45,6 +45,8 @@ def test_all_that_was_flown_is_told_as_by_a_whole_record_and_what_is_missing_is_
     assert run.summary["followers"] == whole.summary["followers"]
     assert run.summary["safety"] == whole.summary["safety"]
     assert run.whole.truth
+    assert run.begun
+    assert (run.time_s == whole.time_s).all()
     assert run.missing[0].startswith("summary.json: ")
     assert run.missing[1].startswith("whatever came after t = ")
     assert (run.summary["links"]["2"]["frames_in"], run.summary["control"]["late_ticks"]) == (None, None)

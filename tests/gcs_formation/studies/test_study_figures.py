@@ -10,10 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.stats import binomtest
 
-from gcs_formation.studies.columns import Flights, edges_of, flights_of
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
-from gcs_formation.studies.dataset import Dataset
-from gcs_formation.studies.figures import crossings_of, heat_maps, marginals, pairs, searched, telling
+from gcs_formation.studies.dataset import Dataset, Flights, flights_of
+from gcs_formation.studies.figures import crossings_of, edges_of, heat_maps, marginals, pairs, searched, telling
 from gcs_formation.studies.preparation import load_study
 from gcs_formation.studies.report import write_study_report
 

@@ -14,7 +14,7 @@ from gcs_formation.record.expectations import Verdict
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import write_parquet
-from gcs_formation.testing.plan import FlownFlight, Violation
+from gcs_formation.testing.plan import FlownFlight, in_words
 
 TIME_S = np.arange(-20, 301) / 10.0
 
@@ -133,7 +133,7 @@ def test_many_violations_are_counted(tmp_path):
     with pytest.raises(AssertionError) as broken:
         flight.stays_within(1.0)
     assert str(broken.value).count("|error_") == 6
-    assert str(Violation(1.0, 2.0, "x", VehicleId(2, 9))).startswith("vehicle 2:9:")
+    assert in_words(VehicleId(2, 9), "x", 1.0, 2.0).startswith("vehicle 2:9:")
 
 
 def test_a_bound_that_is_no_number_settles_nobody(tmp_path):

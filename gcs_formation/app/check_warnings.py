@@ -1,4 +1,4 @@
-"""What `check` says of links: how long a formation takes to assemble, and what unequal delays cost.
+"""What `check` warns of beside margins: unequal delays, the start, and what is planned but never comes.
 
 A round trip doesn't tell how it is split, so half of it is taken each way. A vehicle whose uplink takes d longer than
 its downlink then has its clock mapped d/2 too early, and is kept where it should have been d/2 ago. What leader and
@@ -17,11 +17,15 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
+from formation_scenario.begin_and_end import planned_end_s
+from formation_scenario.feasibility import unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from gcs_formation.guidance.join_route import join
 from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.parameters import hold_radius_m
 
+PLANES_MOST_HZ = 40.0
+"""Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
 LEAST_M = 0.05
 """Smallest error that is worth a warning."""
 SURE = 0.95
@@ -94,7 +98,6 @@ class Assembly(NamedTuple):
     lap_radius_m: float
 
     def __str__(self) -> str:
-        """Return it in words."""
         needed = (
             "" if self.least_run_in_s is None else f"begins at once after a run-in of {self.least_run_in_s:.1f} s; "
         )
@@ -189,3 +192,50 @@ def _lap_s(scenario: Scenario, radius_m: float) -> float:
     run_in_m = max(scenario.start.run_in_s, SETTLE_S) * speed
     round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
     return (round_m + run_in_m - before_m) / speed + DECISION_S
+
+
+def refused_rate(scenario: Scenario) -> str | None:
+    """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
+    planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
+    rate_hz = scenario.telemetry.rate_hz
+    if not planes or rate_hz <= PLANES_MOST_HZ:
+        return None
+    return (
+        f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
+        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
+    )
+
+
+def slots_of_no_shape(scenario: Scenario) -> str | None:
+    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
+    formation = scenario.formation
+    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
+    if formation.slots_m is None or "custom" in flown:
+        return None
+    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
+
+
+def never_reached(scenario: Scenario) -> Iterator[str]:
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
+    end_s, whole_s = planned_end_s(scenario), scenario.duration_s
+    over = f"the flight is over at {end_s:.4g} s"
+    if end_s < whole_s:
+        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
+        yield f"duration_s: found {whole_s:g}; the path ends at {end_s:.4g} s{broken}"
+    for i, entry in enumerate(scenario.expect):
+        if entry.to_s > whole_s:
+            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
+    planned = {
+        "formation.changes": scenario.formation.changes,
+        "links.changes": scenario.links.changes,
+        "disturbances": scenario.disturbances,
+        "orders": scenario.orders,
+        "faults": scenario.faults,
+    }
+    times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
+    times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
+    for key, at_s in times_s.items():
+        if at_s >= end_s:
+            yield f"{key}: found {at_s:g}; {over}"
+    if text := unfinished_change(scenario, end_s):
+        yield text
