@@ -22,7 +22,7 @@ from gcs_formation import parameters
 from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.estimator import UPDRAUGHT_RADPS, Sample, StateEstimator, VehicleFilter, heading_shown
+from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid, points_ahead
@@ -80,7 +80,7 @@ class FormationController:
             self.history,
             scenario.telemetry.rate_hz,
             0.0 if scenario.hovers else observer_radps,
-            UPDRAUGHT_RADPS if observer_radps > 0.0 else 0.0,
+            updraughts=observer_radps > 0.0,
         )
 
     @property

@@ -49,9 +49,11 @@ GUST_RADPS: Final = 1.0
 lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
-UPDRAUGHT_RADPS: Final = 1.0
-"""Bandwidth with which what carries a vehicle up or down is followed: of a vehicle of which the model tells nothing it
-takes no more of the height loop's delay margin than links of 0.3 s each way leave."""
+UPDRAUGHT_GAIN: Final = 2.0
+"""How many metres a height setpoint answers each metre of height, in a fast swing, that the model doesn't explain.
+
+Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
+"""
 FIRST_WIND_RADPS: Final = 0.2
 """Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
 its whole noise, which would be flown for as long as the observation is slow."""
@@ -133,8 +135,8 @@ def heading_shown(state: FlightState, north_mps: float, east_mps: float) -> floa
 class VehicleFilter:
     """The filter of one vehicle."""
 
-    def __init__(self, noise: VehicleNoise, wind_radps: float, updraught_radps: float, telemetry_hz: float) -> None:
-        """Start with nothing known; the bandwidths and `telemetry_hz` are those of `StateEstimator`."""
+    def __init__(self, noise: VehicleNoise, wind_radps: float, telemetry_hz: float, *, updraughts: bool) -> None:
+        """Start with nothing known; the arguments are those of `StateEstimator`."""
         self.noise = noise
         self.stray = PlaceStray()
         self.state: FlightState | None = None
@@ -144,7 +146,7 @@ class VehicleFilter:
         self.height = HeightCovariance(0.0, 0.0)
         self._felt_mps: float = 0.0
         """What carries it up besides its own climb; of its state it is as far as that is followed."""
-        self._updraught_radps = updraught_radps
+        self._updraughts = updraughts
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
@@ -245,9 +247,11 @@ class VehicleFilter:
         Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
         it, and a difference that doesn't last ends by both lags.
         """
+        if not self._updraughts:
+            return
         left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
         self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
-        share = 1.0 - math.exp(-self._updraught_radps * elapsed_s)
+        share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / (model.tau_ha_s + model.tau_hb_s))
         state.updraught_mps += share * (self._felt_mps - state.updraught_mps)
 
     def _wind_of(self, values: Values) -> tuple[float, float]:
@@ -294,7 +298,8 @@ class StateEstimator:
         history: SetpointHistory,
         telemetry_hz: float,
         wind_radps: float,
-        updraught_radps: float = UPDRAUGHT_RADPS,
+        *,
+        updraughts: bool = True,
     ) -> None:
         """Start with nothing known.
 
@@ -303,9 +308,9 @@ class StateEstimator:
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
             wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
-            updraught_radps: bandwidth with which what carries them up or down is followed; 0: it stays 0.
+            updraughts: whether what carries them up or down is followed; else it stays 0.
         """
-        self.filters = [VehicleFilter(each, wind_radps, updraught_radps, telemetry_hz) for each in noise]
+        self.filters = [VehicleFilter(each, wind_radps, telemetry_hz, updraughts=updraughts) for each in noise]
         """Every column's, with its newest state."""
         self._history = history
 

@@ -83,7 +83,7 @@ def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_
         flown.stays_within(0.05, followers=follower, from_s=5)
 
 
-@pytest.mark.parametrize(("delay_ms", "most_m", "rms_m"), [(20, 0.35, 0.15), (300, 0.65, 0.28)])
+@pytest.mark.parametrize(("delay_ms", "most_m", "rms_m"), [(20, 0.4, 0.21), (300, 0.7, 0.37)])
 def test_a_downdraught_on_one_is_made_up_for_before_the_loops_integral_has_it(plan, delay_ms, most_m, rms_m):
     """By (7) alone 0.5 m/s keep a vehicle 0.5 (tau_ha + tau_hb) = 2 m below its setpoint."""
     sinking = [{"at_s": 4, "vehicles": [2], "velocity_mps": [0.0, 0.0, 0.5]}]
@@ -146,7 +146,7 @@ def test_with_noise_like_a_gnss_receivers_the_rms_error_stays_below_a_quarter_of
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("autopilot", "speed_mps", "height_m"), [("emulator", 22, 0.8), ("px4", 14, 2.0)])
+@pytest.mark.parametrize(("autopilot", "speed_mps", "height_m"), [("emulator", 22, 1.0), ("px4", 14, 2.5)])
 def test_in_turbulence_nobody_is_said_to_disobey_or_to_come_near_a_delay_margin(plan, autopilot, speed_mps, height_m):
     """PX4 turns against gusts by itself, as it is told courses; its airspeeds have little room for a minute."""
     vehicles = {"count": 3, "autopilot": autopilot}
