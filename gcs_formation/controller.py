@@ -80,7 +80,7 @@ class FormationController:
             self.history,
             scenario.telemetry.rate_hz,
             0.0 if scenario.hovers else observer_radps,
-            updraughts=observer_radps > 0.0,
+            updraughts=observer_radps > 0.0 and self._compensates,  # late answers would swing
         )
 
     @property

@@ -54,6 +54,8 @@ UPDRAUGHT_GAIN: Final = 2.0
 
 Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
 """
+UPDRAUGHT_SIGMAS: Final = 2.0
+"""Standard deviations of a sample's climb below which it may be noise."""
 FIRST_WIND_RADPS: Final = 0.2
 """Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
 its whole noise, which would be flown for as long as the observation is slow."""
@@ -245,14 +247,16 @@ class VehicleFilter:
         """Take by how much it climbs faster than the model has it in the updraught that its `state` has.
 
         Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
-        it, and a difference that doesn't last ends by both lags.
+        it, and a difference that doesn't last ends by both lags. It is followed as far as it stands out from noise.
         """
         if not self._updraughts:
             return
         left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
         self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
         share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / (model.tau_ha_s + model.tau_hb_s))
-        state.updraught_mps += share * (self._felt_mps - state.updraught_mps)
+        noise = squared(UPDRAUGHT_SIGMAS) * self.noise.values[5]
+        certain = max(1.0 - noise / max(squared(self._felt_mps), noise), 0.0)
+        state.updraught_mps += share * (certain * self._felt_mps - state.updraught_mps)
 
     def _wind_of(self, values: Values) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
