@@ -195,8 +195,8 @@ class FlightState:
             self.airspeed_mps * math.sin(self.heading_rad) + self.wind_east_mps,
         )
 
-    def values(self) -> tuple[float, float, float, float, float, float, float, float]:
-        """Return the quantities in the order of the constructor's arguments, without the updraught."""
+    def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
+        """Return the quantities in the order of the constructor's arguments."""
         return (
             self.north_m,
             self.east_m,
@@ -206,6 +206,7 @@ class FlightState:
             self.heading_rad,
             self.wind_north_mps,
             self.wind_east_mps,
+            self.updraught_mps,
         )
 
 

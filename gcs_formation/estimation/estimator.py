@@ -35,6 +35,7 @@ from gcs_formation.estimation.noise import (
     weighed,
 )
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.updraught import Updraught
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
@@ -49,13 +50,6 @@ GUST_RADPS: Final = 1.0
 lags or is off, and would show gusts that aren't there."""
 GUST_SIGMAS: Final = 4.0
 """Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
-UPDRAUGHT_GAIN: Final = 2.0
-"""How many metres a height setpoint answers each metre of height, in a fast swing, that the model doesn't explain.
-
-Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
-"""
-UPDRAUGHT_SIGMAS: Final = 2.0
-"""Standard deviations of a sample's climb below which it may be noise."""
 FIRST_WIND_RADPS: Final = 0.2
 """Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
 its whole noise, which would be flown for as long as the observation is slow."""
@@ -146,9 +140,7 @@ class VehicleFilter:
         """Of the state, ns."""
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
-        self._felt_mps: float = 0.0
-        """What carries it up besides its own climb; of its state it is as far as that is followed."""
-        self._updraughts = updraughts
+        self.updraught = Updraught(followed=updraughts)
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
@@ -169,7 +161,7 @@ class VehicleFilter:
         )
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
-        self._felt_mps = 0.0
+        self.updraught.forget()
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
@@ -200,7 +192,7 @@ class VehicleFilter:
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
         self._move(predicted, along, difference, weighed(variances, own, excess))
-        self._feel(predicted, predicted.climb_mps - climb_mps, elapsed_s, model)
+        self.updraught.feel(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         self._residual = innovation(values, predicted)
@@ -242,21 +234,6 @@ class VehicleFilter:
         of_wind = squared(wind)
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
         self.height.climb += squared(climb) * elapsed_s
-
-    def _feel(self, state: FlightState, climbs_mps: float, elapsed_s: float, model: AutopilotModel) -> None:
-        """Take by how much it climbs faster than the model has it in the updraught that its `state` has.
-
-        Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
-        it, and a difference that doesn't last ends by both lags. It is followed as far as it stands out from noise.
-        """
-        if not self._updraughts:
-            return
-        left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
-        self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
-        share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / (model.tau_ha_s + model.tau_hb_s))
-        noise = squared(UPDRAUGHT_SIGMAS) * self.noise.values[5]
-        certain = max(1.0 - noise / max(squared(self._felt_mps), noise), 0.0)
-        state.updraught_mps += share * (certain * self._felt_mps - state.updraught_mps)
 
     def _wind_of(self, values: Values) -> tuple[float, float]:
         """Return the wind that a sample tells by itself."""
@@ -322,6 +299,11 @@ class StateEstimator:
         """Follow the wind at most so fast from now on."""
         for each in self.filters:
             each.wind_radps = wind_radps
+
+    @property
+    def sway_m(self) -> float:
+        """How far air that rises and sinks moves the one that it moves farthest, a standard deviation."""
+        return math.sqrt(max([each.updraught.sway_m2 for each in self.filters]))
 
     def age_s(self, column: int, now: Instant) -> float:
         """Return how old a column's state is, in s; NaN when it has none."""

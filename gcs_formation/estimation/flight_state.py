@@ -67,6 +67,8 @@ class FlightStates(Columns):
     heading_rad = Row(5)
     wind_north_mps = Row(6)
     wind_east_mps = Row(7)
+    updraught_mps = Row(8)
+    """What of the climb is the air's."""
     place_m = Row(slice(0, 3))
     """North, east and height, (3, N)."""
     level_m = Row(slice(0, 2))
@@ -76,7 +78,7 @@ class FlightStates(Columns):
     air_motion = Row(slice(4, 6))
     """Airspeed and heading, (2, N)."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913, PLR0917 - a state's rows
         self,
         north_m: Array,
         east_m: Array,
@@ -86,9 +88,12 @@ class FlightStates(Columns):
         heading_rad: Array,
         wind_north_mps: Array,
         wind_east_mps: Array,
+        updraught_mps: Array | None = None,
     ) -> None:
-        """Build the states from (N,) each."""
-        super().__init__(north_m, east_m, height_m, climb_mps, airspeed_mps, heading_rad, wind_north_mps, wind_east_mps)
+        """Build the states from (N,) each; without an updraught it is 0."""
+        carried_mps = np.zeros_like(north_m) if updraught_mps is None else updraught_mps
+        air = airspeed_mps, heading_rad, wind_north_mps, wind_east_mps, carried_mps
+        super().__init__(north_m, east_m, height_m, climb_mps, *air)
 
     @classmethod
     def from_each(cls, states: Iterable[FlightState]) -> FlightStates:
@@ -167,7 +172,7 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
     """Return the state when setpoints have been held for `duration_s`, by the closed forms of equation (7).
 
     Speed and heading errors decay exponentially, and linearly while a rate limit holds them. The distance flown is
-    their integral by Gauss quadrature. The height follows its two real poles. The wind is constant.
+    their integral by Gauss quadrature. The height follows its two real poles. Wind and updraught are constant.
 
     Args:
         state: (N,) columns.
@@ -183,7 +188,8 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
     along = begin + error - lags.remaining(error, (_NODES * duration_s)[:, None])
     way_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
     height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
-    height = steps.after(0, height, np.where(np.isnan(aim_m), steps.level_m(height), aim_m))
+    lifted_m = lift_m(state, model)
+    height = steps.after(0, height, steps.commanded_m(height, aim_m, lifted_m) + lifted_m)
     return FlightStates(
         north_m=state.north_m + np.add.reduce(way_m * np.cos(heading)) + state.wind_north_mps * duration_s,
         east_m=state.east_m + np.add.reduce(way_m * np.sin(heading)) + state.wind_east_mps * duration_s,
@@ -193,7 +199,13 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
         heading_rad=end[1],
         wind_north_mps=state.wind_north_mps,
         wind_east_mps=state.wind_east_mps,
+        updraught_mps=state.updraught_mps,
     )
+
+
+def lift_m(state: FlightStates, model: AutopilotModels) -> Array:
+    """Return how far above their height setpoints air that rises takes vehicles in the end, (N,)."""
+    return (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
 
 
 class AirLags(NamedTuple):
@@ -262,9 +274,10 @@ class HeightSteps(NamedTuple):
         fast_left = np.exp(-time_s / fast)
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
 
-    def level_m(self, height: Height) -> Array:
-        """Return the height at which vehicles that stop climbing level off, (N,) in m."""
-        return height.height_m + self.carried_s * height.climb_mps
+    def commanded_m(self, height: Height, setpoint_m: Array, lifted_m: Array) -> Array:
+        """Return setpoints (N,) of height; NaN: one at which vehicles that are lifted so far stop climbing."""
+        level_m = height.height_m + self.carried_s * height.climb_mps
+        return np.where(np.isnan(setpoint_m), level_m - lifted_m, setpoint_m)
 
     def after(self, step: int, height: Height, target_m: Array) -> Height:
         """Return the height after a step; a climb beyond the limit counts as the limit."""

@@ -223,6 +223,4 @@ def _between(before: FlightState, after: FlightState, share: float) -> FlightSta
     steps = [late - early for early, late in zip(before.values(), after.values(), strict=True)]
     steps[HEADING] = wrap(steps[HEADING])
     values = (early + share * step for early, step in zip(before.values(), steps, strict=True))
-    state = FlightState(*values)
-    state.updraught_mps = before.updraught_mps
-    return state
+    return FlightState(*values)

@@ -197,9 +197,9 @@ class Course:
         """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
         ahead = self._controller.ahead_m if opens else stays
-        gap_m = self._scenario.safety.avoidance.distance_m
+        gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
         climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)
-        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, climb_mps)
+        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
         self.opening = None
         if opens:

@@ -34,6 +34,7 @@ class Ending:
         landings: Landings | None = None,
         ahead: Ahead = stays,
         gap_m: float = 0.0,
+        sway_m: float = 0.0,
         climb_mps: float = math.inf,
     ) -> None:
         """Find everyone's place for the end; nobody is commanded yet.
@@ -45,6 +46,7 @@ class Ending:
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
             ahead: the way on of a formation that is opened; by default vehicles leave where they are.
             gap_m: the distance that vehicles must be apart.
+            sway_m: how far the air moves vehicles off their heights, a standard deviation.
             climb_mps: how fast all of them climb.
         """
         self.landings = landings or Landings(lambda: why_not(vehicles, ground))
@@ -52,7 +54,7 @@ class Ending:
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
         lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
-        self.stack = Stack(gap_m, lowest_m, together=manner != "loiter", stand=stand)
+        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=stand)
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps)
         """Longest time for which the formation is opened."""
         self._loiter_s = 0.0

@@ -32,7 +32,9 @@ FORGOTTEN_AFTER_S = 30.0
 COMMANDED_M = 0.5
 """How near its own height one must be told to fly."""
 BESIDE_M = 5.0
-"""What circles are farther apart than vehicles must be."""
+"""What circles are farther apart than vehicles must be, in calm air."""
+SWAY_SIGMAS = 4.0
+"""In air that isn't, this many standard deviations of how far it moves two that circle apart or together."""
 
 Ahead = Callable[[float], Sequence[tuple[float, float]]]
 """How far north and east the formation gets in some seconds, m, point by point; in more seconds by more points."""
@@ -60,19 +62,27 @@ class Stack:
     """Heights at which vehicles circle, one above the other."""
 
     def __init__(
-        self, gap_m: float = 0.0, floor_m: float = -math.inf, *, together: bool = False, stand: bool = False
+        self,
+        gap_m: float = 0.0,
+        floor_m: float = -math.inf,
+        *,
+        sway_m: float = 0.0,
+        together: bool = False,
+        stand: bool = False,
     ) -> None:
         """Start empty; nobody is given a height below `floor_m`.
 
         Args:
             gap_m: the distance that vehicles must be apart.
             floor_m: the lowest height.
+            sway_m: how far the air moves vehicles off their heights, a standard deviation.
             together: whether all circle at one place, wherever they are now.
             stand: whether all stand where they are instead, at the heights that they have.
         """
         self.heights_m: dict[VehicleId, float] = {}
         """Everybody's height above the origin."""
-        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + BESIDE_M))
+        beside_m = max(BESIDE_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
+        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + beside_m))
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 

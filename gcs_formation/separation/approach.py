@@ -18,6 +18,7 @@ from gcs_formation.estimation.flight_state import (
     Row,
     Setpoints,
     advance,
+    lift_m,
 )
 
 FINE_S, COARSE_S = 0.5, 1.0
@@ -210,10 +211,11 @@ def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps
     """Return (S, N) heights from `state` on."""
     steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
-    target_m = np.where(np.isnan(target_m), steps.level_m(height), target_m)
+    lifted_m = lift_m(state, model)
+    target_m = steps.commanded_m(height, target_m, lifted_m)
     heights = [height.height_m]
     for k in range(steps_s.size):
         aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)
-        height = steps.after(k, height, aim_m)
+        height = steps.after(k, height, aim_m + lifted_m)
         heights.append(height.height_m)
     return np.array(heights)

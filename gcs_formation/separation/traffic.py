@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import AirLags, FlightStates, Setpoints
+from gcs_formation.estimation.flight_state import AirLags, FlightStates, Setpoints, lift_m
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
@@ -117,7 +117,7 @@ def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoe
 
 
 def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:
-    """Return the heights at which a vehicle passes others that end at `ends_m`.
+    """Return the heights to command a vehicle to, in the air that carries it, to pass others that end at `ends_m`.
 
     Those on its side come first, then the nearest; upwards where it's the same.
     """
@@ -131,7 +131,8 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     own_m = float(picture.traffic.state.height_m[vehicle])
     other_side = (sides != side) & (side != 0)
     far_m = np.round(np.abs(heights - own_m), 6)
-    return heights[np.lexsort((-sides, far_m, other_side))]
+    lifted_m = lift_m(picture.traffic.state, picture.traffic.model)[vehicle]
+    return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m
 
 
 def _length(vectors: Array) -> Array:

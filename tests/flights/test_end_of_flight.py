@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +61,20 @@ def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
     world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
     heights_m = sorted(body.state.height_m for body in world.fleet.bodies)
     assert np.diff(heights_m).min() > 9.9
+
+
+def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
+    """Turbulence of a wind of 15 m/s moves vehicles by 4 m and more off their heights: 15 m were too little for circles."""
+    rough = {"kind": "dryden", "at_s": 0, "vehicles": "all", "wind_6m_mps": 15.0}
+    world = World(vehicles={"count": 3}, disturbances=[rough], finish={"loiter_s": 0})
+    world.fly_to(10.0)
+    sway_m = world.station.controller.estimator.sway_m
+    assert 1.0 < sway_m < 8.0
+    world.station.course.stop(world.clock.now())
+    world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
+    world.run()
+    wanted_m = sorted(body.steering.height_m for body in world.fleet.bodies)
+    assert np.diff(wanted_m).min() > 10.0 + 0.9 * 4.0 * math.hypot(sway_m, sway_m) > 16.0
 
 
 @pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])

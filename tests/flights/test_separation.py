@@ -143,9 +143,9 @@ def dryden(seed: int, shape: str) -> dict[str, Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["square", "line", "follower"])
 def test_heavy_turbulence_brings_near_slots_and_those_that_circle_together_in_few_flights(fly: Fly, shape: str) -> None:
-    """Nine of ten keep to the limit of 5 m, half of them to 6.5 m; the nearest of 60 flights are among these.
+    """Nine of ten keep to the limit of 5 m, half of them to 6.5 m; the nearest of 60 flights is among these.
 
-    The rule isn't proof against gusts that nobody foresees (docs/separation.md): 2 of the 60 came below 5 m.
+    The rule isn't proof against gusts that nobody foresees (docs/separation.md): 1 of the 60 came below 5 m.
     """
     flights = [fly(**dryden(seed, shape)).to_dict()["safety"] for seed in range(11, 21)]
     nearest_m = sorted(each["min_separation_m"] for each in flights)

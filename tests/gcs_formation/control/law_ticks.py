@@ -80,7 +80,7 @@ def parameters(
 
 
 def state(rows: Array) -> FlightStates:
-    return FlightStates.of(np.array(rows, dtype=float))
+    return FlightStates(*np.array(rows, dtype=float))
 
 
 def in_formation(heading_rad: float = 0.0) -> FlightStates:
@@ -126,17 +126,15 @@ def flown(states: FlightStates, told: Setpoints, over_s: float, leader_turns_rps
         aim = told.table.copy()
         aim[1, LEADER] += leader_turns_rps * at_s
         speed, heading, (slow, fast) = now[4], now[5], MODEL.table[2:4]
-        climbing = (aim[2] - now[2] - (slow + fast) * now[3]) / (slow * fast)
+        climbing = (aim[2] - now[2] - (slow + fast) * (now[3] - now[8])) / (slow * fast)
         north, east = speed * np.cos(heading) + now[6], speed * np.sin(heading) + now[7]
         turning = (aim[1] - heading) / MODEL.tau_psi_s
-        return np.array(
-            (north, east, now[3], climbing, (aim[0] - speed) / MODEL.tau_v_s, turning, *np.zeros_like(aim[:2]))
-        )
+        return np.array((north, east, now[3], climbing, (aim[0] - speed) / MODEL.tau_v_s, turning, *np.zeros_like(aim)))
 
     for k in range(400):
         middle = table + step_s / 2 * rates(table, k * step_s)
         table = table + step_s * rates(middle, (k + 0.5) * step_s)
-    return FlightStates.of(table)
+    return FlightStates(*table)
 
 
 def sent(decision: Decision) -> Array:
@@ -147,7 +145,7 @@ def sent(decision: Decision) -> Array:
 def with_rows(states: FlightStates, rows: slice | int, values: Array, columns: slice = FOLLOWERS) -> FlightStates:
     table = states.table.copy()
     table[rows, columns] = values
-    return FlightStates.of(table)
+    return FlightStates(*table)
 
 
 def carried(wind_mps: tuple[float, float]) -> FlightStates:

@@ -51,7 +51,7 @@ def keeping_up() -> tuple[FlightStates, SlotMotion]:
     table = states.table.copy()
     table[3] = 0.5 + velocity_mps[:, 2]
     table[4], table[5] = np.hypot(forward_mps, right_mps), 0.1 + np.arctan2(right_mps, forward_mps)
-    return FlightStates.of(table), SlotMotion(SLOTS_M, velocity_mps, acceleration_mps2)
+    return FlightStates(*table), SlotMotion(SLOTS_M, velocity_mps, acceleration_mps2)
 
 
 def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
@@ -251,7 +251,7 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
     turn_rps, table = 0.03, in_formation().table
     forward_mps, right_mps = SPEED_MPS - turn_rps * SLOTS_M[:, 1], turn_rps * SLOTS_M[:, 0]
     table[4], table[5] = np.hypot(forward_mps, right_mps), np.arctan2(right_mps, forward_mps)
-    states, plain, derivative = FlightStates.of(table), law(), law(kd=np.ones(3))
+    states, plain, derivative = FlightStates(*table), law(), law(kd=np.ones(3))
     ended_s = HELD_S[1] - DT_S  # lags of those that were flying at their mean rate as the tick before ended
     told = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
     for tick in range(20):

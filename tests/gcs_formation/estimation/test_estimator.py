@@ -7,6 +7,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from flight_model.arrays import Array
+from flight_model.autopilot import FlightState
 from flight_model.filtered_noise import UNMODELLED, WIND_WALK
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
@@ -14,6 +15,7 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.updraught import Updraught
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
@@ -51,7 +53,7 @@ class Flight:
         tables.send(self.history, since, told)
         self.now += STEP_NS
         until = np.array([self.now])
-        self.true = tables.predict(self.history, FlightStates(*self.true[:, None]), since, until, MODEL).table[:, 0]
+        self.true = tables.predict(self.history, FlightStates(*self.true[:, None]), since, until, MODEL).table[:8, 0]
         walk = np.array((0, 0, 0, *UNMODELLED, WIND_WALK, WIND_WALK))
         self.true = self.true + walk * math.sqrt(0.1) * self.random.standard_normal(8)
         self.true[HEADING] += yanked_rad
@@ -65,7 +67,7 @@ class Flight:
         return state
 
     def error(self):
-        error = np.array(self.state.values()) - self.true
+        error = np.array(self.state.values()[:8]) - self.true
         error[HEADING] = math.remainder(error[HEADING], math.tau)
         return error
 
@@ -179,7 +181,7 @@ def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
         since, until = np.array([flight.now]), np.array([flight.now + STEP_NS])
         tables.send(flight.history, since, told)
         flown = FlightStates(*flight.true[:, None])
-        flight.true = tables.predict(flight.history, flown, since, until, MODEL).table[:, 0]
+        flight.true = tables.predict(flight.history, flown, since, until, MODEL).table[:8, 0]
         carried_mps = 0.5 if step >= 100 else 0.0
         flight.true[2] += carried_mps * STEP_NS / 1e9
         flight.now += STEP_NS
@@ -188,6 +190,24 @@ def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
     assert felt_mps[:100] == pytest.approx([0.0] * 100, abs=0.02)
     assert felt_mps[115] > 0.2
     assert felt_mps[150:] == pytest.approx([0.5] * 50, abs=0.05)
+    lags_s = MODEL.tau_ha_s[0] + MODEL.tau_hb_s[0]
+    assert flight.filter.sway_m == pytest.approx(lags_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
+
+
+def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_anew():
+    updraught, still = Updraught(followed=False), FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
+    (model,) = tables.models(MODEL)
+
+    def fly(seconds, climbs_mps):
+        for _ in range(10 * seconds):
+            updraught.feel(still, climbs_mps, 1e-6, 0.1, model)
+        return updraught.sway_m2
+
+    rough_m2 = fly(60, 0.2)
+    updraught.forget()
+    assert rough_m2 > 1.0
+    assert fly(60, 0.0) == pytest.approx(rough_m2 / math.e, rel=0.05)
+    assert still.updraught_mps == 0.0
 
 
 def test_outliers_are_ridden_through():
@@ -246,7 +266,7 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     tables.send(flight.history, np.array([0]), Setpoints(*(np.array([value]) for value in (22.5, 0.3, 101.0))))
 
     def predicted(state):
-        return tables.predict(flight.history, FlightStates(*state[:, None]), np.array([0]), until, MODEL).table[:, 0]
+        return tables.predict(flight.history, FlightStates(*state[:, None]), np.array([0]), until, MODEL).table[:8, 0]
 
     small = 1e-5 * np.eye(8)
     derivative = np.stack([(predicted(START + each) - predicted(START - each)) / 2e-5 for each in small], axis=1)
@@ -288,7 +308,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     kept = np.eye(8) - gain @ rows
     corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T
     np.testing.assert_allclose(flight.covariance(), corrected, rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(flight.state.values(), state.table[:, 0] + gain @ off, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(flight.state.values()[:8], state.table[:8, 0] + gain @ off, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(learnt[0], off, rtol=1e-6, atol=1e-9)
 
 

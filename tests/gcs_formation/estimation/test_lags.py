@@ -58,7 +58,7 @@ def flown(
     believed = tables.models(models(np.ones((count, 4))))
     lags = kind(believed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
-    state, random = FlightStates.of(np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
+    state, random = FlightStates(*np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
     for tick in range(round(seconds / TICK_S)):
         told = np.repeat(np.array(tell(tick * TICK_S), dtype=float)[:, None], count, axis=1)

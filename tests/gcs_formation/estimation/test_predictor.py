@@ -21,7 +21,7 @@ def column(*values: float) -> list[np.ndarray]:
 MODEL = AutopilotModels(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
 
 
-def derivative(_: float, y: Any, told: tuple[float, float, float]) -> list[float]:
+def derivative(_: float, y: Any, told: tuple[float, float, float], updraught_mps: float) -> list[float]:
     north, east, height, climb, speed, heading = y
     del north, east
     error = (told[1] - heading + np.pi) % (2 * np.pi) - np.pi
@@ -29,7 +29,7 @@ def derivative(_: float, y: Any, told: tuple[float, float, float]) -> list[float
         speed * np.cos(heading) + 0.7,
         speed * np.sin(heading) - 0.4,
         climb,
-        -(1 / 1.0 + 1 / 3.0) * climb + (told[2] - height) / 3.0,
+        -(1 / 1.0 + 1 / 3.0) * (climb - updraught_mps) + (told[2] - height) / 3.0,
         np.clip((told[0] - speed) / 4.0, -1.5, 1.5),
         np.clip(error / 1.5, -0.25, 0.25),
     ]
@@ -43,15 +43,17 @@ def derivative(_: float, y: Any, told: tuple[float, float, float]) -> list[float
     st.floats(16, 28),
     st.floats(-0.5, 0.5),
     st.floats(0.05, 0.3),
+    st.floats(-1.0, 1.0),
 )
 def test_equals_the_integrated_model(
-    speed: float, heading: float, climb_to: float, told_speed: float, turn: float, duration_s: float
+    speed: float, heading: float, climb_to: float, told_speed: float, turn: float, duration_s: float, rising_mps: float
 ) -> None:
     start = (10.0, -20.0, 100.0, 0.2, speed, heading)
     told = (told_speed, heading + turn, 100.0 + climb_to)
-    peer = solve_ivp(derivative, (0, duration_s), start, args=(told,), rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
+    args, span_s = (told, rising_mps), (0, duration_s)
+    peer = solve_ivp(derivative, span_s, start, args=args, rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
     ours = advance(
-        FlightStates(*column(*start, 0.7, -0.4)),
+        FlightStates(*column(*start, 0.7, -0.4, rising_mps)),
         np.array(told)[:, None],
         np.array([duration_s]),
         MODEL,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 
 import pytest
@@ -46,6 +47,15 @@ def test_where_more_than_15_m_are_to_be_kept_circles_are_5_m_farther_apart_than_
     stack = Stack(20.0)
     stack.take(named(obeys(100.0), obeys(100.0)))
     assert heights(stack) == [100.0, 125.0]
+
+
+def test_in_air_that_moves_them_circles_are_four_standard_deviations_of_their_distance_farther_apart() -> None:
+    stack = Stack(GAP_M, sway_m=3.0)
+    stack.take(named(obeys(100.0), obeys(100.0)))
+    assert heights(stack) == pytest.approx([100.0, 110.0 + 4.0 * math.hypot(3.0, 3.0)])
+    calm = Stack(GAP_M, sway_m=0.5)
+    calm.take(named(obeys(100.0), obeys(100.0)))
+    assert heights(calm) == [100.0, 115.0]
 
 
 def test_all_heights_between_which_a_deaf_one_may_be_are_left_to_it() -> None:

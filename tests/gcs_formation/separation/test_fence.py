@@ -60,7 +60,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     limits, model = FenceLimits(planned, models), AutopilotModels.from_each(models)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
-    state = FlightStates.of(np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
+    state = FlightStates(*np.array([*np.full((2, count), -300.0), height, climb, speed, heading, wind, still]))
     wanted, turned = heading, np.zeros(count, dtype=bool)
     for step in range(500):
         if step % 100 == 0:
@@ -74,7 +74,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_models(fenced()))
-    state = FlightStates.of(np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
+    state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):
         now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))

@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs_formation.estimation.flight_state import Setpoints
 from gcs_formation.separation.giving_way import resolve
+from gcs_formation.separation.traffic import BESIDE_M
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0
@@ -123,3 +125,25 @@ def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float,
     decided = resolve(picture(vehicles, vehicles.state, law), np.zeros(count))
     assert decided.setpoints.table.tobytes() == law.table.tobytes()
     assert not decided.side.any()
+
+
+@pytest.mark.parametrize(
+    ("rising_mps", "told_m", "gives_way"),
+    [(1.0, 106.1, False), (-1.0, 114.1, False), (-1.0, 110.1, True), (1.0, 98.1, True)],
+)
+def test_the_air_that_carries_a_vehicle_is_part_of_its_way(
+    rising_mps: float, told_m: float, *, gives_way: bool
+) -> None:
+    """One flies 10.1 m above another, where 10 m are kept, in air that rises or sinks.
+
+    Its lags add up to 4 s: told 4 m less than its height in air that rises at 1 m/s, it keeps that.
+    """
+    vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [0, 0, 110.1, 22, 0, 0]])
+    state = vehicles.state
+    state.updraught_mps[1] = rising_mps
+    told = Setpoints(state.airspeed_mps, state.heading_rad, np.array([100.0, told_m]))
+    decided = resolve(picture(vehicles, state, told), np.zeros(2))
+    assert bool(decided.side[1]) == gives_way
+    if gives_way:
+        pass_m = 100.0 + KEPT_M + BESIDE_M
+        assert decided.setpoints.height_m[1] == pytest.approx(pass_m - 4.0 * rising_mps)
