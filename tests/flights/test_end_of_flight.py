@@ -64,7 +64,7 @@ def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
 
 
 def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
-    """Turbulence of a wind of 15 m/s moves vehicles by 4 m and more off their heights: 15 m were too little for circles."""
+    """Turbulence of a wind of 15 m/s moves vehicles off their heights by 4 m and more: circles 15 m apart meet."""
     rough = {"kind": "dryden", "at_s": 0, "vehicles": "all", "wind_6m_mps": 15.0}
     world = World(vehicles={"count": 3}, disturbances=[rough], finish={"loiter_s": 0})
     world.fly_to(10.0)
