@@ -164,12 +164,13 @@ class MarginWatch:
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
         """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
-        off = self._lags_off
-        return max(
-            (usage.of_lags(delay, off[channel][column]), channel)
-            for axis, usage in axes.items()
-            for channel in _channels(axis)
-        )
+        most, whose = 0.0, 0
+        for axis, usage in axes.items():
+            for channel in _channels(axis):
+                used = usage.of_lags(delay, self._lags_off[channel][column])
+                if used > most:
+                    most, whose = used, channel
+        return most, whose
 
     def _let_go(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that leads now."""

@@ -82,8 +82,11 @@ class ClockSync:
         """Forget the round trips before the last few, where these are far from the others' median."""
         if len(self._recent) <= STEPPED:
             return
-        before, since = self._recent[:-STEPPED], self._recent[-STEPPED:]
-        near_s = FAR * (max(since) - min(since))
+        since = self._recent[-STEPPED:]
+        near_s = FAR * _range(since)
+        if _range(self._recent) <= near_s:
+            return  # as nearly always: no two are farther apart
+        before = self._recent[:-STEPPED]
         apart_s = abs(_median(since) - _median(before))
         if apart_s > near_s and apart_s > near_s + FAR * _usual_scatter(before):
             self._recent = since
@@ -180,6 +183,14 @@ class ClockSync:
         excess_s = self.round_trip_s - fastest_s
         scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
         return squared(RESOLUTION_S) + (squared(excess_s) + squared(scatter_s)) / 4
+
+
+def _range(values: list[float]) -> float:
+    """Return by how much the greatest of one value or more exceeds the least."""
+    least = greatest = values[0]
+    for each in values:
+        least, greatest = min(least, each), max(greatest, each)
+    return greatest - least
 
 
 def _usual_scatter(values: list[float]) -> float:

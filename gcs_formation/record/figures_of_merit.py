@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,12 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
 from formation_scenario.expectation import SETTLED_M
 from gcs_formation.record.flight import Flight
-from gcs_formation.record.timeseries import CHANNELS, ERROR, SETPOINT
+from gcs_formation.record.timeseries import CHANNELS, ERROR, ROWS_AT_ONCE, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
 SETTLED_FOR_S = 10.0
 STEADY_AFTER_S = 30.0
 """Steady flight begins so long after settling."""
-PAIRWISE_UP_TO = 12
-"""Vehicles up to which every pair is looked at; beyond, a tree finds each tick's nearest pair."""
 
 
 def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
@@ -116,24 +113,29 @@ def _in_slot(error_m: Array) -> Mask:
 
 def separation_m(flight: Flight, window: Mask) -> Array:
     """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
-    places = [flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles]
-    ticks = places[0].shape[0]
-    if len(places) <= PAIRWISE_UP_TO:
-        least = np.full(ticks, np.inf)
-        for one, other in combinations(places, 2):
-            least = np.fmin(least, np.linalg.norm(one - other, axis=1))
-        return least
-    stacked = np.stack(places, axis=1)
-    return np.array([_nearest_pair_m(row[np.isfinite(row).all(axis=1)]) for row in stacked])
+    places = np.stack([flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles], axis=1)
+    ticks = max(1, ROWS_AT_ONCE // places.shape[1])
+    return np.concatenate([_nearest_m(places[at : at + ticks]) for at in range(0, max(1, len(places)), ticks)])
 
 
-def _nearest_pair_m(places: Array) -> float:
-    import scipy  # noqa: PLC0415 - only a crowd is worth a tree
+def _nearest_m(places: Array) -> Array:
+    """Return (T,) the least distance of any two of (T, V, 3) places, of which NaN are none; inf below two.
 
-    if len(places) < 2:
-        return float("inf")
-    distances, _ = scipy.spatial.cKDTree(places).query(places, k=2)
-    return float(np.asarray(distances)[:, 1].min())
+    In their order along the axis on which they are spread most, those so many places apart are compared until their
+    gaps on that axis alone are no smaller than what was found.
+    """
+    rows = places.reshape(-1, 3)
+    spread = np.fmax.reduce(rows, initial=-np.inf) - np.fmin.reduce(rows, initial=np.inf)
+    axis = int(spread.argmax())
+    order = places[..., axis].argsort(axis=1)
+    ordered = np.take_along_axis(places, order[..., None], axis=1)
+    nearest = np.full(len(places), np.inf)
+    for apart in range(1, places.shape[1]):
+        step = ordered[:, apart:] - ordered[:, :-apart]
+        if not (np.fmin.reduce(step[..., axis], axis=1, initial=np.inf) < nearest).any():
+            break
+        nearest = np.fmin(nearest, np.fmin.reduce(np.linalg.norm(step, axis=2), axis=1, initial=np.inf))
+    return nearest
 
 
 def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
@@ -160,14 +162,18 @@ def least(values: Array) -> float | None:
 
 def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
     """Return percentiles by name, as in {"p50": …}; None where there are no values."""
-    finite = values[np.isfinite(values)]
-    return {f"p{q}": percentile(finite, q) if finite.size else None for q in wanted}
+    ordered = np.sort(values[np.isfinite(values)])
+    return {f"p{q}": _percentile(ordered, q) if ordered.size else None for q in wanted}
 
 
 def percentile(values: Array, q: float) -> float:
     """Return the same as `np.percentile` of finite values, at least one; that would import numpy.ma."""
-    ordered, place = np.sort(values), (values.size - 1) * (q / 100.0)
+    return _percentile(np.sort(values), q)
+
+
+def _percentile(ordered: Array, q: float) -> float:
+    place = (ordered.size - 1) * (q / 100.0)
     below = int(place)
-    low, high = float(ordered[below]), float(ordered[min(below + 1, values.size - 1)])
+    low, high = float(ordered[below]), float(ordered[min(below + 1, ordered.size - 1)])
     share = place - below
     return high - (high - low) * (1.0 - share) if share >= 0.5 else low + (high - low) * share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_formation.record.figures_of_merit import (
-    PAIRWISE_UP_TO,
     axis_figures,
     effort,
     in_slot_share,
@@ -91,9 +91,22 @@ def test_effort_has_no_step_into_the_window_nor_where_nothing_is_sent():
     assert nothing["speed"] == {"variation_per_s": None, "step_p95": None}
 
 
-@pytest.mark.parametrize("count", [2, PAIRWISE_UP_TO + 1])
+@pytest.mark.parametrize("count", [2, 13])
 def test_separation_is_in_three_dimensions(count):
     """By 3-4-5: 30 m apart on the ground and 40 m in height, so 50 m."""
     steps = np.array([30.0, 0.0, 40.0])
     flight: Any = SimpleNamespace(vehicles=range(count), place_in_flight=lambda each: np.tile(each * steps, (4, 1)))
     assert separation_m(flight, np.ones(4, dtype=bool)) == pytest.approx(50.0)
+
+
+@given(st.integers(1, 9), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 1.0]))
+def test_separation_is_that_of_the_nearest_two_that_fly_at_each_tick(count, seed, grounded):
+    """Of every pair, by hand; some stand abreast, and a share is on the ground."""
+    draw = np.random.default_rng(seed)
+    places = draw.choice([0.0, 1.0, 1.5, 40.0], (count, 6, 3)) * draw.uniform(0.1, 100.0, 3)
+    places[draw.random((count, 6)) < grounded] = np.nan
+    flight: Any = SimpleNamespace(vehicles=range(count), place_in_flight=lambda each: places[each])
+    nearest = np.full(6, np.inf)
+    for one, other in combinations(places, 2):
+        nearest = np.fmin(nearest, np.linalg.norm(one - other, axis=1))
+    assert separation_m(flight, np.ones(6, dtype=bool)).tolist() == nearest.tolist()
