@@ -71,6 +71,15 @@ def examples(*lines: str) -> str:
 class Command(click.Command):
     """A command that ends with status 3 where nobody takes its words: by click alone it's 1, or a traceback."""
 
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Read the arguments, of which some (`--version`, `--help`) are answered at once."""
+        try:
+            return super().make_context(info_name, args, parent, **extra)
+        except OSError as error:
+            end_unheard(error)
+
     def invoke(self, ctx: click.Context) -> object:
         """Carry it out."""
         try:

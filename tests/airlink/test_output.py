@@ -19,7 +19,9 @@ def ended(command, output):
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
-@pytest.mark.parametrize("command", [SCHEMA, [*VEHICLES, "fly", "--help"], [*VEHICLES, "--count", "1"]])
+@pytest.mark.parametrize(
+    "command", [SCHEMA, [*STATION, "--version"], [*VEHICLES, "fly", "--help"], [*VEHICLES, "--count", "1"]]
+)
 def test_a_full_disk_under_the_output_is_no_broken_expectation_and_no_traceback(command) -> None:
     with FULL.open("w") as full:
         done = ended(command, full)
