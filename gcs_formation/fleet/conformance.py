@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import AutopilotModel, FlightState, respond, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, respond, within, wrap
+from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
@@ -180,8 +181,21 @@ class MotionConformance:
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * flier.model.speed_max_mps
         if fast and expected[HEIGHT] > 0.0:
             settled[HEIGHT] = False
-        channel = flier.judge(expected, flown, settled, seen.airspeed_mps)
+        judged = flown.copy()
+        if flier.model.speed_min_mps > 0.0:
+            judged[AIRSPEED] = _by_energy(expected, flown, max(seen.airspeed_mps, flier.model.speed_min_mps))
+        channel = flier.judge(expected, judged, settled, seen.airspeed_mps)
         return None if channel is None else NonConformance(column, CHANNELS[channel], expected[channel], flown[channel])
+
+
+def _by_energy(expected: list[float], flown: list[float], speed_mps: float) -> float:
+    """Return by how much an aircraft's airspeed has changed, but for what it is off because its height is.
+
+    Its throttle holds the sum of both energies and its pitch divides it, slowly: one that is too low by h is too fast
+    by g h / v, and obeys (ArduPilot documentation, "TECS (Total Energy Control System) for speed and height tuning").
+    """
+    traded_mps = flown[AIRSPEED] + GRAVITY_MPS2 * (flown[HEIGHT] - expected[HEIGHT]) / speed_mps
+    return within(expected[AIRSPEED], min(flown[AIRSPEED], traded_mps), max(flown[AIRSPEED], traded_mps))
 
 
 def _change(before: FlightState, after: FlightState) -> list[float]:

@@ -48,8 +48,9 @@ class Ground:
         acknowledges: Acknowledges = lambda _: True,
         commanded: Acknowledges = lambda _: True,
         airspeed_mps: Callable[[float], float] = lambda _: 22.0,
+        height_m: Callable[[float], float] = lambda _: 100.0,
     ) -> list[float]:
-        """Tell the second vehicle 27 m/s from the start and see its airspeed; return when it is reported."""
+        """Tell the second vehicle 27 m/s from the start and see airspeed and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             told_mps = (22.0, 27.0 if commanded(at_s) else 22.0, 22.0)
@@ -60,7 +61,8 @@ class Ground:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
                     if acknowledges(at_s) or each is not self.second():
                         channel.acknowledged(now)
-            flown = [FlightState(0.0, 0.0, 100.0, 0.0, mps, 0.0, 0.0, 0.0) for mps in (22.0, airspeed_mps(at_s), 22.0)]
+            flown = [FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0) for _ in NUMBERS]
+            flown[1] = FlightState(0.0, 0.0, height_m(at_s), 0.0, airspeed_mps(at_s), 0.0, 0.0, 0.0)
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
@@ -90,6 +92,14 @@ def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() 
     ground = Ground()
     ground.fly(40.0, airspeed_mps=lambda at_s: 22.0 if at_s < 10.0 else 27.0 - 5.0 * math.exp(-(at_s - 10.0) / 4.0))
     assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
+
+
+@pytest.mark.parametrize(("climb_mps", "said"), [(0.8, []), (-0.8, ["airspeed"]), (0.0, ["airspeed"])])
+def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: float, said: list[str]) -> None:
+    """At 22 m/s a climb of 0.8 m/s that wasn't asked for takes 1.1 m/s of airspeed in 3.2 s; a descent is no excuse."""
+    ground = Ground()
+    ground.fly(7.0, height_m=lambda at_s: 100.0 + climb_mps * at_s)
+    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
 
 
 @pytest.mark.parametrize(
