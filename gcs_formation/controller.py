@@ -173,6 +173,7 @@ class FormationController:
         if self._columns > 1:
             self._lead_bandwidth(bandwidth)
             self._by_law(tick, states, lead)
+            self._await_followers(tick)
             self._at_heights(tick, heights_m)
             self.separation.keep(tick, measured)
         self.fence.keep(tick, self.separation.replaced)
@@ -333,6 +334,15 @@ class FormationController:
                 tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
         tick.slots_m = [NOTHING] * self._columns
         tick.error_m = [NOTHING] * self._columns
+
+    def _await_followers(self, tick: Tick) -> None:
+        """Have slots that vehicles gather to wait for who can't keep up: beyond the distance that is kept, slower."""
+        pace = 1.0
+        if math.isnan(tick.mission_time_s) and not self.plan.settled(tick.now / NANOSECONDS):
+            for column, (x_m, y_m, _) in enumerate(tick.error_m):
+                if tick.active[column] and column != tick.leader:
+                    pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / self.plan.kept_m, 0.0, 1.0))
+        self.plan.wait(pace, self._dt_s)
 
     def _judge_assembly(self, tick: Tick) -> None:
         most_m = self._tolerance_m

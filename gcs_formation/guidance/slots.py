@@ -49,6 +49,10 @@ class FormationPlan:
         """(C, 3) the slots of the arrangement, where all come to rest."""
         self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
         self.offset_m[0] = 0.0
+        self.kept_m = max(scenario.safety.separation_m, scenario.safety.avoidance.distance_m)
+        """Distance that ways to slots are planned to keep."""
+        self._pace = 1.0
+        """Share of their planned speed at which slots move."""
 
     def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
         """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
@@ -68,6 +72,10 @@ class FormationPlan:
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
         slots = self._way.at(now_s)
+        if self._pace < 1.0:
+            slots = SlotMotion(
+                slots.position_m, self._pace * slots.velocity_mps, self._pace**2 * slots.acceleration_mps2
+            )
         if begun or not self.offset_m.any():
             return slots
         return SlotMotion(slots.position_m + self.offset_m, slots.velocity_mps, slots.acceleration_mps2)
@@ -99,6 +107,15 @@ class FormationPlan:
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
         """Fly a change."""
         self.arrangement, self._way, self.goal_m = arrangement, way, way.goal_m
+
+    def wait(self, pace: float, elapsed_s: float) -> None:
+        """Have slots that are on their way move at a share `pace` of their speed from now on; `elapsed_s`: since last.
+
+        All of them do, so that they are as clear of each other as was planned.
+        """
+        if pace < 1.0:
+            self._way = replace(self._way, at_s=self._way.at_s + (1.0 - pace) * elapsed_s)
+        self._pace = pace
 
     def hold(self, which: Mask, place_m: Array) -> None:
         """Let those in a mask (C,) stay at places (C, 3) until a change is flown."""
