@@ -242,7 +242,7 @@ class LagEstimator:
 
         Not `in_use`, the models stay as they are, and only their misfit is watched.
         """
-        air, height, self._ticks = Nodes(5, 1), Nodes(3, 2), max(2, round(BATCH_S * law_hz))
+        air, height, self._ticks = Nodes(5, 1), Nodes(4, 2), max(2, round(BATCH_S * law_hz))
         self.vehicles = [VehicleLags(model, air, height, self._ticks) for model in models]
         each = zip((air, air, height), RESOLUTION, strict=True)
         self.channels = [Channel(nodes, len(models), finest, telemetry_hz, in_use=in_use) for nodes, finest in each]

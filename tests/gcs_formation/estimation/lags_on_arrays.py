@@ -323,7 +323,7 @@ class LagsOnArrays:
         self._believed = AutopilotModels.from_each(models)
         self._history = history
         columns = len(models)
-        air, height = Nodes.of(5, 1), Nodes.of(3, 2)
+        air, height = Nodes.of(5, 1), Nodes.of(4, 2)
         each = zip((air, air, height), RESOLUTION, strict=True)
         self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
         """Airspeed, heading, height."""

@@ -95,12 +95,12 @@ def test_lags_30_percent_off_are_found_each_vehicle_its_own():
 
 
 def test_lags_are_found_from_0_55_to_1_8_times_the_believed_ones():
-    """Interpolation between few simulations costs 0.3 % of airspeed's and heading's, 1.6 % of the height's sum."""
+    """Interpolation between few simulations costs 0.3 % of airspeed's and heading's, and of the height's sum."""
     corners = tuple((air, air, slow, fast) for air in (0.55, 1.8) for slow in (0.55, 1.0, 1.8) for fast in (0.55, 1.8))
     found, true = ratios_of(flown(corners, 60)), np.array(corners).T
     assert found[:2] == pytest.approx(true[:2], rel=0.005)
     own_s = np.array([getattr(BELIEVED, lag) for lag in LAGS[2:]])
-    assert own_s @ found[2:] == pytest.approx(own_s @ true[2:], rel=0.02)
+    assert own_s @ found[2:] == pytest.approx(own_s @ true[2:], rel=0.01)
 
 
 def test_the_model_in_use_has_the_lags_that_were_found():
