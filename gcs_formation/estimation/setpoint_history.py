@@ -8,7 +8,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within
+from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within, wrap
 from flight_model.slot import NOTHING, Triple
 
 HISTORY_S: Final = 6.0
@@ -58,6 +58,25 @@ class SentSetpoints:
     def at(self, index: i64) -> Triple:
         """Return the setpoint at a place."""
         return self._speeds_mps[index], self._headings_rad[index], self._heights_m[index]
+
+    def later(self, index: i64, instant: i64) -> i64:
+        """Return the place of the newest setpoint that acts at an instant at which the one at `index` acts already."""
+        while index < self.end - 1 and self.acts[index + 1] <= instant:
+            index += 1
+        return index
+
+    def mean(self, index: i64, since: i64, until: i64) -> Triple:
+        """Return the mean of the setpoints that act from `since` to `until`, the first of which is at a place."""
+        speed_mps, heading_rad, height_m = self.at(index)
+        acts, last, acted = self.acts, self.end - 1, since
+        while index < last and acts[index + 1] < until:
+            acted = max(acted, acts[index + 1])
+            share = float(until - acted) / float(until - since)
+            speed_mps += share * (self._speeds_mps[index + 1] - self._speeds_mps[index])
+            heading_rad += share * wrap(self._headings_rad[index + 1] - self._headings_rad[index])
+            height_m += share * (self._heights_m[index + 1] - self._heights_m[index])
+            index += 1
+        return speed_mps, heading_rad, height_m
 
     def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel, *, place: bool) -> None:
         """Move the vehicle's `state` on as `SetpointHistory` says."""
@@ -118,24 +137,6 @@ class SetpointHistory:
         sent = self._each[vehicle]
         return sent.at(sent.acting(instant))
 
-    def between(self, since: list[int], until: list[int]) -> list[Flown]:
-        """Return, vehicle by vehicle, by what it flew from `since` to `until`, its instants; of the same ticks all."""
-        first = min(each.acting(since[vehicle]) for vehicle, each in enumerate(self._each))
-        last = max(each.acting(until[vehicle] - 1) for vehicle, each in enumerate(self._each))
-        return [Flown(each, first, max(first, last)) for each in self._each]
-
-
-class Flown:
-    """By what a vehicle flew for a time: setpoints, and when each acts, none before the one before it."""
-
-    __slots__ = ("acts", "setpoints")
-
-    def __init__(self, sent: SentSetpoints, first: i64, last: i64) -> None:
-        """Take those from the first to the last place."""
-        self.acts: list[int] = []
-        self.setpoints: list[Triple] = []
-        latest = sent.acts[first]
-        for place in range(first, last + 1):
-            latest = max(latest, sent.acts[place])
-            self.acts.append(latest)
-            self.setpoints.append(sent.at(place))
+    def of(self, vehicle: int) -> SentSetpoints:
+        """Return what one vehicle was sent."""
+        return self._each[vehicle]
