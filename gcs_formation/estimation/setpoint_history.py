@@ -12,6 +12,7 @@ from flight_model.autopilot import AutopilotModel, FlightState, advance, respond
 from flight_model.slot import NOTHING, Triple
 
 HISTORY_S: Final = 6.0
+RESPOND_NS: Final = 280_000_000
 
 
 class SentSetpoints:
@@ -78,7 +79,7 @@ class SentSetpoints:
             index += 1
         return speed_mps, heading_rad, height_m
 
-    def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel, *, place: bool) -> None:
+    def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
         """Move the vehicle's `state` on as `SetpointHistory` says."""
         acts, last = self.acts, self.end - 1
         for index in range(self.acting(since), self.end):
@@ -89,11 +90,19 @@ class SentSetpoints:
                 speed_mps = within(self._speeds_mps[index], model.speed_min_mps, model.speed_max_mps)
                 heading_rad, height_m = self._headings_rad[index], self._heights_m[index]
                 time_s = float(end - since) / NANOSECONDS
-                if place:
-                    advance(state, model, speed_mps, heading_rad, height_m, time_s)
-                else:
-                    respond(state, model, speed_mps, heading_rad, height_m, time_s)
+                advance(state, model, speed_mps, heading_rad, height_m, time_s)
                 since = end
+
+    def respond(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
+        """Move the vehicle's `state` on as `SetpointHistory` says."""
+        steps, place = (until - since) // RESPOND_NS + 1, self.acting(since)
+        step = (until - since) // steps
+        for _ in range(steps):
+            place = self.later(place, since)
+            speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
+            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+            respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
+            since += step
 
 
 class SetpointHistory:
@@ -121,16 +130,21 @@ class SetpointHistory:
         for vehicle, setpoint in enumerate(setpoints):
             self._each[vehicle].note(setpoint)
 
-    def carry(
-        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
-    ) -> None:
+    def carry(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
 
-        Before the oldest known setpoint it is taken to follow that one already; without `place`, north and east are
-        left as they are.
+        Before the oldest known setpoint it is taken to follow that one already.
         """
         if self._each:
-            self._each[vehicle].carry(state, since, until, model, place=place)
+            self._each[vehicle].carry(state, since, until, model)
+
+    def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
+        """Move airspeed, heading, height and climb rate on likewise, roughly, and leave the place.
+
+        Of the setpoints in each `RESPOND_NS` the mean counts.
+        """
+        if self._each:
+            self._each[vehicle].respond(state, since, until, model)
 
     def commanded(self, instant: int, vehicle: int) -> Triple:
         """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
