@@ -18,6 +18,7 @@ from gcs_formation.estimation.kalman import (
     Along,
     HeightCovariance,
     LevelCovariance,
+    Updraught,
     correct_height,
     correct_level,
     innovation,
@@ -35,7 +36,6 @@ from gcs_formation.estimation.noise import (
     weighed,
 )
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.estimation.updraught import Updraught
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""

@@ -1,7 +1,8 @@
 """The extended Kalman filter of a vehicle's state through model (7).
 
 Height and climb are a filter of their own: nothing of them is in the motion over ground, nor the other way round. A
-sample's values have independent noise, so they are taken one after another, which is the same as all at once.
+sample's values have independent noise, so they are taken one after another, which is the same as all at once. What
+carries a vehicle up besides its own climb is found from how the filter corrects its climb.
 
 Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from flight_model.decay import of_climb
 from gcs_formation.estimation.noise import Values
 
@@ -23,6 +24,15 @@ SPEED: Final = 2
 HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
+UPDRAUGHT_GAIN: Final = 2.0
+"""How many metres a height setpoint answers each metre of height, in a fast swing, that the model doesn't explain.
+
+Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
+"""
+UPDRAUGHT_SIGMAS: Final = 2.0
+"""Standard deviations of a sample's climb below which it may be noise."""
+SWAY_MEMORY_S: Final = 60.0
+"""For how long it is remembered how far a vehicle was moved; turbulence lasts for minutes, a gust for seconds."""
 
 
 class LevelCovariance:
@@ -147,6 +157,52 @@ class HeightCovariance:
         self.height = a * a * height + 2.0 * a * b * cross + b * b * climb
         self.cross = a * c * height + (a * d + b * c) * cross + b * d * climb
         self.climb = c * c * height + 2.0 * c * d * cross + d * d * climb
+
+
+class Updraught:
+    """What carries one vehicle up, from how it climbs against model (7)."""
+
+    __slots__ = ("_felt_mps", "_followed", "_known_s", "sway_m2")
+
+    def __init__(self, *, followed: bool) -> None:
+        """Start in still air. `followed`: whether states have it."""
+        self._followed = followed
+        self._felt_mps = 0.0
+        """As samples show it; of a state it is as far as that is followed."""
+        self._known_s = 0.0
+        self.sway_m2 = 0.0
+        """Mean square of how far it moves a vehicle that is told a height."""
+
+    def forget(self) -> None:
+        """Begin anew with a vehicle's state; the air is as rough as it was."""
+        self._felt_mps = 0.0
+
+    def feel(
+        self, state: FlightState, climbs_mps: float, variance: float, elapsed_s: float, model: AutopilotModel
+    ) -> None:
+        """Take what a sample says; the updraught that the sample's `state` has follows.
+
+        Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
+        it, and a difference that doesn't last ends by both lags. It counts as far as it stands out from noise.
+
+        Args:
+            state: by model and sample; its updraught is changed.
+            climbs_mps: by how much it climbs faster than the model has it in its updraught.
+            variance: of the telemetry's climb, (m/s)².
+            elapsed_s: since the sample before.
+            model: the vehicle's.
+        """
+        lags_s = model.tau_ha_s + model.tau_hb_s
+        left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
+        self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
+        noise = squared(UPDRAUGHT_SIGMAS) * variance
+        certain_mps = max(1.0 - noise / max(squared(self._felt_mps), noise), 0.0) * self._felt_mps
+        self._known_s = min(self._known_s + elapsed_s, SWAY_MEMORY_S)
+        if self._known_s > 0.0:
+            self.sway_m2 += elapsed_s / self._known_s * (squared(lags_s * certain_mps) - self.sway_m2)
+        if self._followed:
+            share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / lags_s)
+            state.updraught_mps += share * (certain_mps - state.updraught_mps)
 
 
 def expected(state: FlightState) -> Values:
