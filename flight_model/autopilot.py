@@ -13,6 +13,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.decay import EARLY, LATE, MIDDLE, Decay, Stretch
 
 OUTER: Final = 0.2777777777777778
@@ -132,6 +134,7 @@ class AutopilotModel:
         )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class FlightState:
     """Where a vehicle is and how it moves: north, east and up from the origin.
 
@@ -210,6 +213,7 @@ class FlightState:
         )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Setpoint:
     """Airspeed, heading (clockwise from north) and height above the scenario's origin."""
 

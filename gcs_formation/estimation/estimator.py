@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from flight_model.filtered_noise import UNMODELLED, WIND_WALK
@@ -59,6 +61,7 @@ FORGOTTEN_S: Final = 5.0
 """A state that is so old says nothing about the present one."""
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Sample:
     """What a vehicle measured at one instant: ground velocity, and position north, east and up from the origin."""
 
