@@ -50,16 +50,15 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
-        """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
+    def carry(self, along: Along, elapsed_s: float, model: AutopilotModel) -> None:
+        """Carry it on by the derivative F of the states after `elapsed_s` by the states before: F P F^T.
 
-        The heading is taken to be constant for that.
+        The heading is taken to be constant for that: `along` is of the state before.
         """
-        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         speed_left, heading_left = math.exp(-elapsed_s / model.tau_v_s), math.exp(-elapsed_s / model.tau_psi_s)
-        speed_s, across_m = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
-        across_m *= state.airspeed_mps
-        north_v, north_psi, east_v, east_psi = cos * speed_s, -sin * across_m, sin * speed_s, cos * across_m
+        speed_s, heading_s = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
+        north_v, north_psi = along.north_by_speed * speed_s, along.north_by_heading * heading_s
+        east_v, east_psi = along.east_by_speed * speed_s, along.east_by_heading * heading_s
         speed, heading = self.speed, self.heading
         north = plus(plus(plus(self.north, north_v, speed), north_psi, heading), elapsed_s, self.wind_north)
         east = plus(plus(plus(self.east, east_v, speed), east_psi, heading), elapsed_s, self.wind_east)
@@ -114,12 +113,16 @@ class LevelCovariance:
 
 
 class Along:
-    """The derivatives of the velocity over ground, north and east, by airspeed and heading."""
+    """The derivatives of the velocity over ground, north and east, by airspeed and heading, in a state."""
 
     __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
 
-    def __init__(self, state: FlightState) -> None:
-        """Take the derivatives in `state`."""
+    def __init__(self) -> None:
+        """Start without a state."""
+        self.north_by_speed = self.north_by_heading = self.east_by_speed = self.east_by_heading = 0.0
+
+    def follow(self, state: FlightState) -> None:
+        """Take the derivatives in another state."""
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         self.north_by_speed, self.north_by_heading = cos, -state.airspeed_mps * sin
         self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
@@ -205,26 +208,19 @@ class Updraught:
             state.updraught_mps += share * (certain_mps - state.updraught_mps)
 
 
-def expected(state: FlightState) -> Values:
-    """Return the sample that a vehicle in `state` would give: north, east, height, their rates, airspeed, heading."""
-    north_mps = state.airspeed_mps * math.cos(state.heading_rad) + state.wind_north_mps
-    east_mps = state.airspeed_mps * math.sin(state.heading_rad) + state.wind_east_mps
+def innovation(sample: Values, state: FlightState, along: Along) -> Values:
+    """Return a sample minus the one that a vehicle in `state` would give; `along` is of that state."""
+    a, b, c, d, e, f, g, h = sample
     return (
-        state.north_m,
-        state.east_m,
-        state.height_m,
-        north_mps,
-        east_mps,
-        state.climb_mps,
-        state.airspeed_mps,
-        state.heading_rad,
+        a - state.north_m,
+        b - state.east_m,
+        c - state.height_m,
+        d - (along.east_by_heading + state.wind_north_mps),  # as V cos(psi) is its derivative east, by the heading
+        e - (state.wind_east_mps - along.north_by_heading),
+        f - state.climb_mps,
+        g - state.airspeed_mps,
+        wrap(h - state.heading_rad),
     )
-
-
-def innovation(sample: Values, state: FlightState) -> Values:
-    """Return the sample minus the expected one."""
-    a, b, c, d, e, f, g, h = minus(sample, expected(state))
-    return a, b, c, d, e, f, g, wrap(h)
 
 
 def minus(values: Values, others: Values) -> Values:
