@@ -147,16 +147,17 @@ class Channel:
         self._calm_square = self._calm_total = self._calm_count = 0.0
         """Sums over recent samples of batches that don't show lags: of residuals, and of 1."""
 
-    def learn(self, tracks: Tracks) -> None:
-        """Take a batch of samples. Fit the lags anew if it shows any, or while they still change.
+    def learn(self, tracks: Tracks) -> bool:
+        """Take a batch of samples. Fit the lags anew if it shows any, or while they still change; return whether.
 
         Where simulations of all lags are the same, samples only tell how large and how lasting other residuals are.
         """
         excited = tracks.excited(self._resolution)
+        fits = excited or not self._settled
         self._age()
         if excited:
             self._add(tracks)
-        if excited or not self._settled:
+        if fits:
             weights = self._nodes.weights(self.log_ratio)
             seen = _about_means(_projected(self._all, weights))
             nearer = self._nearer(seen)
@@ -167,6 +168,7 @@ class Channel:
         else:
             self._take(tracks, self._weights[0], calm=True)
         self._judge()
+        return fits
 
     def _age(self) -> None:
         """Have what was recent be so no more, by and by."""

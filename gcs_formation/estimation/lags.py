@@ -66,15 +66,15 @@ class VehicleLags:
 
         It begins with the newest sample; the simulations that didn't teach begin anew from it.
         """
-        learnt = [False, False, False]
+        learnt, changed = [False, False, False], False
         if self._learning and self.lagging and self._bank.flying and self._samples.span_s <= GAP_S + BATCH_S:
             learnt = self._bank.fly(self._samples, sent, self._batch)
         for place, tracks in enumerate(self._batch):
             if not learnt[place]:
                 tracks.clear()
-            self.channels[place].learn(tracks)
+            changed = self.channels[place].learn(tracks) or changed
             tracks.clear()
-        if self._in_use and any(learnt):
+        if self._in_use and changed:
             self._use()
         self._bank.begin(learnt, self._stamp, self._motion)
         self._learning, self._samples.count = True, 0
