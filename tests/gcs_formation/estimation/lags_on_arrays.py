@@ -73,7 +73,8 @@ class Bank:
         assert (acts == acts[:, :1]).all()
         samples = stamps[:, 0]
         parts = np.maximum(np.rint(np.diff(samples) / STEP_NS).astype(int), np.diff(samples) > 0)
-        pieces = [np.linspace(*pair, count + 1)[1:] for *pair, count in zip(samples, samples[1:], parts, strict=False)]
+        each = zip(samples, samples[1:], parts, strict=False)
+        pieces = [np.linspace(since, until, count + 1)[1:] for since, until, count in each]
         borders = np.concatenate((samples[:1], *pieces))
         begin, end = borders[:-1, None], borders[1:, None]
         until = np.append(acts[1:, 0], np.iinfo(np.int64).max)
