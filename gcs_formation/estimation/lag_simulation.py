@@ -11,6 +11,7 @@ from mypy_extensions import i64
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot import AutopilotModel, climbed, finite, remaining, within, wrap
 from flight_model.decay import of_climb
+from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
@@ -210,6 +211,16 @@ class Samples:
         self.speeds_mps[self.count], self.headings_rad[self.count], self.heights_m[self.count], _ = motion
         self.count += 1
 
+    def near(self, sample: i64, instant: i64) -> Triple:
+        """Return airspeed, heading and height at an instant near a sample's, by what changed from the one before it."""
+        last = sample - 1
+        back = float(self.stamps[sample] - instant) / float(self.stamps[sample] - self.stamps[last])
+        return (
+            self.speeds_mps[sample] + back * (self.speeds_mps[last] - self.speeds_mps[sample]),
+            self.headings_rad[sample] + back * wrap(self.headings_rad[last] - self.headings_rad[sample]),
+            self.heights_m[sample] + back * (self.heights_m[last] - self.heights_m[sample]),
+        )
+
     @property
     def span_s(self) -> float:
         """From the first to the last."""
@@ -272,9 +283,10 @@ class Bank:
                 self._heights.step(height_m)
                 self._at += self._step
                 steps -= 1
-            self._speeds.compare(samples.speeds_mps[sample], batch[0].next())
-            self._headings.compare(samples.headings_rad[sample], batch[1].next())
-            self._heights.compare(samples.heights_m[sample], batch[2].next())
+            speed_mps, heading_rad, height_m = samples.near(sample, self._at)
+            self._speeds.compare(speed_mps, batch[0].next())
+            self._headings.compare(heading_rad, batch[1].next())
+            self._heights.compare(height_m, batch[2].next())
         return [self._speeds.free(), self._headings.free(), self._heights.free()]
 
     def _step_by(self, step: i64) -> None:
