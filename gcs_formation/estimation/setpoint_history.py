@@ -68,14 +68,15 @@ class SentSetpoints:
 
     def mean(self, index: i64, since: i64, until: i64) -> Triple:
         """Return the mean of the setpoints that act from `since` to `until`, the first of which is at a place."""
-        speed_mps, heading_rad, height_m = self.at(index)
-        acts, last, acted = self.acts, self.end - 1, since
+        acts, speeds_mps, headings_rad, heights_m = self.acts, self._speeds_mps, self._headings_rad, self._heights_m
+        speed_mps, heading_rad, height_m = speeds_mps[index], headings_rad[index], heights_m[index]
+        last, acted, whole = self.end - 1, since, float(until - since)
         while index < last and acts[index + 1] < until:
             acted = max(acted, acts[index + 1])
-            share = float(until - acted) / float(until - since)
-            speed_mps += share * (self._speeds_mps[index + 1] - self._speeds_mps[index])
-            heading_rad += share * wrap(self._headings_rad[index + 1] - self._headings_rad[index])
-            height_m += share * (self._heights_m[index + 1] - self._heights_m[index])
+            share = float(until - acted) / whole
+            speed_mps += share * (speeds_mps[index + 1] - speeds_mps[index])
+            heading_rad += share * wrap(headings_rad[index + 1] - headings_rad[index])
+            height_m += share * (heights_m[index + 1] - heights_m[index])
             index += 1
         return speed_mps, heading_rad, height_m
 
