@@ -13,11 +13,15 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.decay import EARLY, LATE, MIDDLE, Decay, Stretch
 
 OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
+BESIDE_RAD: Final = 0.02
+"""Angles less apart than this have cosines and sines from each other's by series, without an error beyond rounding."""
 NO_LIMIT: Final = math.inf
 
 
@@ -132,6 +136,7 @@ class AutopilotModel:
         )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class FlightState:
     """Where a vehicle is and how it moves: north, east and up from the origin.
 
@@ -210,6 +215,7 @@ class FlightState:
         )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Setpoint:
     """Airspeed, heading (clockwise from north) and height above the scenario's origin."""
 
@@ -313,13 +319,27 @@ def advance(
     middle_rad = goal_rad - remaining(turn_rad, middle_s, tau_psi_s, turn_rate_max_rps, left.middle_heading)
     late_mps = OUTER * (goal_mps - remaining(faster_mps, late_s, tau_v_s, accel_max_mps2, left.late_speed))
     late_rad = goal_rad - remaining(turn_rad, late_s, tau_psi_s, turn_rate_max_rps, left.late_heading)
-    north_mps = early_mps * math.cos(early_rad) + middle_mps * math.cos(middle_rad) + late_mps * math.cos(late_rad)
-    east_mps = early_mps * math.sin(early_rad) + middle_mps * math.sin(middle_rad) + late_mps * math.sin(late_rad)
+    cos, sin = math.cos(middle_rad), math.sin(middle_rad)
+    early_cos, early_sin = _beside(cos, sin, middle_rad, early_rad)
+    late_cos, late_sin = _beside(cos, sin, middle_rad, late_rad)
+    north_mps = early_mps * early_cos + middle_mps * cos + late_mps * late_cos
+    east_mps = early_mps * early_sin + middle_mps * sin + late_mps * late_sin
     state.north_m += (north_mps + state.wind_north_mps) * time_s
     state.east_m += (east_mps + state.wind_east_mps) * time_s
     state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, tau_v_s, accel_max_mps2, left.speed)
     state.heading_rad = goal_rad - remaining(turn_rad, time_s, tau_psi_s, turn_rate_max_rps, left.heading)
     _climb(state, model, height_m, time_s, left)
+
+
+def _beside(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
+    """Return cosine and sine of another angle than the one whose these are."""
+    apart = other_rad - angle_rad
+    if abs(apart) > BESIDE_RAD:
+        return math.cos(other_rad), math.sin(other_rad)
+    square = apart * apart
+    along = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
+    across = apart * (1.0 - square / 6.0 * (1.0 - square / 20.0))
+    return cos * along - sin * across, sin * along + cos * across
 
 
 def respond(

@@ -94,7 +94,10 @@ class Stretch(Decay):
     def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
         """Compute what these lags leave after this time and at its Gauss points, s."""
         super().find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
-        early_s, middle_s, late_s = EARLY * time_s, MIDDLE * time_s, LATE * time_s
-        self.early_speed, self.early_heading = math.exp(-early_s / tau_v_s), math.exp(-early_s / tau_psi_s)
-        self.middle_speed, self.middle_heading = math.exp(-middle_s / tau_v_s), math.exp(-middle_s / tau_psi_s)
-        self.late_speed, self.late_heading = math.exp(-late_s / tau_v_s), math.exp(-late_s / tau_psi_s)
+        early_s, between_s = EARLY * time_s, (MIDDLE - EARLY) * time_s
+        self.early_speed, between = math.exp(-early_s / tau_v_s), math.exp(-between_s / tau_v_s)
+        self.middle_speed = self.early_speed * between
+        self.late_speed = self.middle_speed * between
+        self.early_heading, between = math.exp(-early_s / tau_psi_s), math.exp(-between_s / tau_psi_s)
+        self.middle_heading = self.early_heading * between
+        self.late_heading = self.middle_heading * between

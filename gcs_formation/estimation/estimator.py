@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from flight_model.filtered_noise import UNMODELLED, WIND_WALK
@@ -18,6 +20,7 @@ from gcs_formation.estimation.kalman import (
     Along,
     HeightCovariance,
     LevelCovariance,
+    Updraught,
     correct_height,
     correct_level,
     innovation,
@@ -35,7 +38,6 @@ from gcs_formation.estimation.noise import (
     weighed,
 )
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.estimation.updraught import Updraught
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
@@ -59,6 +61,7 @@ FORGOTTEN_S: Final = 5.0
 """A state that is so old says nothing about the present one."""
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Sample:
     """What a vehicle measured at one instant: ground velocity, and position north, east and up from the origin."""
 
@@ -141,11 +144,18 @@ class VehicleFilter:
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
         self.updraught = Updraught(followed=updraughts)
+        self._along = Along()
+        """Of the state."""
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
+
+    def place(self, state: FlightState, stamp: int) -> None:
+        """Set the state."""
+        self.state, self.stamp = state, stamp
+        self._along.follow(state)
 
     def begin(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
@@ -159,6 +169,7 @@ class VehicleFilter:
         self.state = FlightState(
             values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
         )
+        self._along.follow(self.state)
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
         self.updraught.forget()
@@ -179,12 +190,12 @@ class VehicleFilter:
 
         `walk`: how far climb, airspeed and heading stray by themselves in a square root of a second.
         """
-        assert self.state is not None
-        elapsed_s = (stamp - self.stamp) / NANOSECONDS
+        elapsed_s, along = (stamp - self.stamp) / NANOSECONDS, self._along
         variances = self.noise.values
         self.stray.learn(values, elapsed_s, variances)
         self._carry(elapsed_s, model, walk)
-        difference, along = innovation(values, predicted), Along(predicted)
+        along.follow(predicted)
+        difference = innovation(values, predicted, along)
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
         own = spreads(self.level, self.height, along, variances)
@@ -195,7 +206,8 @@ class VehicleFilter:
         self.updraught.feel(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
-        self._residual = innovation(values, predicted)
+        along.follow(predicted)
+        self._residual = innovation(values, predicted, along)
         self._implausible = 0 if plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # Whoever flies the vehicle, the wind is what it was.
@@ -222,10 +234,9 @@ class VehicleFilter:
 
     def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Carry the covariances on to the time of a sample."""
-        assert self.state is not None
         variances = self.noise.values
         climb, speed, heading = walk
-        self.level.carry(self.state, elapsed_s, model)
+        self.level.carry(self._along, elapsed_s, model)
         self.height.carry(elapsed_s, model)
         of_place, wind = squared(WITHOUT_WIND), 0.0
         if self.wind_radps > 0.0:
@@ -318,8 +329,7 @@ class StateEstimator:
 
     def place(self, column: int, state: FlightState, stamp: Instant) -> None:
         """Set a column's state."""
-        each = self.filters[column]
-        each.state, each.stamp = state, stamp
+        self.filters[column].place(state, stamp)
 
     def take(self, samples: dict[int, Sample], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest sample of each column that has one.

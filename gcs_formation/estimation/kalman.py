@@ -1,7 +1,8 @@
 """The extended Kalman filter of a vehicle's state through model (7).
 
 Height and climb are a filter of their own: nothing of them is in the motion over ground, nor the other way round. A
-sample's values have independent noise, so they are taken one after another, which is the same as all at once.
+sample's values have independent noise, so they are taken one after another, which is the same as all at once. What
+carries a vehicle up besides its own climb is found from how the filter corrects its climb.
 
 Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
 from flight_model.decay import of_climb
 from gcs_formation.estimation.noise import Values
 
@@ -23,6 +24,15 @@ SPEED: Final = 2
 HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
+UPDRAUGHT_GAIN: Final = 2.0
+"""How many metres a height setpoint answers each metre of height, in a fast swing, that the model doesn't explain.
+
+Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
+"""
+UPDRAUGHT_SIGMAS: Final = 2.0
+"""Standard deviations of a sample's climb below which it may be noise."""
+SWAY_MEMORY_S: Final = 60.0
+"""For how long it is remembered how far a vehicle was moved; turbulence lasts for minutes, a gust for seconds."""
 
 
 class LevelCovariance:
@@ -40,16 +50,15 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def carry(self, state: FlightState, elapsed_s: float, model: AutopilotModel) -> None:
-        """Carry it on by the derivative F of the states `elapsed_s` after `state` by that state: F P F^T.
+    def carry(self, along: Along, elapsed_s: float, model: AutopilotModel) -> None:
+        """Carry it on by the derivative F of the states after `elapsed_s` by the states before: F P F^T.
 
-        The heading is taken to be constant for that.
+        The heading is taken to be constant for that: `along` is of the state before.
         """
-        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         speed_left, heading_left = math.exp(-elapsed_s / model.tau_v_s), math.exp(-elapsed_s / model.tau_psi_s)
-        speed_s, across_m = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
-        across_m *= state.airspeed_mps
-        north_v, north_psi, east_v, east_psi = cos * speed_s, -sin * across_m, sin * speed_s, cos * across_m
+        speed_s, heading_s = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
+        north_v, north_psi = along.north_by_speed * speed_s, along.north_by_heading * heading_s
+        east_v, east_psi = along.east_by_speed * speed_s, along.east_by_heading * heading_s
         speed, heading = self.speed, self.heading
         north = plus(plus(plus(self.north, north_v, speed), north_psi, heading), elapsed_s, self.wind_north)
         east = plus(plus(plus(self.east, east_v, speed), east_psi, heading), elapsed_s, self.wind_east)
@@ -104,12 +113,16 @@ class LevelCovariance:
 
 
 class Along:
-    """The derivatives of the velocity over ground, north and east, by airspeed and heading."""
+    """The derivatives of the velocity over ground, north and east, by airspeed and heading, in a state."""
 
     __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
 
-    def __init__(self, state: FlightState) -> None:
-        """Take the derivatives in `state`."""
+    def __init__(self) -> None:
+        """Start without a state."""
+        self.north_by_speed = self.north_by_heading = self.east_by_speed = self.east_by_heading = 0.0
+
+    def follow(self, state: FlightState) -> None:
+        """Take the derivatives in another state."""
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         self.north_by_speed, self.north_by_heading = cos, -state.airspeed_mps * sin
         self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
@@ -149,26 +162,65 @@ class HeightCovariance:
         self.climb = c * c * height + 2.0 * c * d * cross + d * d * climb
 
 
-def expected(state: FlightState) -> Values:
-    """Return the sample that a vehicle in `state` would give: north, east, height, their rates, airspeed, heading."""
-    north_mps = state.airspeed_mps * math.cos(state.heading_rad) + state.wind_north_mps
-    east_mps = state.airspeed_mps * math.sin(state.heading_rad) + state.wind_east_mps
+class Updraught:
+    """What carries one vehicle up, from how it climbs against model (7)."""
+
+    __slots__ = ("_felt_mps", "_followed", "_known_s", "sway_m2")
+
+    def __init__(self, *, followed: bool) -> None:
+        """Start in still air. `followed`: whether states have it."""
+        self._followed = followed
+        self._felt_mps = 0.0
+        """As samples show it; of a state it is as far as that is followed."""
+        self._known_s = 0.0
+        self.sway_m2 = 0.0
+        """Mean square of how far it moves a vehicle that is told a height."""
+
+    def forget(self) -> None:
+        """Begin anew with a vehicle's state; the air is as rough as it was."""
+        self._felt_mps = 0.0
+
+    def feel(
+        self, state: FlightState, climbs_mps: float, variance: float, elapsed_s: float, model: AutopilotModel
+    ) -> None:
+        """Take what a sample says; the updraught that the sample's `state` has follows.
+
+        Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
+        it, and a difference that doesn't last ends by both lags. It counts as far as it stands out from noise.
+
+        Args:
+            state: by model and sample; its updraught is changed.
+            climbs_mps: by how much it climbs faster than the model has it in its updraught.
+            variance: of the telemetry's climb, (m/s)².
+            elapsed_s: since the sample before.
+            model: the vehicle's.
+        """
+        lags_s = model.tau_ha_s + model.tau_hb_s
+        left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
+        self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
+        noise = squared(UPDRAUGHT_SIGMAS) * variance
+        certain_mps = max(1.0 - noise / max(squared(self._felt_mps), noise), 0.0) * self._felt_mps
+        self._known_s = min(self._known_s + elapsed_s, SWAY_MEMORY_S)
+        if self._known_s > 0.0:
+            self.sway_m2 += elapsed_s / self._known_s * (squared(lags_s * certain_mps) - self.sway_m2)
+        if self._followed:
+            share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / lags_s)
+            state.updraught_mps += share * (certain_mps - state.updraught_mps)
+
+
+def innovation(sample: Values, state: FlightState, along: Along) -> Values:
+    """Return a sample minus the one that a vehicle in `state` would give; `along` is of that state."""
+    a, b, c, d, e, f, g, h = sample
     return (
-        state.north_m,
-        state.east_m,
-        state.height_m,
-        north_mps,
-        east_mps,
-        state.climb_mps,
-        state.airspeed_mps,
-        state.heading_rad,
+        a - state.north_m,
+        b - state.east_m,
+        c - state.height_m,
+        d - (along.east_by_heading + state.wind_north_mps),  # as V cos(psi) is its derivative east, by the heading
+        e - (state.wind_east_mps - along.north_by_heading),
+        f - state.climb_mps,
+        g - state.airspeed_mps,
+        wrap(h - state.heading_rad),
     )
-
-
-def innovation(sample: Values, state: FlightState) -> Values:
-    """Return the sample minus the expected one."""
-    a, b, c, d, e, f, g, h = minus(sample, expected(state))
-    return a, b, c, d, e, f, g, wrap(h)
 
 
 def minus(values: Values, others: Values) -> Values:

@@ -9,6 +9,7 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot import squared, within
+from gcs_formation.estimation.lag_simulation import Tracks
 
 RATIO_MAX: Final = 2.0
 """A lag is found between the believed one divided and multiplied by this."""
@@ -30,6 +31,8 @@ GUST_WORTH: Final = 5.0
 """As many pairs of batches as the belief in that is worth."""
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
+SETTLED: Final = 1e-3
+"""A change of a ratio's logarithm at a fit so small that the next fit waits for samples that show lags."""
 LEAST_SPREAD: Final = 0.02
 """What was seen first is forgotten once the ratio is known better than this: lags may change. Without excitation
 nothing is learnt, and nothing forgotten."""
@@ -43,30 +46,6 @@ LEAST_FREE: Final = 0.1
 """That are left then, at least."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
-
-
-class Tracks:
-    """A vehicle's batch of samples of a channel: K simulations minus telemetry, and 1; all 0: there is no sample."""
-
-    __slots__ = ("rows",)
-
-    def __init__(self, simulations: int, samples: int) -> None:
-        """Take K and B, without a sample."""
-        self.rows = zeros(simulations + 1, samples)
-        """(K + 1, B)."""
-
-    def clear(self) -> None:
-        """Take the samples away."""
-        for row in self.rows:
-            for sample in range(len(row)):
-                row[sample] = 0.0
-
-    def excited(self, resolution: float) -> bool:
-        """Return whether the simulations differ by more than a resolution: the first from the last."""
-        first, last, most = self.rows[0], self.rows[len(self.rows) - 2], 0.0
-        for sample in range(len(first)):
-            most = max(most, abs(first[sample] - last[sample]))
-        return most > resolution
 
 
 class Nodes:
@@ -137,115 +116,147 @@ class Persistence:
 
 
 class Channel:
-    """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
+    """A vehicle's airspeed, heading or height: what was seen, and the P lags that fit it."""
 
-    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+    def __init__(self, nodes: Nodes, resolution: float, rate_hz: float, *, in_use: bool) -> None:
         """Start with the believed lags.
 
         `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
         """
-        self.nodes = nodes
-        self.log_ratio = [[0.0] * nodes.parameters for _ in range(columns)]
-        """(C, P) of the lags to the believed ones."""
-        self.spread = [[BELIEVED_SPREAD] * nodes.parameters for _ in range(columns)]
-        """(C, P) standard deviations of these."""
-        self.misfit = [0.0] * columns
-        """(C) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
-        self._resolution, self._in_use = resolution, in_use
+        self.log_ratio = [0.0] * nodes.parameters
+        """(P) of the lags to the believed ones."""
+        self.misfit = 0.0
+        """Share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        self._nodes, self._resolution, self._in_use = nodes, resolution, in_use
         self._least_variance = resolution**2
         self._alike = max(1.0, CORRELATED_S * rate_hz)
-        self._kept = [1.0] * columns
+        self._kept = 1.0
         """Share of what was seen that counts from now on."""
-        self._believed = nodes.weights([0.0] * nodes.parameters)
-        """Weights of the simulations at the believed lags."""
-        self._persistence = [Persistence(resolution) for _ in range(columns)]
-        self._found = zeros(nodes.parameters + 1, nodes.parameters + 1)
-        self._all = [_triangle(len(nodes.at) + 1) for _ in range(columns)]
-        self._recent = [_triangle(len(nodes.at) + 1) for _ in range(columns)]
-        """(C, K + 1, K + 1) sums of products over all samples that count, and over recent ones, up to the diagonal: of
-        K simulations minus telemetry, and of 1."""
+        self._settled = True
+        """Whether the last fit changed next to nothing."""
+        self._weights = nodes.weights(self.log_ratio)
+        """Of the simulations at the lags in use, and their derivatives."""
+        self._persistence = Persistence(resolution)
+        self._all, self._recent = _zeros(len(nodes.at) + 1), _zeros(len(nodes.at) + 1)
+        """(K + 1, K + 1) sums of products over all samples that count and over recent ones, of batches that show lags,
+        up to the diagonal: of K simulations minus telemetry, and of 1."""
+        self._still_recent = 1.0
+        """Share of the recent sums that still counts."""
+        self._shown = _zeros(nodes.parameters + 2)
+        """(P + 2, P + 2) likewise over recent samples: of residuals of the lags in use, their derivatives, and 1."""
+        self._calm_square = self._calm_total = self._calm_count = 0.0
+        """Sums over recent samples of batches that don't show lags: of residuals, and of 1."""
 
-    def learn(self, batch: list[Tracks]) -> None:
-        """Take the vehicles' samples and fit the lags anew."""
-        for column, tracks in enumerate(batch):
-            of_all, of_recent = self._all[column], self._recent[column]
-            _forget(of_all, self._kept[column])
-            _forget(of_recent, STILL_RECENT)
-            _add(tracks.rows, of_recent, of_all, both=tracks.excited(self._resolution))
-            weights, samples = self.nodes.weights(self.log_ratio[column]), _count(of_all)
-            seen = self._products(of_all, weights)
+    def learn(self, tracks: Tracks) -> bool:
+        """Take a batch of samples. Fit the lags anew if it shows any, or while they still change; return whether.
+
+        Where simulations of all lags are the same, samples only tell how large and how lasting other residuals are.
+        """
+        excited = tracks.excited(self._resolution)
+        fits = excited or not self._settled
+        self._age()
+        if excited:
+            self._add(tracks)
+        if fits:
+            weights = self._nodes.weights(self.log_ratio)
+            seen = _about_means(_projected(self._all, weights))
             nearer = self._nearer(seen)
-            persistence = self._persistence[column]
-            persistence.take(_mean(tracks.rows, _moved(weights, nearer)))
-            self._fit(column, seen, persistence.batches * _left(seen, nearer) / samples)
-            in_use = weights if self._in_use else self._believed
-            recent = self._products(of_recent, in_use)
-            self.misfit[column] = self._misfit(recent, _count(of_recent), min(persistence.batches, GUST_ALIKE))
+            self._take(tracks, _moved(weights, nearer), calm=not excited)
+            self._fit(seen, self._persistence.batches * _left(seen, nearer) / _count(self._all))
+            self._shown = _projected(self._recent, self._weights)
+            _keep(self._shown, self._still_recent)
+        else:
+            self._take(tracks, self._weights[0], calm=True)
+        self._judge()
+        return fits
 
-    def _products(self, sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float]]:
-        """Return, until the next call, (P + 1, P + 1) products of each two weighted means about their own means."""
-        totals, count, products = sums[len(sums) - 1], _count(sums), self._found
-        for one in range(len(weights)):
-            along = _about_mean(sums, weights[one], _dot(weights[one], totals) / count)
-            for other in range(one + 1):
-                products[one][other] = products[other][one] = _dot(weights[other], along)
-        return products
+    def _age(self) -> None:
+        """Have what was recent be so no more, by and by."""
+        self._still_recent *= STILL_RECENT
+        _keep(self._shown, STILL_RECENT)
+        self._calm_square *= STILL_RECENT
+        self._calm_total *= STILL_RECENT
+        self._calm_count *= STILL_RECENT
+
+    def _add(self, tracks: Tracks) -> None:
+        """Add a batch that shows lags to the sums."""
+        _keep(self._all, self._kept)
+        _keep(self._recent, self._still_recent)
+        self._still_recent = 1.0
+        for sample in range(tracks.count):
+            _add(tracks.rows[sample], self._all, self._recent)
+
+    def _take(self, tracks: Tracks, weights: vec[float], *, calm: bool) -> None:
+        """Take what lags leave of a batch, by these weights; it's `calm` if it shows none."""
+        square = total = 0.0
+        for sample in range(tracks.count):
+            residual = _dot(weights, tracks.rows[sample])
+            square += residual * residual
+            total += residual
+        count = float(tracks.count)
+        self._persistence.take(total / count if count > 0.0 else math.nan)
+        if calm:
+            self._calm_square += square
+            self._calm_total += total
+            self._calm_count += count
 
     def _nearer(self, seen: vec[vec[float]]) -> list[float]:
         """Return by how much other ratios would come nearest to what was `seen`, as far as it stands out."""
-        parameters = range(self.nodes.parameters)
-        information = [[seen[1 + one][1 + other] for other in parameters] for one in parameters]
-        found = [0.0 for _ in parameters]
-        for place, row in enumerate(_inverse_with(information, BELIEF * self._least_variance * self._alike)):
+        found = [0.0 for _ in self.log_ratio]
+        held = BELIEF * self._least_variance * self._alike
+        for place, row in enumerate(_inverse_with(_information(seen, 1.0), held)):
             for other, each in enumerate(row):
                 found[place] -= each * seen[1 + other][0]
         return found
 
-    def _fit(self, column: int, seen: vec[vec[float]], variance: float) -> None:
+    def _fit(self, seen: vec[vec[float]], variance: float) -> None:
         """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
 
         Args:
-            column: whose.
             seen: the products of the simulation with its lags, and of its derivatives, about their means.
             variance: of what no lags would explain, so often as it stays alike.
         """
-        log_ratio, spread, count, most = self.log_ratio[column], self.spread[column], self.nodes.parameters, 1.0
+        log_ratio, most, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._least_variance) * self._alike)
-        information = [[seen[1 + one][1 + other] * worth for other in range(count)] for one in range(count)]
-        pull = [-seen[1 + place][0] * worth - log_ratio[place] * BELIEF for place in range(count)]
+        information = _information(seen, worth)
+        pull = [-seen[1 + place][0] * worth - each * BELIEF for place, each in enumerate(log_ratio)]
         for place, row in enumerate(_inverse_with(information, BELIEF)):
-            wanted = 0.0
+            wanted, before = 0.0, log_ratio[place]
             for other, each in enumerate(row):
                 wanted += each * pull[other]
-            log_ratio[place] = within(log_ratio[place] + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
-            spread[place] = math.sqrt(row[place])
+            log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
+            change = max(change, abs(log_ratio[place] - before))
             most = max(most, information[place][place])
-        self._kept[column] = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
+        self._kept = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
+        self._settled = change < SETTLED
+        if self._in_use:
+            self._weights = self._nodes.weights(log_ratio)
 
-    def _misfit(self, seen: vec[vec[float]], samples: float, batches: float) -> float:
-        """Return by what common share the lags in use, those of `seen`, differ from those of what was flown last.
+    def _judge(self) -> None:
+        """Find by what common share the lags in use differ from those of what was flown last.
 
-        So many `batches` tell no more than one of independent residuals. Few of these, less a mean and a share that
-        were fitted to them, tell little of how large they are.
+        So many batches as stay alike tell no more of residuals than an independent one. Few of these, less a mean and a
+        share that were fitted to them, tell little of how large residuals are.
         """
-        by_all = shown = 0.0
-        for one in range(1, len(seen)):
-            shown += seen[one][0]
-            for other in range(1, len(seen)):
-                by_all += seen[one][other]
-        excitation = max(by_all, 1e-12)
-        free = max(samples / (self._alike * batches) - FITTED, LEAST_FREE)
-        left = max(seen[0][0] - squared(shown) / excitation, 0.0) / (self._alike * free)
+        sums, last = self._shown, len(self._shown) - 1
+        samples = max(sums[last][last] + self._calm_count, 1.0)
+        total, slopes = sums[last][0] + self._calm_total, 0.0
+        shown = by_all = 0.0
+        for one in range(1, last):
+            slopes += sums[last][one]
+            shown += sums[one][0]
+            for other in range(1, last):
+                by_all += sums[max(one, other)][min(one, other)]
+        shown -= slopes * total / samples
+        excitation = max(by_all - squared(slopes) / samples, 1e-12)
+        size = sums[0][0] + self._calm_square - squared(total) / samples
+        free = max(samples / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED, LEAST_FREE)
+        left = max(size - squared(shown) / excitation, 0.0) / (self._alike * free)
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
-        return max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
+        self.misfit = max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
 
 
-def zeros(rows: int, columns: int) -> vec[vec[float]]:
-    """Return a matrix of zeros."""
-    return vec[vec[float]]([vec[float]([0.0] * columns) for _ in range(rows)])
-
-
-def _triangle(size: int) -> vec[vec[float]]:
+def _zeros(size: int) -> vec[vec[float]]:
     """Return a symmetric matrix of zeros: of each row what is up to the diagonal."""
     return vec[vec[float]]([vec[float]([0.0] * (row + 1)) for row in range(size)])
 
@@ -256,6 +267,63 @@ def _dot(one: vec[float], other: vec[float]) -> float:
     for place in range(len(one)):
         total += one[place] * other[place]
     return total
+
+
+def _keep(sums: vec[vec[float]], share: float) -> None:
+    """Forget all but a share."""
+    for row in sums:
+        for place in range(len(row)):
+            row[place] = row[place] * share
+
+
+def _add(row: vec[float], sums: vec[vec[float]], others: vec[vec[float]]) -> None:
+    """Add the products of each two numbers of a row to sums, and to others."""
+    for one in range(len(row)):
+        value, to, to_other = row[one], sums[one], others[one]
+        for other in range(one + 1):
+            product = value * row[other]
+            to[other] = to[other] + product
+            to_other[other] = to_other[other] + product
+
+
+def _count(sums: vec[vec[float]]) -> float:
+    """Return how many samples they are of, 1 at least."""
+    end = len(sums) - 1
+    return max(sums[end][end], 1.0)
+
+
+def _projected(sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float]]:
+    """Return the sums of products of P + 1 weighted means of the simulations, and of 1."""
+    totals, found, end = sums[len(sums) - 1], _zeros(len(weights) + 1), len(weights)
+    for one in range(end):
+        along = _along(sums, weights[one])
+        for other in range(one + 1):
+            found[one][other] = _dot(weights[other], along)
+        found[end][one] = _dot(weights[one], totals)
+    found[end][end] = totals[len(totals) - 1]
+    return found
+
+
+def _along(sums: vec[vec[float]], weights: vec[float]) -> vec[float]:
+    """Return the sums of products (K) of the simulations' weighted mean with each of them."""
+    along = vec[float]([0.0] * len(weights))
+    for one in range(len(weights)):
+        row, weight, product = sums[one], weights[one], 0.0
+        for other in range(one):
+            product += row[other] * weights[other]
+            along[other] = along[other] + row[other] * weight
+        along[one] = product + row[one] * weight
+    return along
+
+
+def _about_means(sums: vec[vec[float]]) -> vec[vec[float]]:
+    """Make the sums of products, but for those with 1, such about their means, and return them."""
+    end, count = len(sums) - 1, _count(sums)
+    totals = sums[end]
+    for one in range(end):
+        for other in range(one + 1):
+            sums[one][other] = sums[one][other] - totals[one] * totals[other] / count
+    return sums
 
 
 def _moved(weights: vec[vec[float]], by: list[float]) -> vec[float]:
@@ -269,67 +337,28 @@ def _moved(weights: vec[vec[float]], by: list[float]) -> vec[float]:
     return moved
 
 
+def _information(seen: vec[vec[float]], worth: float) -> list[list[float]]:
+    """Return the products (P, P) of the derivatives with each other, times what they are worth."""
+    first = seen[1][1] * worth
+    if len(seen) == 3:
+        return [[first]]
+    cross = seen[2][1] * worth
+    return [[first, cross], [cross, seen[2][2] * worth]]
+
+
 def _left(seen: vec[vec[float]], by: list[float]) -> float:
     """Return the simulation's product with itself, about its mean, at ratios that are moved."""
-    left = seen[0][0]
+    left, information = seen[0][0], _information(seen, 1.0)
     for one, each in enumerate(by):
         left += 2.0 * each * seen[1 + one][0]
         for other, another in enumerate(by):
-            left += each * another * seen[1 + one][1 + other]
+            left += each * another * information[one][other]
     return max(left, 0.0)
-
-
-def _mean(rows: vec[vec[float]], weights: vec[float]) -> float:
-    """Return the weighted mean of a batch's simulations minus telemetry, over its samples; NaN where it has none."""
-    samples = rows[len(weights)]
-    count = _dot(samples, samples)
-    if count == 0.0:
-        return math.nan
-    total = 0.0
-    for node in range(len(weights)):
-        total += weights[node] * _dot(rows[node], samples)
-    return total / count
 
 
 def _each(rows: vec[float], columns: vec[float]) -> vec[float]:
     """Return all products of two lists' numbers, those of the first of `rows` first."""
     return vec[float]([row * column for row in rows for column in columns])
-
-
-def _forget(sums: vec[vec[float]], kept: float) -> None:
-    for row in sums:
-        for place in range(len(row)):
-            row[place] = row[place] * kept
-
-
-def _add(rows: vec[vec[float]], sums: vec[vec[float]], others: vec[vec[float]], *, both: bool) -> None:
-    """Add the products of each two rows of a batch to sums, and to others if to `both`."""
-    for one in range(len(rows)):
-        row, to, to_other = rows[one], sums[one], others[one]
-        for other in range(one + 1):
-            product = _dot(row, rows[other])
-            to[other] = to[other] + product
-            if both:
-                to_other[other] = to_other[other] + product
-
-
-def _count(sums: vec[vec[float]]) -> float:
-    """Return how many samples they are of, 1 at least."""
-    end = len(sums) - 1
-    return max(sums[end][end], 1.0)
-
-
-def _about_mean(sums: vec[vec[float]], weights: vec[float], mean: float) -> vec[float]:
-    """Return the products (K) of the simulations' weighted mean, minus its own `mean`, with each of them."""
-    totals = sums[len(weights)]
-    along = vec[float]([0.0] * len(weights))
-    for one in range(len(weights)):
-        row, weight, product = sums[one], weights[one], 0.0
-        for other in range(one):
-            product += row[other] * weights[other]
-            along[other] = along[other] + row[other] * weight
-        along[one] = product + row[one] * weight - mean * totals[one]
-    return along
 
 
 def _inverse_with(matrix: list[list[float]], diagonal: float) -> list[list[float]]:

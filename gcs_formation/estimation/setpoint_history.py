@@ -8,10 +8,11 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within
+from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within, wrap
 from flight_model.slot import NOTHING, Triple
 
 HISTORY_S: Final = 6.0
+RESPOND_NS: Final = 280_000_000
 
 
 class SentSetpoints:
@@ -59,7 +60,27 @@ class SentSetpoints:
         """Return the setpoint at a place."""
         return self._speeds_mps[index], self._headings_rad[index], self._heights_m[index]
 
-    def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel, *, place: bool) -> None:
+    def later(self, index: i64, instant: i64) -> i64:
+        """Return the place of the newest setpoint that acts at an instant at which the one at `index` acts already."""
+        while index < self.end - 1 and self.acts[index + 1] <= instant:
+            index += 1
+        return index
+
+    def mean(self, index: i64, since: i64, until: i64) -> Triple:
+        """Return the mean of the setpoints that act from `since` to `until`, the first of which is at a place."""
+        acts, speeds_mps, headings_rad, heights_m = self.acts, self._speeds_mps, self._headings_rad, self._heights_m
+        speed_mps, heading_rad, height_m = speeds_mps[index], headings_rad[index], heights_m[index]
+        last, acted, whole = self.end - 1, since, float(until - since)
+        while index < last and acts[index + 1] < until:
+            acted = max(acted, acts[index + 1])
+            share = float(until - acted) / whole
+            speed_mps += share * (speeds_mps[index + 1] - speeds_mps[index])
+            heading_rad += share * wrap(headings_rad[index + 1] - headings_rad[index])
+            height_m += share * (heights_m[index + 1] - heights_m[index])
+            index += 1
+        return speed_mps, heading_rad, height_m
+
+    def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
         """Move the vehicle's `state` on as `SetpointHistory` says."""
         acts, last = self.acts, self.end - 1
         for index in range(self.acting(since), self.end):
@@ -70,11 +91,19 @@ class SentSetpoints:
                 speed_mps = within(self._speeds_mps[index], model.speed_min_mps, model.speed_max_mps)
                 heading_rad, height_m = self._headings_rad[index], self._heights_m[index]
                 time_s = float(end - since) / NANOSECONDS
-                if place:
-                    advance(state, model, speed_mps, heading_rad, height_m, time_s)
-                else:
-                    respond(state, model, speed_mps, heading_rad, height_m, time_s)
+                advance(state, model, speed_mps, heading_rad, height_m, time_s)
                 since = end
+
+    def respond(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
+        """Move the vehicle's `state` on as `SetpointHistory` says."""
+        steps, place = (until - since) // RESPOND_NS + 1, self.acting(since)
+        step = (until - since) // steps
+        for _ in range(steps):
+            place = self.later(place, since)
+            speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
+            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+            respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
+            since += step
 
 
 class SetpointHistory:
@@ -102,40 +131,27 @@ class SetpointHistory:
         for vehicle, setpoint in enumerate(setpoints):
             self._each[vehicle].note(setpoint)
 
-    def carry(
-        self, state: FlightState, since: int, until: int, vehicle: int, model: AutopilotModel, *, place: bool = True
-    ) -> None:
+    def carry(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
 
-        Before the oldest known setpoint it is taken to follow that one already; without `place`, north and east are
-        left as they are.
+        Before the oldest known setpoint it is taken to follow that one already.
         """
         if self._each:
-            self._each[vehicle].carry(state, since, until, model, place=place)
+            self._each[vehicle].carry(state, since, until, model)
+
+    def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
+        """Move airspeed, heading, height and climb rate on likewise, roughly, and leave the place.
+
+        Of the setpoints in each `RESPOND_NS` the mean counts.
+        """
+        if self._each:
+            self._each[vehicle].respond(state, since, until, model)
 
     def commanded(self, instant: int, vehicle: int) -> Triple:
         """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
         sent = self._each[vehicle]
         return sent.at(sent.acting(instant))
 
-    def between(self, since: list[int], until: list[int]) -> list[Flown]:
-        """Return, vehicle by vehicle, by what it flew from `since` to `until`, its instants; of the same ticks all."""
-        first = min(each.acting(since[vehicle]) for vehicle, each in enumerate(self._each))
-        last = max(each.acting(until[vehicle] - 1) for vehicle, each in enumerate(self._each))
-        return [Flown(each, first, max(first, last)) for each in self._each]
-
-
-class Flown:
-    """By what a vehicle flew for a time: setpoints, and when each acts, none before the one before it."""
-
-    __slots__ = ("acts", "setpoints")
-
-    def __init__(self, sent: SentSetpoints, first: i64, last: i64) -> None:
-        """Take those from the first to the last place."""
-        self.acts: list[int] = []
-        self.setpoints: list[Triple] = []
-        latest = sent.acts[first]
-        for place in range(first, last + 1):
-            latest = max(latest, sent.acts[place])
-            self.acts.append(latest)
-            self.setpoints.append(sent.at(place))
+    def of(self, vehicle: int) -> SentSetpoints:
+        """Return what one vehicle was sent."""
+        return self._each[vehicle]

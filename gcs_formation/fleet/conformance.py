@@ -173,7 +173,7 @@ class MotionConformance:
             return None
         since, before = flier.past[0]
         end = before.copy()
-        self._history.carry(end, since, max(stamp, since), column, flier.model, place=False)
+        self._history.respond(end, since, max(stamp, since), column, flier.model)
         expected, flown = _change(before, end), _change(before, seen)
         flown[HEADING] = wrap(flown[HEADING])
         if flier.climbed and commanded_s < LEVELS_OUT_S:

@@ -23,10 +23,12 @@ from gcs_formation.estimation.lag_fit import (
     GUST_WORTH,
     LEAST_SPREAD,
     RECENT_S,
+    SETTLED,
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.estimation.lags import FREE, GAP_S, RESOLUTION, Motion
+from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Motion
+from gcs_formation.estimation.lags import GAP_S, RESOLUTION
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
@@ -63,19 +65,27 @@ class Bank:
         Also which of them, (3, C), kept clear of the rate limits.
 
         Args:
-            stamps: (B + 1, C), in order; the simulations are at the first.
-            acts: (R, C) in order, when the setpoints act.
+            stamps: (B + 1, C), in order, the same of all vehicles; the simulations are at the first.
+            acts: (R, C) in order, when the setpoints act, the same of all vehicles.
             told: (R, 3, C).
         """
-        borders = np.sort(np.concatenate((stamps, np.minimum(np.maximum(acts, stamps[0]), stamps[-1]))), axis=0)
-        duration_s = np.diff(borders, axis=0) / NANOSECONDS
-        newest = np.maximum((acts[:, None] <= borders[None, :-1]).sum(axis=0) - 1, 0)
-        every = np.arange(self._columns)
-        segments = told[newest, :, every].transpose(0, 2, 1)
-        at = (borders[:, None] < stamps[None, 1:]).sum(axis=0)
+        assert (stamps == stamps[:, :1]).all()
+        assert (acts == acts[:, :1]).all()
+        samples = stamps[:, 0]
+        parts = np.maximum(np.rint(np.diff(samples) / STEP_NS).astype(int), np.diff(samples) > 0)
+        each = zip(samples, samples[1:], parts, strict=False)
+        pieces = [np.linspace(since, until, count + 1)[1:] for since, until, count in each]
+        borders = np.concatenate((samples[:1], *pieces))
+        begin, end = borders[:-1, None], borders[1:, None]
+        until = np.append(acts[1:, 0], np.iinfo(np.int64).max)
+        since = np.append(np.iinfo(np.int64).min, acts[1:, 0])
+        overlap = np.maximum(np.minimum(end, until) - np.maximum(begin, since), 0) / (end - begin)
+        segments = np.einsum("sr,rqc->sqc", overlap, told)
+        duration_s = np.repeat((end - begin) / NANOSECONDS, stamps.shape[1], axis=1)
+        at = np.searchsorted(borders, samples[1:])
         air, air_free = self._through_air(segments[:, :2], duration_s)
         height, height_free = self._through_heights(segments[:, 2], duration_s)
-        return (air[at, 0, every], air[at, 1, every], height[at, every]), np.concatenate((air_free, height_free[None]))
+        return (air[at, 0], air[at, 1], height[at]), np.concatenate((air_free, height_free[None]))
 
     def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
         """Return airspeeds and headings at the borders of S segments, (S + 1, 2, C, K), and which were free, (2, C)."""
@@ -236,61 +246,71 @@ class Channel:
         self.nodes = nodes
         self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
         """(C, P) of the lags to the believed ones."""
-        self.spread: Array = np.full_like(self.log_ratio, BELIEVED_SPREAD)
-        """(C, P) standard deviations of these."""
         self.misfit: Array = np.zeros(columns)
         """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
         self._resolution, self._in_use = resolution, in_use
         self._independent = max(1.0, CORRELATED_S * rate_hz)
         self._means = Means(columns, resolution)
-        self._all, self._recent = (Sums.none(columns, len(nodes.at)) for _ in range(2))
+        self._all, self._recent, self._calm = (Sums.none(columns, size) for size in (len(nodes.at), len(nodes.at), 1))
+        self._settled: Mask = np.ones(columns, dtype=bool)
+        self._kept: Array = np.ones(columns)
 
     def learn(self, differences: Array, counted: Mask) -> None:
         """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags anew."""
         apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
         excited = apart.max(axis=0, initial=0.0) > self._resolution
-        self._recent.keep(math.exp(-BATCH_S / RECENT_S))
-        self._recent.add(differences, counted)
+        shows = excited & counted.any(axis=0)
+        fits = shows | ~self._settled
+        self._all.keep(np.where(shows, self._kept, 1.0))
         self._all.add(differences, counted & excited)
         weights, slopes = self.nodes.weights(self.log_ratio)
         scatter, count = self._all.scatter(), np.maximum(self._all.count, 1.0)
-        nearer = self._nearer(scatter, weights, slopes)
-        moved = weights + np.einsum("cp,cpk->ck", nearer, slopes)
-        samples = np.maximum(counted.sum(axis=0), 1)
-        means = np.einsum("ck,bck->c", moved, np.where(counted[..., None], differences, 0.0)) / samples
-        alike = self._means.take(means, counted)
-        variance = alike * np.einsum("ck,ckl,cl->c", moved, scatter, moved) / count + self._resolution**2
-        self._judge(*((weights, slopes) if self._in_use else self.nodes.weights(np.zeros_like(self.log_ratio))), alike)
-        self._fit(Fit.of(scatter, weights, slopes, 1.0 / (variance * self._independent)))
+        nearer = self._nearest(scatter, weights, slopes)
+        used = self.log_ratio if self._in_use else np.zeros_like(self.log_ratio)
+        nearest = weights + np.einsum("cp,cpk->ck", nearer, slopes)
+        taken = np.where(fits[:, None], nearest, self.nodes.weights(used)[0])
+        left = np.where(counted, np.einsum("ck,bck->bc", taken, differences), 0.0)
+        alike = self._means.take(left.sum(axis=0) / np.maximum(counted.sum(axis=0), 1), counted)
+        for sums in (self._recent, self._calm):
+            sums.keep(math.exp(-BATCH_S / RECENT_S))
+        self._recent.add(differences, counted & shows)
+        self._calm.add(left[..., None], counted & ~shows)
+        variance = alike * np.einsum("ck,ckl,cl->c", nearest, scatter, nearest) / count + self._resolution**2
+        self._fit(Fit.of(scatter, weights, slopes, 1.0 / (variance * self._independent)), fits)
+        self._judge(alike)
 
-    def _nearer(self, scatter: Array, weights: Array, slopes: Array) -> Array:
+    def _nearest(self, scatter: Array, weights: Array, slopes: Array) -> Array:
         """Return (C, P): by how much other ratios would come nearest, held by the prior where only digits differ."""
         worth = np.full(len(weights), 1.0 / (self._resolution**2 * self._independent))
         fit = Fit.of(scatter, weights, slopes, worth)
         held = fit.information + np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
         return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
 
-    def _fit(self, fit: Fit) -> None:
-        """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough."""
+    def _fit(self, fit: Fit, fits: Mask) -> None:
+        """Make a Gauss-Newton step towards the most likely lags of the vehicles, (C,), that are to be fitted."""
         believed = np.eye(self.log_ratio.shape[1]) / BELIEVED_SPREAD**2
         covariance = np.linalg.inv(fit.information + believed)
         wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
-        self.log_ratio = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
-        self.spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        most = np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1)
-        self._all.keep(np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * np.maximum(most, 1.0))))
+        stepped = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
+        most = np.maximum(np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1), 1.0)
+        self._kept = np.where(fits, np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * most)), self._kept)
+        self._settled = np.where(fits, np.abs(stepped - self.log_ratio).max(axis=1) < SETTLED, self._settled)
+        self.log_ratio = np.where(fits[:, None], stepped, self.log_ratio)
 
-    def _judge(self, weights: Array, slopes: Array, alike: Array) -> None:
-        """Find by what common share the lags in use, those of `weights`, differ from those of the last flight.
+    def _judge(self, alike: Array) -> None:
+        """Find by what common share the lags in use differ from those of the last flight.
 
         `alike`: so many batches tell no more of residuals than one of independent ones, (C,).
         """
-        sums, slope, alike = self._recent, slopes.sum(axis=1), np.minimum(alike, GUST_ALIKE)
-        scatter = sums.scatter()
-        by_slope = (scatter @ slope[..., None])[..., 0]
-        excitation = np.maximum((slope * by_slope).sum(axis=1), 1e-12)
-        shown, misfit = (weights * by_slope).sum(axis=1), np.einsum("ck,ckl,cl->c", weights, scatter, weights)
-        count = np.maximum(sums.count, 1.0)
+        recent, calm, alike = self._recent, self._calm, np.minimum(alike, GUST_ALIKE)
+        weights, slopes = self.nodes.weights(self.log_ratio if self._in_use else np.zeros_like(self.log_ratio))
+        slope, count = slopes.sum(axis=1), np.maximum(recent.count + calm.count, 1.0)
+        total = (weights * recent.first).sum(axis=1) + calm.first[:, 0]
+        by_slope = (recent.second @ slope[..., None])[..., 0]
+        slope_mean = (slope * recent.first).sum(axis=1) / count
+        excitation = np.maximum((slope * by_slope).sum(axis=1) - slope_mean**2 * count, 1e-12)
+        shown = (weights * by_slope).sum(axis=1) - slope_mean * total
+        misfit = np.einsum("ck,ckl,cl->c", weights, recent.second, weights) + calm.second[:, 0, 0] - total**2 / count
         free = np.maximum(count / (self._independent * alike) - 2.0, 0.1)
         left = np.maximum(misfit - shown**2 / excitation, 0.0) / (free * self._independent)
         chance = np.sqrt((left + self._resolution**2) * self._independent / excitation)
@@ -344,11 +364,6 @@ class LagsOnArrays:
         """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
         return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
 
-    @property
-    def spreads(self) -> Array:
-        """(4, C) standard deviations of the logarithms of those."""
-        return np.concatenate([channel.spread.T for channel in self.channels])
-
     def hear(self, column: int, stamp: int, motion: Motion) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
         self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
@@ -369,21 +384,25 @@ class LagsOnArrays:
 
     def _take(self, stamps: Instants, seen: Array) -> None:
         """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
-        flown = self._history.between(stamps[0].tolist(), stamps[-1].tolist())
-        acts = np.array([each.acts for each in flown], dtype=np.int64).T
-        told = np.array([each.setpoints for each in flown]).transpose(1, 2, 0)
+        sent = [self._history.of(column) for column in range(len(self.models))]
+        places = range(sent[0].acting(int(stamps[0, 0])), sent[0].end)
+        acts = np.array([[each.acts[place] for each in sent] for place in places], dtype=np.int64)
+        told = np.array([[each.at(place) for each in sent] for place in places]).transpose(0, 2, 1)
         gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
         learning: Mask = self._learning & self.lagging & self._bank.flying
         learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
-        if learning.any():
+        if (learning & (stamps[-1] > stamps[0])).any():
             simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
             learning = learning & free
-            newer = stamps[1:] > stamps[:-1]
-            for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
-                differences = motion - seen[1:, row, :, None]
-                channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
-            if self._in_use:
-                self._apply((self._believed.table[:4] * self.ratios).T.tolist())
+        else:
+            simulated = [np.zeros((*stamps[1:].shape, len(channel.nodes.at))) for channel in self.channels]
+            learning = np.tile(learning, (len(simulated), 1))
+        newer = stamps[1:] > stamps[:-1]
+        for row, (channel, motion) in enumerate(zip(self.channels, simulated, strict=True)):
+            differences = motion - seen[1:, row, :, None]
+            channel.learn(wrap(differences) if row == 1 else differences, newer & learning[row])
+        if self._in_use:
+            self._apply((self._believed.table[:4] * self.ratios).T.tolist())
         self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
 
     def _apply(self, lags_s: list[list[float]]) -> None:

@@ -13,9 +13,9 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from gcs_formation.estimation.kalman import Updraught
 from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.estimation.updraught import Updraught
 from gcs_formation.parameters import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables

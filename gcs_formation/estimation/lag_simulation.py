@@ -1,0 +1,299 @@
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once: `lags` says what for."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
+
+from airlink.clock import NANOSECONDS
+from flight_model.autopilot import AutopilotModel, climbed, finite, remaining, within, wrap
+from flight_model.decay import of_climb
+from flight_model.slot import Triple
+from gcs_formation.estimation.setpoint_history import SentSetpoints
+
+FREE: Final = 0.6
+"""Share of a rate limit beyond which nothing is learnt of a lag: what flies at its limit doesn't show it, and the limit
+may be lower than believed (an aircraft turns the slower, the faster it flies)."""
+STEP_NS: Final = 100_000_000
+"""Simulations move on by about so much at once; in each step they follow the mean of the setpoints that act in it."""
+ALIKE_NS: Final = 1_000_000
+"""Steps that differ by no more are taken as equally long, so that exponentials are seldom computed. What one leaves out
+of the time, the next one has."""
+Motion = tuple[float, float, float, float]
+"""Airspeed, heading, height and climb, m/s, rad, m."""
+
+
+class Tracks:
+    """A vehicle's batch of samples of a channel: of each, K simulations minus telemetry, and 1."""
+
+    __slots__ = ("count", "rows")
+
+    def __init__(self, simulations: int, samples: int) -> None:
+        """Take K, and how many samples there may be."""
+        self.count: i64 = 0
+        """Of the samples."""
+        self.rows = vec[vec[float]]([vec[float]([0.0] * simulations + [1.0]) for _ in range(samples)])
+        """(B, K + 1)."""
+
+    def next(self) -> vec[float]:
+        """Add a sample and return its row, to be filled."""
+        self.count += 1
+        return self.rows[self.count - 1]
+
+    def clear(self) -> None:
+        """Take the samples away."""
+        self.count = 0
+
+    def excited(self, resolution: float) -> bool:
+        """Return whether the simulations differ by more than a resolution: the first from the last."""
+        for sample in range(self.count):
+            row = self.rows[sample]
+            if abs(row[0] - row[len(row) - 2]) > resolution:
+                return True
+        return False
+
+
+class FirstOrder:
+    """Simulations of an airspeed or a heading by K lags."""
+
+    def __init__(self, lags_s: list[float], believed_s: float, rate_max: float, *, turns: bool) -> None:
+        """Take lags, the believed one, and the limit of the rate; `turns`: what is simulated is an angle."""
+        self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
+        self._made_good = vec[float]([0.0] * len(lags_s))
+        """Share of an error that is made good in a step."""
+        self._rate_max, self._turns, self._step_s = rate_max, turns, 0.0
+        self._free = FREE * rate_max * believed_s
+        self._off = 0.0
+        """Largest mean error of all simulations in the batch."""
+
+    def begin(self, value: float) -> None:
+        """Begin anew from a value."""
+        for node in range(len(self._values)):
+            self._values[node] = value
+
+    def begin_batch(self) -> None:
+        """Forget by how much simulations were off."""
+        self._off = 0.0
+
+    def free(self) -> bool:
+        """Return whether they kept clear of the rate limit in the batch."""
+        return self._off < self._free
+
+    def step_by(self, time_s: float) -> None:
+        """Make steps of so much time from now on."""
+        self._step_s = time_s
+        for node in range(len(self._lags_s)):
+            self._made_good[node] = 1.0 - math.exp(-time_s / self._lags_s[node])
+
+    def step(self, setpoint: float) -> None:
+        """Follow a setpoint for a step."""
+        values, lags_s, made_good, off = self._values, self._lags_s, self._made_good, 0.0
+        turns, rate_max = self._turns, self._rate_max
+        for node in range(len(values)):
+            error = setpoint - values[node]
+            if turns:
+                error = wrap(error)
+            size, share = abs(error), made_good[node]
+            off += size
+            change = share * error
+            if size > rate_max * lags_s[node]:
+                change = error - remaining(error, self._step_s, lags_s[node], rate_max, 1.0 - share)
+            values[node] = values[node] + change
+        self._off = max(self._off, off / float(len(values)))
+
+    def compare(self, seen: float, row: vec[float]) -> None:
+        """Put the simulations minus what was seen into a row."""
+        values, turns = self._values, self._turns
+        for node in range(len(values)):
+            row[node] = wrap(values[node] - seen) if turns else values[node] - seen
+
+
+class SecondOrder:
+    """Simulations of a height by K pairs of lags."""
+
+    def __init__(self, pairs_s: list[tuple[float, float]], believed: AutopilotModel) -> None:
+        """Take pairs of lags, and the believed model."""
+        self._slow_s = vec[float]([max(pair) for pair in pairs_s])
+        self._fast_s = vec[float]([min(pair) for pair in pairs_s])
+        self._heights_m, self._climbs_mps = vec[float]([0.0] * len(pairs_s)), vec[float]([0.0] * len(pairs_s))
+        self._slow_left, self._fast_left, self._climb_s = (vec[float]([0.0] * len(pairs_s)) for _ in range(3))
+        self._height_of_error, self._climb_of_error, self._climb_of_climb = (
+            vec[float]([0.0] * len(pairs_s)) for _ in range(3)
+        )
+        """What is left after a step of an error of 1 m and of a climb of 1 m/s; of a climb, in height, `_climb_s`."""
+        self._most_mps, self._step_s = believed.climb_max_mps, 0.0
+        self._free_m = FREE * believed.climb_max_mps * (believed.tau_ha_s + believed.tau_hb_s)
+        self._off_m = 0.0
+
+    def begin(self, height_m: float, climb_mps: float) -> None:
+        """Begin anew from a height and a climb."""
+        for node in range(len(self._heights_m)):
+            self._heights_m[node], self._climbs_mps[node] = height_m, climb_mps
+
+    def begin_batch(self) -> None:
+        """Forget by how much simulations were off."""
+        self._off_m = 0.0
+
+    def free(self) -> bool:
+        """Return whether they kept clear of the rate limit in the batch."""
+        return self._off_m < self._free_m
+
+    def step_by(self, time_s: float) -> None:
+        """Make steps of so much time from now on."""
+        self._step_s = time_s
+        for node in range(len(self._slow_s)):
+            slow_s, fast_s = self._slow_s[node], self._fast_s[node]
+            slow, fast = math.exp(-time_s / slow_s), math.exp(-time_s / fast_s)
+            climb_s = of_climb(time_s, slow_s, fast_s, slow, fast)
+            self._slow_left[node], self._fast_left[node], self._climb_s[node] = slow, fast, climb_s
+            self._height_of_error[node] = slow + climb_s / slow_s
+            self._climb_of_error[node] = -climb_s / (slow_s * fast_s)
+            self._climb_of_climb[node] = fast - climb_s / slow_s
+
+    def step(self, height_m: float) -> None:
+        """Follow a setpoint for a step."""
+        heights_m, climbs_mps, most_mps, off_m = self._heights_m, self._climbs_mps, self._most_mps, 0.0
+        climb_s, climb_of_error, climb_of_climb = self._climb_s, self._climb_of_error, self._climb_of_climb
+        most_m, height_of_error = most_mps * self._step_s, self._height_of_error
+        for node in range(len(heights_m)):
+            now_m, now_mps = heights_m[node], climbs_mps[node]
+            error_m = now_m - height_m
+            off_m += abs(error_m)
+            change_m = height_of_error[node] * error_m + climb_s[node] * now_mps - error_m
+            later_mps = climb_of_error[node] * error_m + climb_of_climb[node] * now_mps
+            if abs(change_m) <= most_m and abs(later_mps) <= most_mps:
+                heights_m[node], climbs_mps[node] = now_m + change_m, later_mps
+            else:
+                self._climb_at_limit(node, height_m)
+        self._off_m = max(self._off_m, off_m / float(len(heights_m)))
+
+    def _climb_at_limit(self, node: i64, height_m: float) -> None:
+        self._heights_m[node], self._climbs_mps[node] = climbed(
+            self._heights_m[node],
+            self._climbs_mps[node],
+            self._most_mps,
+            height_m,
+            self._step_s,
+            self._slow_s[node],
+            self._fast_s[node],
+            self._slow_left[node],
+            self._fast_left[node],
+            self._climb_s[node],
+        )
+
+    def compare(self, seen_m: float, row: vec[float]) -> None:
+        """Put the simulations minus what was seen into a row."""
+        heights_m = self._heights_m
+        for node in range(len(heights_m)):
+            row[node] = heights_m[node] - seen_m
+
+
+class Samples:
+    """What a vehicle's telemetry had at the ticks of a batch; the first ended the batch before."""
+
+    __slots__ = ("count", "headings_rad", "heights_m", "speeds_mps", "stamps")
+
+    def __init__(self, most: int) -> None:
+        """Hold so many at most."""
+        self.count: i64 = 0
+        self.stamps = vec[i64]([0] * most)
+        """In order, ns."""
+        self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * most) for _ in range(3))
+
+    def add(self, stamp: i64, motion: Motion) -> None:
+        """Add one, unless it isn't newer."""
+        if self.count > 0 and stamp <= self.stamps[self.count - 1]:
+            return
+        self.stamps[self.count] = stamp
+        self.speeds_mps[self.count], self.headings_rad[self.count], self.heights_m[self.count], _ = motion
+        self.count += 1
+
+    def near(self, sample: i64, instant: i64) -> Triple:
+        """Return airspeed, heading and height at an instant near a sample's, by what changed from the one before it."""
+        last = sample - 1
+        back = float(self.stamps[sample] - instant) / float(self.stamps[sample] - self.stamps[last])
+        return (
+            self.speeds_mps[sample] + back * (self.speeds_mps[last] - self.speeds_mps[sample]),
+            self.headings_rad[sample] + back * wrap(self.headings_rad[last] - self.headings_rad[sample]),
+            self.heights_m[sample] + back * (self.heights_m[last] - self.heights_m[sample]),
+        )
+
+    @property
+    def span_s(self) -> float:
+        """From the first to the last."""
+        return float(self.stamps[self.count - 1] - self.stamps[0]) / NANOSECONDS
+
+
+class Bank:
+    """A vehicle's simulations from its setpoints alone."""
+
+    def __init__(self, believed: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
+        """Simulate lags that are the believed ones times e to the power of `height` (K, 2), and of `air`, fewer."""
+        self.flying = False
+        """Whether the simulations have begun."""
+        speed_s, heading_s = believed.tau_v_s, believed.tau_psi_s
+        speeds_s = [speed_s * math.exp(each[0]) for each in air]
+        headings_s = [heading_s * math.exp(each[0]) for each in air]
+        pairs_s = [(believed.tau_ha_s * math.exp(one), believed.tau_hb_s * math.exp(other)) for one, other in height]
+        self._speeds = FirstOrder(speeds_s, speed_s, believed.accel_max_mps2, turns=False)
+        self._headings = FirstOrder(headings_s, heading_s, believed.turn_rate_max_rps, turns=True)
+        self._heights = SecondOrder(pairs_s, believed)
+        self._slowest_mps, self._fastest_mps = believed.speed_min_mps, believed.speed_max_mps
+        self._at: i64 = 0
+        """The instant of the simulations, ns."""
+        self._step: i64 = 0
+
+    def begin(self, learnt: list[bool], stamp: i64, seen: Motion) -> None:
+        """Begin those simulations, of airspeed, heading and height, anew that aren't `learnt` from what was `seen`."""
+        self.flying = not math.isnan(seen[0])
+        speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
+        if not any(learnt):
+            self._at = stamp
+        if not learnt[0]:
+            self._speeds.begin(speed_mps)
+        if not learnt[1]:
+            self._headings.begin(heading_rad)
+        if not learnt[2]:
+            self._heights.begin(height_m, climb_mps)
+
+    def fly(self, samples: Samples, sent: SentSetpoints, batch: list[Tracks]) -> list[bool]:
+        """Put the simulations minus telemetry into a batch of airspeed, heading and height, without samples.
+
+        Return of which of them lags are to be learnt: of those that kept clear of the rate limits; of none if the
+        vehicle hadn't been `sent` setpoints all the time.
+        """
+        self._speeds.begin_batch()
+        self._headings.begin_batch()
+        self._heights.begin_batch()
+        place = sent.acting(self._at)
+        for sample in range(1, samples.count):
+            stamp = samples.stamps[sample]
+            steps = max((stamp - self._at + STEP_NS // 2) // STEP_NS, 1)
+            while steps > 0 and stamp - self._at > ALIKE_NS:
+                self._step_by((stamp - self._at) // steps)
+                place = sent.later(place, self._at)
+                speed_mps, heading_rad, height_m = sent.mean(place, self._at, self._at + self._step)
+                if not finite(speed_mps + heading_rad + height_m):
+                    return [False, False, False]
+                self._speeds.step(within(speed_mps, self._slowest_mps, self._fastest_mps))
+                self._headings.step(heading_rad)
+                self._heights.step(height_m)
+                self._at += self._step
+                steps -= 1
+            speed_mps, heading_rad, height_m = samples.near(sample, self._at)
+            self._speeds.compare(speed_mps, batch[0].next())
+            self._headings.compare(heading_rad, batch[1].next())
+            self._heights.compare(height_m, batch[2].next())
+        return [self._speeds.free(), self._headings.free(), self._heights.free()]
+
+    def _step_by(self, step: i64) -> None:
+        """Make steps of so many ns, unless they are so long already."""
+        if -ALIKE_NS <= step - self._step <= ALIKE_NS:
+            return
+        self._step, step_s = step, float(step) / NANOSECONDS
+        self._speeds.step_by(step_s)
+        self._headings.step_by(step_s)
+        self._heights.step_by(step_s)
