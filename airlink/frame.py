@@ -139,7 +139,8 @@ class StreamParser:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that `data` completes. Never raises, whatever the bytes."""
-        if data and not self._pending and frame_length(data, 0) == len(data):  # as nearly every datagram is
+        size = len(data)
+        if size > 0 and len(self._pending) == 0 and frame_length(data, 0) == size:  # as nearly every datagram is
             frame = self._accept(data, counted=False)
             if frame is not None:
                 self.counts.frames += 1

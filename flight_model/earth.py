@@ -75,8 +75,9 @@ class GeodeticOrigin:
         """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
         lat_rad = self.lat_rad
         north_radius_m, east_radius_m = _radii(lat_rad)
-        for _ in range(INVERSION_STEPS):
-            before_rad, lat_rad = lat_rad, self.lat_rad + north_m / north_radius_m
+        for _step in range(INVERSION_STEPS):
+            before_rad = lat_rad
+            lat_rad = self.lat_rad + north_m / north_radius_m
             if lat_rad == before_rad:
                 break
             north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)

@@ -15,6 +15,8 @@ from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 PEER_FORGOTTEN_S: Final = 10.0
+UNHEARD: Final = Instant(-1)
+"""When a peer was heard that never sent a valid frame."""
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
@@ -30,7 +32,7 @@ class Peer:
         self.address = address
         self.parser = StreamParser()
         self.writer = FrameWriter(system, AUTOPILOT)
-        self.heard: Instant | None = None
+        self.heard = UNHEARD
         """When its last valid frame was read."""
 
 
@@ -109,7 +111,7 @@ class Link:
             if peer is None:
                 continue
             frames = peer.parser.feed(datagram.data)
-            if frames and peer.heard is None:
+            if frames and peer.heard == UNHEARD:
                 self._heard.append(peer)
             for frame in frames:
                 peer.heard = now
@@ -138,7 +140,7 @@ class Link:
             self._send(self._fixed, message)
             return
         for peer in self._heard:
-            if peer.heard is not None and seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
+            if seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
@@ -149,7 +151,7 @@ class Link:
         if address is self._last_address:
             return self._last
         peer = self._peers.get(address)
-        if self._locks and self._heard and (peer is None or peer.heard is None):
+        if self._locks and self._heard and (peer is None or peer.heard == UNHEARD):
             return None
         if peer is None:
             if len(self._peers) >= MAX_PEERS:
@@ -168,8 +170,8 @@ class Link:
     def _forget_one(self) -> None:
         """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
         known = [peer for peer in self._peers.values() if peer is not self._fixed]
-        gone = next((peer for peer in known if peer.heard is None), known[0])
+        gone = next((peer for peer in known if peer.heard == UNHEARD), known[0])
         del self._peers[gone.address]
         self._dropped += gone.parser.counts.bad
-        if gone.heard is not None:
+        if gone.heard != UNHEARD:
             self._heard.remove(gone)

@@ -353,7 +353,10 @@ def put_knowns(payload: BytesWriter, values: tuple[float, ...], length: int, per
     """Append 16-bit fields with a unit, cut off or filled up with zeros."""
     cut = values[:length]
     for value in cut:
-        put_near_u16(payload, value * per_unit)
+        if math.isnan(value):
+            write_i16_le(payload, -1)
+        else:
+            put_near_u16(payload, value * per_unit)
     put_zeros(payload, 2 * (length - len(cut)))
 
 

@@ -49,7 +49,8 @@ FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
 SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
 USUAL_SPEED: Final = -2.0
-FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
+FULL_TURN_DEG: Final = 360.0
+POLE_DEG: Final = 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
 HIGHEST_PLACE_M: Final = 83000.0

@@ -131,11 +131,16 @@ def select(condition: Condition, mode: float, selectable: frozenset[int] = SELEC
     return None if condition.booting or mode not in selectable else int(mode)
 
 
+CALIBRATING: Final = m.MAV_STATE_CALIBRATING
+ACTIVE: Final = m.MAV_STATE_ACTIVE
+STANDBY: Final = m.MAV_STATE_STANDBY
+
+
 def system_status(condition: Condition) -> int:
     """Return the MAV_STATE that a condition is told as."""
     if condition.booting:
-        return m.MAV_STATE_CALIBRATING
-    return m.MAV_STATE_ACTIVE if condition is Condition.FLYING else m.MAV_STATE_STANDBY
+        return CALIBRATING
+    return ACTIVE if condition is Condition.FLYING else STANDBY
 
 
 ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
