@@ -75,7 +75,6 @@ DEFAULT, STOP = 0.0, -1.0
 _asin: Final = math.asin
 _atan: Final = math.atan
 _atan2: Final = math.atan2
-_hypot: Final = math.hypot
 """Names of their own are found without a look into the module."""
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -139,7 +138,7 @@ def gps_raw_int(v: Vehicle) -> Message:
     lat, lon, alt = v.fleet.origin.from_ned(received.north_m, received.east_m, -received.height_m)
     north, east = received.velocity_north_mps, received.velocity_east_mps
     course = _atan2(east, north) % math.tau
-    return GpsRawInt(v.time_ns // 1000, FIX, lat, lon, alt, HDOP, HDOP, _hypot(north, east), course, SATELLITES)
+    return GpsRawInt(v.time_ns // 1000, FIX, lat, lon, alt, HDOP, HDOP, _length(north, east), course, SATELLITES)
 
 
 def attitude(v: Vehicle) -> Message:
@@ -193,7 +192,7 @@ def nav_controller_output(v: Vehicle) -> Message:
 def vfr_hud(v: Vehicle) -> Message:
     """Return VFR_HUD, which alone carries the airspeed."""
     motion = v.sensed
-    speed = _hypot(motion.velocity_north_mps, motion.velocity_east_mps)
+    speed = _length(motion.velocity_north_mps, motion.velocity_east_mps)
     altitude = v.fleet.origin.alt_m + motion.height_m
     heading = motion.heading_rad % math.tau
     throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
@@ -204,7 +203,7 @@ def wind(v: Vehicle) -> Message:
     """Return WIND; its direction is where the wind comes from."""
     motion = v.sensed
     north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
-    return Wind(signed(_atan2(-east, -north)), _hypot(north, east), down)
+    return Wind(signed(_atan2(-east, -north)), _length(north, east), down)
 
 
 def ekf_status_report(v: Vehicle) -> Message:
@@ -234,6 +233,11 @@ def extended_sys_state(v: Vehicle) -> Message:
 def autopilot_version(v: Vehicle) -> Message:
     """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
     return AutopilotVersion(v.capabilities, v.version)
+
+
+def _length(north: float, east: float) -> float:
+    """Return a vector's length. Compiled, `math.hypot`, which is exact, would be a call of Python's own."""
+    return math.sqrt(north * north + east * east)
 
 
 def _bank(motion: Motion) -> float:
