@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from mypy_extensions import mypyc_attr
+
 MAX_PORT = 65535
 ANY_HOST = "0.0.0.0"
 LOOPBACK = "127.0.0.1"
@@ -29,6 +31,7 @@ class ImpairmentError(AirlinkError):
     """A setting of an impaired link that isn't allowed."""
 
 
+@mypyc_attr(acyclic=True)
 class Address:
     """An IPv4 host, by number or name, and a UDP port; it isn't changed."""
 

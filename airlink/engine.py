@@ -19,16 +19,19 @@ T = TypeVar("T")
 FIRST_EPHEMERAL_PORT = 49152
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Datagram:
     """A UDP payload at one of an engine's sockets, with the address at the other end; whoever is given it owns it."""
 
-    __slots__ = ("data", "peer", "socket")
+    __slots__ = ("arrived", "data", "peer", "socket")
 
     def __init__(self, socket: int, peer: Address, data: bytes) -> None:
         """Take the payload; `socket` is an index into the engine's `endpoints()`."""
         self.socket = socket
         self.peer = peer
         self.data = data
+        self.arrived = Instant(0)
+        """When it came, as its receiver notes that."""
 
     @property
     def remote(self) -> tuple[int, Address]:

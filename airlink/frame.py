@@ -9,14 +9,14 @@ import re
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from librt.strings import BytesWriter, read_i16_le, read_i32_le, read_i64_le
-from mypy_extensions import i64
+from librt.strings import BytesWriter, read_i32_le, read_i64_le
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.mavlink import crc_extras
 from airlink.messages import Message, kind_of
+from airlink.messages.payload import MARKER_V2
 
 MARKER_V1: Final = 0xFE
-MARKER_V2: Final = 0xFD
 HEADER_V1: Final = 6
 HEADER_V2: Final = 10
 CHECKSUM: Final = 2
@@ -29,8 +29,11 @@ WORD: Final = 8
 BYTE: Final = 8
 """Bytes of a word, bits of a byte."""
 CRC_START: Final = 0xFFFF
+NO_EXTRA: Final = 2**56 - 1
+"""A word without its last byte."""
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Frame:
     """A frame whose checksum held."""
 
@@ -67,9 +70,18 @@ class FrameWriter:
 
     def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
         """Return the frame of `message`, with the next sequence number."""
-        kind, frame = message.kind(), self._frame
-        self._begin(kind.message_id, version)
-        begin: i64 = len(frame)
+        kind, frame, sequence = message.kind(), self._frame, self._sequence
+        self._sequence = (sequence + 1) & 0xFF
+        frame.truncate(0)
+        begin: i64 = HEADER_V2
+        if version == 2:
+            frame.write(kind.header)
+            frame[4] = sequence
+            frame[5] = self._system
+            frame[6] = self._component
+        else:
+            begin = HEADER_V1
+            frame.write(bytes((MARKER_V1, 0, sequence, self._system, self._component, kind.message_id)))
         message.write(frame)
         end: i64 = len(frame)
         if version == 2:
@@ -84,24 +96,6 @@ class FrameWriter:
         frame.append(check & 0xFF)
         frame.append(check >> 8)
         return frame.getvalue()
-
-    def _begin(self, message_id: int, version: Literal[1, 2]) -> None:
-        """Write a frame's header; the payload's length isn't known yet."""
-        frame, sequence, two = self._frame, self._sequence, version == 2
-        self._sequence = (sequence + 1) & 0xFF
-        frame.truncate(0)
-        frame.append(MARKER_V2 if two else MARKER_V1)
-        frame.append(0)
-        if two:
-            frame.append(0)
-            frame.append(0)
-        frame.append(sequence)
-        frame.append(self._system)
-        frame.append(self._component)
-        frame.append(message_id & 0xFF)
-        if two:
-            frame.append(message_id >> 8 & 0xFF)
-            frame.append(message_id >> 16)
 
 
 @dataclass
@@ -145,7 +139,8 @@ class StreamParser:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that `data` completes. Never raises, whatever the bytes."""
-        if data and not self._pending and frame_length(data, 0) == len(data):  # as nearly every datagram is
+        size = len(data)
+        if size > 0 and len(self._pending) == 0 and frame_length(data, 0) == size:  # as nearly every datagram is
             frame = self._accept(data, counted=False)
             if frame is not None:
                 self.counts.frames += 1
@@ -176,26 +171,33 @@ class StreamParser:
 
     def _accept(self, raw: bytes, *, counted: bool) -> Frame | None:
         """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
+        at: i64 = 2  # where its sequence number is, and after it the ids of its sender
+        begin: i64 = HEADER_V1
+        flags: i64 = 0
+        message_id: int = raw[5]
+        version: Literal[1, 2] = 1
         if raw[0] == MARKER_V2:
-            header, flags, at = HEADER_V2, raw[2], 4
-            message_id: int = read_i32_le(raw, 6) >> 8 & 0xFFFFFF
-        else:
-            header, flags, at = HEADER_V1, 0, 2
-            message_id = raw[5]
+            at, begin, flags, version = 4, HEADER_V2, raw[2], 2
+            message_id = read_i32_le(raw, 6) >> 8 & 0xFFFFFF
         kind = kind_of(message_id)
-        extra = _EXTRAS.get(message_id) if kind is None else kind.crc_extra
-        if extra is None:
+        extra: i64
+        if kind is not None:
+            extra = kind.crc_extra
+        elif message_id in _EXTRAS:
+            extra = _EXTRAS[message_id]
+        else:
             self.counts.unknown_messages += counted
             return None
-        end: i64 = header + raw[1]
-        found: int = read_i16_le(raw, end)
-        if checksum(raw, end, extra) != found & 0xFFFF:
+        length: i64 = raw[1]
+        end = begin + length
+        found: i64 = raw[end + 1]
+        found = found << BYTE | raw[end]
+        if checksum(raw, end, extra) != found:
             self.counts.bad_checksums += counted
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
-            message = None if kind is None else kind.read(raw[header:end])
-            version: Literal[1, 2] = 2 if header == HEADER_V2 else 1
+            message = None if kind is None else kind.example.read(raw, begin, end)
             return Frame(raw[at + 1], raw[at + 2], raw[at], message_id, version, message, raw)
         return None
 
@@ -207,19 +209,19 @@ def checksum(data: bytes, end: i64, extra: i64) -> i64:
     Their quotient is the product with 1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is
     x^-16 (1 + a)(1 + a^2)(1 + a^4)(1 + a^8). In the words read here the highest power is in the lowest bit.
     """
-    crc: i64 = CRC_START
     at: i64 = 1
+    if end < WORD:  # there is no word that ends where it does
+        data, at, end = bytes(WORD) + data, at + WORD, end + WORD
+    crc: i64 = CRC_START
     while at + WORD <= end:
         crc = _remainder(read_i64_le(data, at) ^ crc)
         at += WORD
-    rest: i64 = extra
-    place = end
-    while place > at:
-        place -= 1
-        rest = rest << BYTE | data[place]
-    bits = BYTE * (end - at + 1)
-    later = crc >> BYTE if bits == BYTE else 0  # of the two bytes that it is, one byte more takes up the first alone
-    return _remainder((rest ^ crc) << WORD * BYTE - bits) ^ later
+    rest = read_i64_le(data, end - WORD) >> BYTE & NO_EXTRA | extra << BYTE * (WORD - 1)
+    gone = BYTE * (WORD - 1 - end + at)  # bits of what is before `at`
+    later: i64 = 0
+    if at == end:
+        later = crc >> BYTE  # of the two bytes that it is, one byte more takes up the first alone
+    return _remainder((rest >> gone ^ crc) << gone) ^ later
 
 
 def _remainder(word: i64) -> i64:
@@ -232,18 +234,17 @@ def _remainder(word: i64) -> i64:
     return crc ^ crc >> 5 ^ crc >> 12
 
 
-def frame_length(data: bytes, offset: int) -> int:
+def frame_length(data: bytes, offset: i64) -> i64:
     """Return the length of the frame that starts at `offset`, 0 when none can."""
-    marker = data[offset]
+    marker, size = data[offset], len(data)
+    length: i64 = 0
+    if offset + 1 < size:
+        length = data[offset + 1]
     if marker == MARKER_V2:
-        if offset + 2 >= len(data):
-            return HEADER_V2 + CHECKSUM
-        signature = SIGNATURE if data[offset + 2] & SIGNED_FLAG else 0
-        return HEADER_V2 + data[offset + 1] + CHECKSUM + signature
+        signed = offset + 2 < size and data[offset + 2] & SIGNED_FLAG
+        return HEADER_V2 + length + CHECKSUM + (SIGNATURE if signed else 0)
     if marker == MARKER_V1:
-        if offset + 1 >= len(data):
-            return HEADER_V1 + CHECKSUM
-        return HEADER_V1 + data[offset + 1] + CHECKSUM
+        return HEADER_V1 + length + CHECKSUM
     return 0
 
 

@@ -74,11 +74,14 @@ class GeodeticOrigin:
     def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
         """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
         lat_rad = self.lat_rad
-        for _ in range(INVERSION_STEPS):
-            before_rad, lat_rad = lat_rad, self.lat_rad + north_m / _radii((lat_rad + self.lat_rad) / 2)[0]
+        north_radius_m, east_radius_m = _radii(lat_rad)
+        for _step in range(INVERSION_STEPS):
+            before_rad = lat_rad
+            lat_rad = self.lat_rad + north_m / north_radius_m
             if lat_rad == before_rad:
                 break
-        lon_rad = self.lon_rad + east_m / _radii((lat_rad + self.lat_rad) / 2)[1]
+            north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)
+        lon_rad = self.lon_rad + east_m / east_radius_m
         return lat_rad, signed(lon_rad), self.alt_m - down_m
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:

@@ -24,6 +24,9 @@ from formation_scenario.fields import (
     one_of,
 )
 
+FOOT_M = 0.3048
+LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
+"""Heights for which the formulas of turbulence at low altitude hold; outside them their values at the ends are used."""
 REACT_S = 2.0
 """How long a vehicle flies straight on before a turn away from the fence shows."""
 TURN_SHARE = 0.7
@@ -146,6 +149,20 @@ class DrydenTurbulence(Passing):
     wind_6m_mps: Positive | None = key(None, "mean wind 6 m (20 ft) above ground, m/s", 7)
     sigma_mps: Positives | None = key(None, "instead of wind_6m_mps: rms forward, right, down, m/s", [1.1, 1.1, 0.7])
     length_m: Positives | None = key(None, "beside sigma_mps: scale lengths forward, right, down, m", [200, 200, 50])
+
+    def scales(self, height_m: Array) -> tuple[Array, Array]:
+        """Return rms velocities, m/s, and scale lengths, m, at heights (N,) above ground: (3, N), or (3, 1) if given.
+
+        3.7.3.4, with h in feet: L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, sigma_w = 0.1 W_20,
+        sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4.
+        """
+        if self.sigma_mps is not None and self.length_m is not None:
+            return np.array(self.sigma_mps)[:, None], np.array(self.length_m)[:, None]
+        height_ft = np.clip(height_m / FOOT_M, LOWEST_FT, HIGHEST_FT)
+        shape = 0.177 + 0.000823 * height_ft
+        across_ft, down_mps = height_ft / shape**1.2, np.full_like(height_ft, 0.1 * (self.wind_6m_mps or 0.0))
+        across_mps = down_mps / shape**0.4
+        return np.stack((across_mps, across_mps, down_mps)), FOOT_M * np.stack((across_ft, across_ft, height_ft))
 
 
 Disturbance = Annotated[

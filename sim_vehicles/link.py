@@ -15,6 +15,8 @@ from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 PEER_FORGOTTEN_S: Final = 10.0
+UNHEARD: Final = Instant(-1)
+"""When a peer was heard that never sent a valid frame."""
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
@@ -30,7 +32,7 @@ class Peer:
         self.address = address
         self.parser = StreamParser()
         self.writer = FrameWriter(system, AUTOPILOT)
-        self.heard: Instant | None = None
+        self.heard = UNHEARD
         """When its last valid frame was read."""
 
 
@@ -51,31 +53,42 @@ class Link:
         self._outbox = outbox
         self._system = config.identity.system
         self._fixed_address = config.endpoint.address if config.endpoint.kind == "udpout" else None
-        self._inbox: list[tuple[Instant, Datagram]] = []
-        self.frames_bad = 0
-        """Dropped frames, from all peers."""
+        self._inbox: list[Datagram] = []
+        self._peers: dict[Address, Peer] = {}
+        """In the order in which they sent last."""
+        self._dropped = 0
+        """Frames of forgotten peers."""
         self.restart()
 
     def restart(self) -> None:
         """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0."""
+        self._dropped = self.frames_bad
         self._inbox.clear()
-        self._peers: dict[Address, Peer] = {}
-        """In the order in which they sent last."""
+        self._peers.clear()
         self._heard: list[Peer] = []
         """Those that sent a valid frame, in the order in which they did so first."""
+        self._last: Peer | None = None
+        self._last_address: Address | None = None
+        """Whom the last datagram came from: mostly the next one does too."""
         self._fixed: Peer | None = None
         if self._fixed_address is not None:
             self._fixed = self._peers[self._fixed_address] = Peer(self._fixed_address, self._system)
 
+    @property
+    def frames_bad(self) -> int:
+        """Dropped frames, from all peers."""
+        return self._dropped + sum([peer.parser.counts.bad for peer in self._peers.values()])
+
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram that arrived at `now` for the next turn of the main loop."""
         if len(self._inbox) < MAX_INBOX:
-            self._inbox.append((now, datagram))
+            datagram.arrived = now
+            self._inbox.append(datagram)
 
     @property
     def next_arrival(self) -> Instant:
         """When the oldest datagram arrived that hasn't been read."""
-        return self._inbox[0][0] if self._inbox else NEVER
+        return self._inbox[0].arrived if self._inbox else NEVER
 
     def ignore(self) -> None:
         """Drop what has arrived."""
@@ -90,23 +103,20 @@ class Link:
         if not self._inbox:
             return found
         inbox, self._inbox = self._inbox, []
-        for arrived, datagram in inbox:
-            if arrived > now:
-                self._inbox.append((arrived, datagram))
+        for datagram in inbox:
+            if datagram.arrived > now:
+                self._inbox.append(datagram)
                 continue
             peer = self._peer(datagram.peer)
             if peer is None:
                 continue
-            counts = peer.parser.counts
-            before = counts.bad
             frames = peer.parser.feed(datagram.data)
-            self.frames_bad += counts.bad - before
-            if frames and peer.heard is None:
+            if frames and peer.heard == UNHEARD:
                 self._heard.append(peer)
             for frame in frames:
                 peer.heard = now
                 if self._is_for_us(frame):
-                    found.append((peer.address, frame))
+                    found.append((datagram.peer, frame))
         return found
 
     def _is_for_us(self, frame: Frame) -> bool:
@@ -120,7 +130,7 @@ class Link:
 
     def answer(self, address: Address, message: Message) -> None:
         """Send to one peer, unless it has been forgotten meanwhile."""
-        peer = self._peers.get(address)
+        peer = self._known(address)
         if peer is not None:
             self._send(peer, message)
 
@@ -130,7 +140,7 @@ class Link:
             self._send(self._fixed, message)
             return
         for peer in self._heard:
-            if peer.heard is not None and seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
+            if seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
@@ -138,8 +148,10 @@ class Link:
 
     def _peer(self, address: Address) -> Peer | None:
         """Return whom a datagram comes from; None: it isn't heard."""
+        if address is self._last_address:
+            return self._last
         peer = self._peers.get(address)
-        if self._locks and self._heard and (peer is None or peer.heard is None):
+        if self._locks and self._heard and (peer is None or peer.heard == UNHEARD):
             return None
         if peer is None:
             if len(self._peers) >= MAX_PEERS:
@@ -148,12 +160,18 @@ class Link:
         elif len(self._peers) > 1:
             del self._peers[address]
             self._peers[address] = peer
+        self._last, self._last_address = peer, address
         return peer
+
+    def _known(self, address: Address) -> Peer | None:
+        """Return the peer at an address, None if there is none."""
+        return self._last if address is self._last_address else self._peers.get(address)
 
     def _forget_one(self) -> None:
         """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
         known = [peer for peer in self._peers.values() if peer is not self._fixed]
-        gone = next((peer for peer in known if peer.heard is None), known[0])
+        gone = next((peer for peer in known if peer.heard == UNHEARD), known[0])
         del self._peers[gone.address]
-        if gone.heard is not None:
+        self._dropped += gone.parser.counts.bad
+        if gone.heard != UNHEARD:
             self._heard.remove(gone)

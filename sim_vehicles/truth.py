@@ -86,7 +86,7 @@ class TruthWriter:
             self._file.flush()
         except OSError:
             self._full = True
-        self._waiting = BytesWriter()
+        self._waiting.truncate(0)
 
 
 def read_truth(path: Path) -> dict[str, Array]:

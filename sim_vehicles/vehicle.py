@@ -71,7 +71,7 @@ class Vehicle(ABC):
     failsafe_keys: ClassVar[FailsafeKeys]
     armed_text: ClassVar[str] = "Throttle armed"
     disarmed_text: ClassVar[str] = "Throttle disarmed"
-    handlers: ClassVar[Mapping[int, Callable[[Any, Order], int]]]
+    handlers: ClassVar[dict[int, Callable[[Any, Order], int]]]
     """What carries out each command that it knows."""
 
     now: Instant
@@ -97,6 +97,8 @@ class Vehicle(ABC):
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
+        self._exact = Estimate(None)
+        """What a vehicle without errors of its sensors estimates, apart from its motion."""
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
             self._come_up(self.guided_mode)
@@ -136,8 +138,10 @@ class Vehicle(ABC):
     @property
     def estimate(self) -> Estimate:
         """What its state estimate and its receiver say, for telemetry."""
-        true = self.body.motion
-        return Estimate(true) if self._sensors is None else self._sensors.estimate(true, self.now)
+        if self._sensors is not None:
+            return self._sensors.estimate(self.body.motion, self.now)
+        self._exact.received = self.body.motion
+        return self._exact
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
@@ -153,9 +157,10 @@ class Vehicle(ABC):
             return
         if self.pilot.booting and now >= self._up:
             self._come_up(self.ground_mode)
-        for peer, frame in self.link.frames(now):
-            self._asker = peer
-            self._take(frame)
+        if self.link.next_arrival <= now:
+            for peer, frame in self.link.frames(now):
+                self._asker = peer
+                self._take(frame)
         if self.reboots:
             self._restart()
         if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.body.motion):
@@ -350,16 +355,19 @@ class Vehicle(ABC):
                 pass
 
     def _tell(self) -> None:
-        if self.now >= self._next_timesync:
-            self._next_timesync = after(self.now, TIMESYNC_S)
+        now = self.now
+        if now >= self._next_timesync:
+            self._next_timesync = after(now, TIMESYNC_S)
             self.broadcast(Timesync(0, self.time_ns))
         listed = self.parameters.next_of_list()
         if listed is not None:
             self.link.answer(*listed)
-        for peer, message in self.missions.reminders(self.now):
-            self.link.answer(peer, message)
-        for stream in self.streams.take_due(self.now):
-            self.link.broadcast(stream.build(self), self.now)
+        if now >= self.missions.next_due():
+            for peer, message in self.missions.reminders(now):
+                self.link.answer(peer, message)
+        if now >= self.streams.next_due:
+            for stream in self.streams.take_due(now):
+                self.link.broadcast(stream.build(self), now)
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""

@@ -12,36 +12,37 @@ from __future__ import annotations
 from typing import Final
 
 from librt.strings import BytesWriter
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.messages.payload import (
     DEGE7,
-    I32_MAX,
-    I32_MIN,
     MILLI,
     PER_DEGE7,
     PER_MILLI,
-    U32_MAX,
     Kind,
     Message,
-    f32,
-    i16,
-    i32,
-    nearest,
-    octets,
+    get_f32,
+    get_i16,
+    get_i32,
+    get_octets,
+    get_text,
+    get_u8,
+    get_u16,
+    get_u32,
     put_f32,
     put_i16,
     put_i32,
+    put_near_i32,
+    put_near_u32,
     put_octets,
     put_text,
     put_u8,
     put_u16,
     put_u32,
-    text,
-    u16,
-    u32,
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class CommandInt(Message):
     """COMMAND_INT (75): a command whose position is in scaled integers; the command defines the units."""
 
@@ -96,27 +97,25 @@ class CommandInt(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _CommandIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return CommandInt(
-            payload[30],
-            payload[31],
-            payload[32],
-            u16(payload, 28),
-            payload[33],
-            payload[34],
-            f32(payload, 0),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            i32(payload, 16),
-            i32(payload, 20),
-            f32(payload, 24),
+            get_u8(frame, begin + 30, end),
+            get_u8(frame, begin + 31, end),
+            get_u8(frame, begin + 32, end),
+            get_u16(frame, begin + 28, end),
+            get_u8(frame, begin + 33, end),
+            get_u8(frame, begin + 34, end),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_i32(frame, begin + 16, end),
+            get_i32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
         )
 
 
-COMMAND_INT: Final = _CommandIntKind(
+COMMAND_INT: Final = Kind(
     "COMMAND_INT",
     75,
     158,
@@ -136,10 +135,11 @@ COMMAND_INT: Final = _CommandIntKind(
         "y",
         "z",
     ),
-    CommandInt,
+    CommandInt(0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class CommandLong(Message):
     """COMMAND_LONG (76): a command with seven float parameters; the command defines their units."""
 
@@ -188,25 +188,23 @@ class CommandLong(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _CommandLongKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return CommandLong(
-            payload[30],
-            payload[31],
-            u16(payload, 28),
-            payload[32],
-            f32(payload, 0),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
+            get_u8(frame, begin + 30, end),
+            get_u8(frame, begin + 31, end),
+            get_u16(frame, begin + 28, end),
+            get_u8(frame, begin + 32, end),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
         )
 
 
-COMMAND_LONG: Final = _CommandLongKind(
+COMMAND_LONG: Final = Kind(
     "COMMAND_LONG",
     76,
     152,
@@ -224,10 +222,11 @@ COMMAND_LONG: Final = _CommandLongKind(
         "param6",
         "param7",
     ),
-    CommandLong,
+    CommandLong(0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class CommandAck(Message):
     """COMMAND_ACK (77): the result of a command (MAV_RESULT), and the system that it answers."""
 
@@ -261,22 +260,28 @@ class CommandAck(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return CommandAck(
+            get_u16(frame, begin, end),
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_i32(frame, begin + 4, end),
+            get_u8(frame, begin + 8, end),
+            get_u8(frame, begin + 9, end),
+        )
 
-class _CommandAckKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return CommandAck(u16(payload, 0), payload[2], payload[3], i32(payload, 4), payload[8], payload[9])
 
-
-COMMAND_ACK: Final = _CommandAckKind(
+COMMAND_ACK: Final = Kind(
     "COMMAND_ACK",
     77,
     143,
     (3, 10),
     ("command", "result", "progress", "result_param2", "target_system", "target_component"),
-    CommandAck,
+    CommandAck(0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SetMode(Message):
     """SET_MODE (11): the predecessor of MAV_CMD_DO_SET_MODE, which ground stations still send."""
 
@@ -296,15 +301,14 @@ class SetMode(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _SetModeKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return SetMode(payload[4], payload[5], u32(payload, 0))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return SetMode(get_u8(frame, begin + 4, end), get_u8(frame, begin + 5, end), get_u32(frame, begin, end))
 
 
-SET_MODE: Final = _SetModeKind("SET_MODE", 11, 89, (6, 6), ("target_system", "base_mode", "custom_mode"), SetMode)
+SET_MODE: Final = Kind("SET_MODE", 11, 89, (6, 6), ("target_system", "base_mode", "custom_mode"), SetMode(0, 0, 0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class RequestDataStream(Message):
     """REQUEST_DATA_STREAM (66): the older request for groups of messages at a rate."""
 
@@ -330,22 +334,27 @@ class RequestDataStream(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return RequestDataStream(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_u8(frame, begin + 4, end),
+            get_u16(frame, begin, end),
+            get_u8(frame, begin + 5, end),
+        )
 
-class _RequestDataStreamKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return RequestDataStream(payload[2], payload[3], payload[4], u16(payload, 0), payload[5])
 
-
-REQUEST_DATA_STREAM: Final = _RequestDataStreamKind(
+REQUEST_DATA_STREAM: Final = Kind(
     "REQUEST_DATA_STREAM",
     66,
     148,
     (6, 6),
     ("target_system", "target_component", "req_stream_id", "req_message_rate", "start_stop"),
-    RequestDataStream,
+    RequestDataStream(0, 0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MessageInterval(Message):
     """MESSAGE_INTERVAL (244): the interval at which a message is sent; 0: unavailable, -1: not sent."""
 
@@ -360,17 +369,16 @@ class MessageInterval(Message):
         put_i32(payload, self.interval_us)
         put_u16(payload, self.message_id)
 
-
-class _MessageIntervalKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MessageInterval(u16(payload, 4), i32(payload, 0))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MessageInterval(get_u16(frame, begin + 4, end), get_i32(frame, begin, end))
 
 
-MESSAGE_INTERVAL: Final = _MessageIntervalKind(
-    "MESSAGE_INTERVAL", 244, 95, (6, 6), ("message_id", "interval_us"), MessageInterval
+MESSAGE_INTERVAL: Final = Kind(
+    "MESSAGE_INTERVAL", 244, 95, (6, 6), ("message_id", "interval_us"), MessageInterval(0, 0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SetPositionTargetLocalNed(Message):
     """SET_POSITION_TARGET_LOCAL_NED (84): a setpoint of velocity and yaw; `type_mask` says which fields don't count."""
 
@@ -414,7 +422,7 @@ class SetPositionTargetLocalNed(Message):
         return SET_POSITION_TARGET_LOCAL_NED
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
         put_f32(payload, self.x_m)
         put_f32(payload, self.y_m)
         put_f32(payload, self.z_m)
@@ -437,30 +445,28 @@ class SetPositionTargetLocalNed(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _SetPositionTargetLocalNedKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return SetPositionTargetLocalNed(
-            u32(payload, 0) * MILLI,
-            payload[50],
-            payload[51],
-            payload[52],
-            u16(payload, 48),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
-            f32(payload, 28),
-            f32(payload, 32),
-            f32(payload, 36),
-            f32(payload, 40),
-            f32(payload, 44),
+            get_u32(frame, begin, end) * MILLI,
+            get_u8(frame, begin + 50, end),
+            get_u8(frame, begin + 51, end),
+            get_u8(frame, begin + 52, end),
+            get_u16(frame, begin + 48, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
+            get_f32(frame, begin + 28, end),
+            get_f32(frame, begin + 32, end),
+            get_f32(frame, begin + 36, end),
+            get_f32(frame, begin + 40, end),
+            get_f32(frame, begin + 44, end),
         )
 
 
-SET_POSITION_TARGET_LOCAL_NED: Final = _SetPositionTargetLocalNedKind(
+SET_POSITION_TARGET_LOCAL_NED: Final = Kind(
     "SET_POSITION_TARGET_LOCAL_NED",
     84,
     143,
@@ -483,10 +489,11 @@ SET_POSITION_TARGET_LOCAL_NED: Final = _SetPositionTargetLocalNedKind(
         "yaw_rad",
         "yaw_rate_radps",
     ),
-    SetPositionTargetLocalNed,
+    SetPositionTargetLocalNed(0.0, 0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SetPositionTargetGlobalInt(Message):
     """SET_POSITION_TARGET_GLOBAL_INT (86): a setpoint by latitude and longitude; `type_mask` leaves fields out."""
 
@@ -530,9 +537,9 @@ class SetPositionTargetGlobalInt(Message):
         return SET_POSITION_TARGET_GLOBAL_INT
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
-        put_i32(payload, nearest(self.lat_int_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.lon_int_rad * PER_DEGE7, I32_MIN, I32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
+        put_near_i32(payload, self.lat_int_rad * PER_DEGE7)
+        put_near_i32(payload, self.lon_int_rad * PER_DEGE7)
         put_f32(payload, self.alt_m)
         put_f32(payload, self.vx_mps)
         put_f32(payload, self.vy_mps)
@@ -553,30 +560,28 @@ class SetPositionTargetGlobalInt(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _SetPositionTargetGlobalIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return SetPositionTargetGlobalInt(
-            u32(payload, 0) * MILLI,
-            payload[50],
-            payload[51],
-            payload[52],
-            u16(payload, 48),
-            i32(payload, 4) * DEGE7,
-            i32(payload, 8) * DEGE7,
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
-            f32(payload, 28),
-            f32(payload, 32),
-            f32(payload, 36),
-            f32(payload, 40),
-            f32(payload, 44),
+            get_u32(frame, begin, end) * MILLI,
+            get_u8(frame, begin + 50, end),
+            get_u8(frame, begin + 51, end),
+            get_u8(frame, begin + 52, end),
+            get_u16(frame, begin + 48, end),
+            get_i32(frame, begin + 4, end) * DEGE7,
+            get_i32(frame, begin + 8, end) * DEGE7,
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
+            get_f32(frame, begin + 28, end),
+            get_f32(frame, begin + 32, end),
+            get_f32(frame, begin + 36, end),
+            get_f32(frame, begin + 40, end),
+            get_f32(frame, begin + 44, end),
         )
 
 
-SET_POSITION_TARGET_GLOBAL_INT: Final = _SetPositionTargetGlobalIntKind(
+SET_POSITION_TARGET_GLOBAL_INT: Final = Kind(
     "SET_POSITION_TARGET_GLOBAL_INT",
     86,
     5,
@@ -599,10 +604,11 @@ SET_POSITION_TARGET_GLOBAL_INT: Final = _SetPositionTargetGlobalIntKind(
         "yaw_rad",
         "yaw_rate_radps",
     ),
-    SetPositionTargetGlobalInt,
+    SetPositionTargetGlobalInt(0.0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ParamRequestRead(Message):
     """PARAM_REQUEST_READ (20): one parameter, by name or, where index isn't -1, by index."""
 
@@ -624,22 +630,26 @@ class ParamRequestRead(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ParamRequestRead(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_text(frame, begin + 4, end, 16),
+            get_i16(frame, begin, end),
+        )
 
-class _ParamRequestReadKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return ParamRequestRead(payload[2], payload[3], text(payload, 4, 16), i16(payload, 0))
 
-
-PARAM_REQUEST_READ: Final = _ParamRequestReadKind(
+PARAM_REQUEST_READ: Final = Kind(
     "PARAM_REQUEST_READ",
     20,
     214,
     (20, 20),
     ("target_system", "target_component", "param_id", "param_index"),
-    ParamRequestRead,
+    ParamRequestRead(0, 0, ""),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ParamRequestList(Message):
     """PARAM_REQUEST_LIST (21): all parameters."""
 
@@ -657,17 +667,16 @@ class ParamRequestList(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _ParamRequestListKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return ParamRequestList(payload[0], payload[1])
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ParamRequestList(get_u8(frame, begin, end), get_u8(frame, begin + 1, end))
 
 
-PARAM_REQUEST_LIST: Final = _ParamRequestListKind(
-    "PARAM_REQUEST_LIST", 21, 159, (2, 2), ("target_system", "target_component"), ParamRequestList
+PARAM_REQUEST_LIST: Final = Kind(
+    "PARAM_REQUEST_LIST", 21, 159, (2, 2), ("target_system", "target_component"), ParamRequestList(0, 0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ParamValue(Message):
     """PARAM_VALUE (22): a parameter's value, as a float whatever its type."""
 
@@ -688,22 +697,27 @@ class ParamValue(Message):
         put_text(payload, self.param_id, 16)
         put_u8(payload, self.param_type)
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ParamValue(
+            get_text(frame, begin + 8, end, 16),
+            get_f32(frame, begin, end),
+            get_u8(frame, begin + 24, end),
+            get_u16(frame, begin + 4, end),
+            get_u16(frame, begin + 6, end),
+        )
 
-class _ParamValueKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return ParamValue(text(payload, 8, 16), f32(payload, 0), payload[24], u16(payload, 4), u16(payload, 6))
 
-
-PARAM_VALUE: Final = _ParamValueKind(
+PARAM_VALUE: Final = Kind(
     "PARAM_VALUE",
     22,
     220,
     (25, 25),
     ("param_id", "param_value", "param_type", "param_count", "param_index"),
-    ParamValue,
+    ParamValue("", 0.0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ParamSet(Message):
     """PARAM_SET (23): change a parameter."""
 
@@ -729,22 +743,27 @@ class ParamSet(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ParamSet(
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+            get_text(frame, begin + 6, end, 16),
+            get_f32(frame, begin, end),
+            get_u8(frame, begin + 22, end),
+        )
 
-class _ParamSetKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return ParamSet(payload[4], payload[5], text(payload, 6, 16), f32(payload, 0), payload[22])
 
-
-PARAM_SET: Final = _ParamSetKind(
+PARAM_SET: Final = Kind(
     "PARAM_SET",
     23,
     168,
     (23, 23),
     ("target_system", "target_component", "param_id", "param_value", "param_type"),
-    ParamSet,
+    ParamSet(0, 0, "", 0.0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class FileTransferProtocol(Message):
     """FILE_TRANSFER_PROTOCOL (110): one packet of MAVLink FTP, as bytes."""
 
@@ -768,22 +787,26 @@ class FileTransferProtocol(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return FileTransferProtocol(
+            get_u8(frame, begin, end),
+            get_u8(frame, begin + 1, end),
+            get_u8(frame, begin + 2, end),
+            get_octets(frame, begin + 3, end, 251),
+        )
 
-class _FileTransferProtocolKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return FileTransferProtocol(payload[0], payload[1], payload[2], octets(payload, 3, 251))
 
-
-FILE_TRANSFER_PROTOCOL: Final = _FileTransferProtocolKind(
+FILE_TRANSFER_PROTOCOL: Final = Kind(
     "FILE_TRANSFER_PROTOCOL",
     110,
     84,
     (254, 254),
     ("target_network", "target_system", "target_component", "payload"),
-    FileTransferProtocol,
+    FileTransferProtocol(0, 0, 0, ()),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class LogRequestList(Message):
     """LOG_REQUEST_LIST (117): asks for the list of stored logs."""
 
@@ -805,17 +828,26 @@ class LogRequestList(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return LogRequestList(
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+            get_u16(frame, begin, end),
+            get_u16(frame, begin + 2, end),
+        )
 
-class _LogRequestListKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return LogRequestList(payload[4], payload[5], u16(payload, 0), u16(payload, 2))
 
-
-LOG_REQUEST_LIST: Final = _LogRequestListKind(
-    "LOG_REQUEST_LIST", 117, 128, (6, 6), ("target_system", "target_component", "start", "end"), LogRequestList
+LOG_REQUEST_LIST: Final = Kind(
+    "LOG_REQUEST_LIST",
+    117,
+    128,
+    (6, 6),
+    ("target_system", "target_component", "start", "end"),
+    LogRequestList(0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class LogEntry(Message):
     """LOG_ENTRY (118): one stored log, of `num_logs`; there is none where that is 0."""
 
@@ -836,14 +868,18 @@ class LogEntry(Message):
         put_u16(payload, self.num_logs)
         put_u16(payload, self.last_log_num)
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return LogEntry(
+            get_u16(frame, begin + 8, end),
+            get_u16(frame, begin + 10, end),
+            get_u16(frame, begin + 12, end),
+            get_u32(frame, begin, end),
+            get_u32(frame, begin + 4, end),
+        )
 
-class _LogEntryKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return LogEntry(u16(payload, 8), u16(payload, 10), u16(payload, 12), u32(payload, 0), u32(payload, 4))
 
-
-LOG_ENTRY: Final = _LogEntryKind(
-    "LOG_ENTRY", 118, 56, (14, 14), ("id", "num_logs", "last_log_num", "time_utc", "size"), LogEntry
+LOG_ENTRY: Final = Kind(
+    "LOG_ENTRY", 118, 56, (14, 14), ("id", "num_logs", "last_log_num", "time_utc", "size"), LogEntry(0, 0, 0, 0, 0)
 )
 
 KINDS: Final = (

@@ -13,23 +13,26 @@ from __future__ import annotations
 from typing import Final
 
 from librt.strings import BytesWriter
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.messages.payload import (
     Kind,
     Message,
-    f32,
-    i16,
-    i32,
+    get_f32,
+    get_i16,
+    get_i32,
+    get_u8,
+    get_u16,
     put_f32,
     put_i16,
     put_i32,
     put_u8,
     put_u16,
     put_zeros,
-    u16,
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionWritePartialList(Message):
     """MISSION_WRITE_PARTIAL_LIST (38): the items from start_index to end_index will be replaced."""
 
@@ -55,22 +58,27 @@ class MissionWritePartialList(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionWritePartialList(
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+            get_i16(frame, begin, end),
+            get_i16(frame, begin + 2, end),
+            get_u8(frame, begin + 6, end),
+        )
 
-class _MissionWritePartialListKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionWritePartialList(payload[4], payload[5], i16(payload, 0), i16(payload, 2), payload[6])
 
-
-MISSION_WRITE_PARTIAL_LIST: Final = _MissionWritePartialListKind(
+MISSION_WRITE_PARTIAL_LIST: Final = Kind(
     "MISSION_WRITE_PARTIAL_LIST",
     38,
     9,
     (6, 7),
     ("target_system", "target_component", "start_index", "end_index", "mission_type"),
-    MissionWritePartialList,
+    MissionWritePartialList(0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionItem(Message):
     """MISSION_ITEM (39): an item whose place, if it has one, is in degrees."""
 
@@ -131,29 +139,27 @@ class MissionItem(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _MissionItemKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return MissionItem(
-            payload[32],
-            payload[33],
-            u16(payload, 28),
-            payload[34],
-            u16(payload, 30),
-            payload[35],
-            payload[36],
-            f32(payload, 0),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
-            payload[37],
+            get_u8(frame, begin + 32, end),
+            get_u8(frame, begin + 33, end),
+            get_u16(frame, begin + 28, end),
+            get_u8(frame, begin + 34, end),
+            get_u16(frame, begin + 30, end),
+            get_u8(frame, begin + 35, end),
+            get_u8(frame, begin + 36, end),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
+            get_u8(frame, begin + 37, end),
         )
 
 
-MISSION_ITEM: Final = _MissionItemKind(
+MISSION_ITEM: Final = Kind(
     "MISSION_ITEM",
     39,
     254,
@@ -175,10 +181,11 @@ MISSION_ITEM: Final = _MissionItemKind(
         "z",
         "mission_type",
     ),
-    MissionItem,
+    MissionItem(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionRequest(Message):
     """MISSION_REQUEST (40): asks for an item, as MISSION_ITEM or MISSION_ITEM_INT."""
 
@@ -200,17 +207,26 @@ class MissionRequest(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionRequest(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_u16(frame, begin, end),
+            get_u8(frame, begin + 4, end),
+        )
 
-class _MissionRequestKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionRequest(payload[2], payload[3], u16(payload, 0), payload[4])
 
-
-MISSION_REQUEST: Final = _MissionRequestKind(
-    "MISSION_REQUEST", 40, 230, (4, 5), ("target_system", "target_component", "seq", "mission_type"), MissionRequest
+MISSION_REQUEST: Final = Kind(
+    "MISSION_REQUEST",
+    40,
+    230,
+    (4, 5),
+    ("target_system", "target_component", "seq", "mission_type"),
+    MissionRequest(0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionSetCurrent(Message):
     """MISSION_SET_CURRENT (41): continue the mission at this item."""
 
@@ -230,17 +246,18 @@ class MissionSetCurrent(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionSetCurrent(
+            get_u8(frame, begin + 2, end), get_u8(frame, begin + 3, end), get_u16(frame, begin, end)
+        )
 
-class _MissionSetCurrentKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionSetCurrent(payload[2], payload[3], u16(payload, 0))
 
-
-MISSION_SET_CURRENT: Final = _MissionSetCurrentKind(
-    "MISSION_SET_CURRENT", 41, 28, (4, 4), ("target_system", "target_component", "seq"), MissionSetCurrent
+MISSION_SET_CURRENT: Final = Kind(
+    "MISSION_SET_CURRENT", 41, 28, (4, 4), ("target_system", "target_component", "seq"), MissionSetCurrent(0, 0, 0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionCurrent(Message):
     """MISSION_CURRENT (42): sequence number of the active item, number of items, and MISSION_STATE."""
 
@@ -258,17 +275,14 @@ class MissionCurrent(Message):
         put_u8(payload, self.mission_state)
         put_zeros(payload, 1)
 
-
-class _MissionCurrentKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionCurrent(u16(payload, 0), u16(payload, 2), payload[4])
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionCurrent(get_u16(frame, begin, end), get_u16(frame, begin + 2, end), get_u8(frame, begin + 4, end))
 
 
-MISSION_CURRENT: Final = _MissionCurrentKind(
-    "MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state"), MissionCurrent
-)
+MISSION_CURRENT: Final = Kind("MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state"), MissionCurrent(0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionRequestList(Message):
     """MISSION_REQUEST_LIST (43): asks for the number of items of a type (MAV_MISSION_TYPE)."""
 
@@ -288,17 +302,23 @@ class MissionRequestList(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionRequestList(
+            get_u8(frame, begin, end), get_u8(frame, begin + 1, end), get_u8(frame, begin + 2, end)
+        )
 
-class _MissionRequestListKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionRequestList(payload[0], payload[1], payload[2])
 
-
-MISSION_REQUEST_LIST: Final = _MissionRequestListKind(
-    "MISSION_REQUEST_LIST", 43, 132, (2, 3), ("target_system", "target_component", "mission_type"), MissionRequestList
+MISSION_REQUEST_LIST: Final = Kind(
+    "MISSION_REQUEST_LIST",
+    43,
+    132,
+    (2, 3),
+    ("target_system", "target_component", "mission_type"),
+    MissionRequestList(0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionCount(Message):
     """MISSION_COUNT (44): how many items there are, or will be sent."""
 
@@ -320,17 +340,26 @@ class MissionCount(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionCount(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_u16(frame, begin, end),
+            get_u8(frame, begin + 4, end),
+        )
 
-class _MissionCountKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionCount(payload[2], payload[3], u16(payload, 0), payload[4])
 
-
-MISSION_COUNT: Final = _MissionCountKind(
-    "MISSION_COUNT", 44, 221, (4, 5), ("target_system", "target_component", "count", "mission_type"), MissionCount
+MISSION_COUNT: Final = Kind(
+    "MISSION_COUNT",
+    44,
+    221,
+    (4, 5),
+    ("target_system", "target_component", "count", "mission_type"),
+    MissionCount(0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionClearAll(Message):
     """MISSION_CLEAR_ALL (45): delete all items."""
 
@@ -350,17 +379,16 @@ class MissionClearAll(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _MissionClearAllKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionClearAll(payload[0], payload[1], payload[2])
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionClearAll(get_u8(frame, begin, end), get_u8(frame, begin + 1, end), get_u8(frame, begin + 2, end))
 
 
-MISSION_CLEAR_ALL: Final = _MissionClearAllKind(
-    "MISSION_CLEAR_ALL", 45, 232, (2, 3), ("target_system", "target_component", "mission_type"), MissionClearAll
+MISSION_CLEAR_ALL: Final = Kind(
+    "MISSION_CLEAR_ALL", 45, 232, (2, 3), ("target_system", "target_component", "mission_type"), MissionClearAll(0, 0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionItemReached(Message):
     """MISSION_ITEM_REACHED (46): an item has been flown."""
 
@@ -373,17 +401,14 @@ class MissionItemReached(Message):
     def write(self, payload: BytesWriter) -> None:
         put_u16(payload, self.seq)
 
-
-class _MissionItemReachedKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionItemReached(u16(payload, 0))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionItemReached(get_u16(frame, begin, end))
 
 
-MISSION_ITEM_REACHED: Final = _MissionItemReachedKind(
-    "MISSION_ITEM_REACHED", 46, 11, (2, 2), ("seq",), MissionItemReached
-)
+MISSION_ITEM_REACHED: Final = Kind("MISSION_ITEM_REACHED", 46, 11, (2, 2), ("seq",), MissionItemReached(0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionAck(Message):
     """MISSION_ACK (47): the result of a mission request (MAV_MISSION_RESULT)."""
 
@@ -405,17 +430,21 @@ class MissionAck(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionAck(
+            get_u8(frame, begin, end),
+            get_u8(frame, begin + 1, end),
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+        )
 
-class _MissionAckKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionAck(payload[0], payload[1], payload[2], payload[3])
 
-
-MISSION_ACK: Final = _MissionAckKind(
-    "MISSION_ACK", 47, 153, (3, 4), ("target_system", "target_component", "type", "mission_type"), MissionAck
+MISSION_ACK: Final = Kind(
+    "MISSION_ACK", 47, 153, (3, 4), ("target_system", "target_component", "type", "mission_type"), MissionAck(0, 0, 0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionRequestInt(Message):
     """MISSION_REQUEST_INT (51): asks for an item, as MISSION_ITEM_INT."""
 
@@ -437,22 +466,26 @@ class MissionRequestInt(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return MissionRequestInt(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_u16(frame, begin, end),
+            get_u8(frame, begin + 4, end),
+        )
 
-class _MissionRequestIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return MissionRequestInt(payload[2], payload[3], u16(payload, 0), payload[4])
 
-
-MISSION_REQUEST_INT: Final = _MissionRequestIntKind(
+MISSION_REQUEST_INT: Final = Kind(
     "MISSION_REQUEST_INT",
     51,
     196,
     (4, 5),
     ("target_system", "target_component", "seq", "mission_type"),
-    MissionRequestInt,
+    MissionRequestInt(0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MissionItemInt(Message):
     """MISSION_ITEM_INT (73): an item whose place, if it has one, is in 1e-7 degrees."""
 
@@ -513,29 +546,27 @@ class MissionItemInt(Message):
     def addressee(self) -> int:
         return self.target_system
 
-
-class _MissionItemIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return MissionItemInt(
-            payload[32],
-            payload[33],
-            u16(payload, 28),
-            payload[34],
-            u16(payload, 30),
-            payload[35],
-            payload[36],
-            f32(payload, 0),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            i32(payload, 16),
-            i32(payload, 20),
-            f32(payload, 24),
-            payload[37],
+            get_u8(frame, begin + 32, end),
+            get_u8(frame, begin + 33, end),
+            get_u16(frame, begin + 28, end),
+            get_u8(frame, begin + 34, end),
+            get_u16(frame, begin + 30, end),
+            get_u8(frame, begin + 35, end),
+            get_u8(frame, begin + 36, end),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_i32(frame, begin + 16, end),
+            get_i32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
+            get_u8(frame, begin + 37, end),
         )
 
 
-MISSION_ITEM_INT: Final = _MissionItemIntKind(
+MISSION_ITEM_INT: Final = Kind(
     "MISSION_ITEM_INT",
     73,
     38,
@@ -557,7 +588,7 @@ MISSION_ITEM_INT: Final = _MissionItemIntKind(
         "z",
         "mission_type",
     ),
-    MissionItemInt,
+    MissionItemInt(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0),
 )
 
 KINDS: Final = (

@@ -20,8 +20,9 @@ from librt.strings import (
     write_i32_le,
     write_i64_le,
 )
+from mypy_extensions import i64, mypyc_attr
 
-from airlink.clock import rounded
+from airlink.clock import EVEN, rounded
 
 DEG: Final = math.pi / 180
 CDEG: Final = math.pi / 180e2
@@ -44,7 +45,10 @@ I32_MAX: Final = 2147483647.0
 U32_MAX: Final = 4294967295.0
 UNKNOWN_U16: Final = 0xFFFF
 """In a field with a unit."""
-WORD: Final = 2**62 - 1
+TAGGED_MAX: Final = 2**62 - 1
+"""Compiled, larger numbers are objects."""
+MARKER_V2: Final = 0xFD
+"""First byte of a frame of MAVLink 2."""
 _ZEROS: Final = bytes(255)
 FLOAT32_MAX: Final = 3.4028234663852886e38
 
@@ -59,28 +63,30 @@ class Kind:
         crc_extra: int,
         lengths: tuple[int, int],
         fields: tuple[str, ...],
-        message_type: type[Message],
+        example: Message,
     ) -> None:
-        """Take MAVLink's name, the lengths of a payload without and with extension fields, and our fields' names."""
+        """Take MAVLink's name, the lengths of a payload without and with extension fields, and our fields' names.
+
+        `example` is any message of the kind, which reads others.
+        """
         self.name = name
         self.message_id = message_id
         self.crc_extra = crc_extra
         """What a checksum covers besides the frame."""
         self.base_length, self.length = lengths
         self.fields = fields
-        self.message_type = message_type
+        self.example = example
         self.place = 0
         """In `KINDS`."""
+        self.header = bytes((MARKER_V2, 0, 0, 0, 0, 0, 0, *message_id.to_bytes(3, "little")))
+        """How its frames begin; the payload's length, the sequence number and the sender are still to be put in."""
 
     def read(self, payload: bytes) -> Message:
-        """Return the message; missing bytes count as zeros, surplus ones (newer extensions) are left out."""
-        return self.unpack(payload if len(payload) >= self.length else payload + _ZEROS)
-
-    def unpack(self, payload: bytes) -> Message:
-        """Return the message of a payload that isn't too short."""
-        raise NotImplementedError
+        """Return the message of a payload."""
+        return self.example.read(payload, 0, len(payload))
 
 
+@mypyc_attr(acyclic=True)
 class Message:
     """A MAVLink message in SI units; it isn't changed once it is made."""
 
@@ -90,6 +96,13 @@ class Message:
 
     def write(self, payload: BytesWriter) -> None:
         """Append the whole payload, extension fields included and not yet truncated."""
+        raise NotImplementedError
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        """Return another message of its kind: that of a frame whose payload goes from `begin` to before `end`.
+
+        Missing bytes count as zeros, surplus ones (newer extensions) are left out.
+        """
         raise NotImplementedError
 
     def boot_s(self) -> float:
@@ -127,47 +140,68 @@ def _same(one: object, other: object) -> bool:
     return one == other or (one != one and other != other)  # noqa: PLR0124 - NaN
 
 
-def i8(payload: bytes, at: int) -> int:
-    """Return the signed number of 8 bits at a place."""
-    value = payload[at]
+def _cut(frame: bytes, at: i64, end: i64) -> int:
+    """Return the number at a place whose highest bytes were zeros and are cut off; maybe all of them are."""
+    value: i64 = 0
+    while end > at:
+        end -= 1
+        value = value << 8 | frame[end]
+    return value
+
+
+def get_u8(frame: bytes, at: i64, end: i64) -> int:
+    """Return the unsigned number of 8 bits at a place of a payload that ends before `end`."""
+    return frame[at] if at < end else 0
+
+
+def get_i8(frame: bytes, at: i64, end: i64) -> int:
+    """Return the signed number of 8 bits."""
+    value = get_u8(frame, at, end)
     return value - 0x100 if value >= 0x80 else value
 
 
-def u16(payload: bytes, at: int) -> int:
-    """Return the unsigned number of 16 bits at a place."""
-    return payload[at] | payload[at + 1] << 8
+def get_u16(frame: bytes, at: i64, end: i64) -> int:
+    """Return the unsigned number of 16 bits."""
+    return get_i16(frame, at, end) & 0xFFFF
 
 
-def i16(payload: bytes, at: int) -> int:
-    """Return the signed number of 16 bits at a place."""
-    return read_i16_le(payload, at)
+def get_i16(frame: bytes, at: i64, end: i64) -> int:
+    """Return the signed number of 16 bits."""
+    if at + 2 > end:
+        return _cut(frame, at, end)
+    return read_i16_le(frame, at)
 
 
-def u32(payload: bytes, at: int) -> int:
-    """Return the unsigned number of 32 bits at a place."""
-    value: int = read_i32_le(payload, at)
-    return value + 0x1_0000_0000 if value < 0 else value
+def get_u32(frame: bytes, at: i64, end: i64) -> int:
+    """Return the unsigned number of 32 bits."""
+    return get_i32(frame, at, end) & 0xFFFF_FFFF
 
 
-def i32(payload: bytes, at: int) -> int:
-    """Return the signed number of 32 bits at a place."""
-    return read_i32_le(payload, at)
+def get_i32(frame: bytes, at: i64, end: i64) -> int:
+    """Return the signed number of 32 bits."""
+    if at + 4 > end:
+        return _cut(frame, at, end)
+    return read_i32_le(frame, at)
 
 
-def u64(payload: bytes, at: int) -> int:
-    """Return the unsigned number of 64 bits at a place."""
-    value: int = read_i64_le(payload, at)
+def get_u64(frame: bytes, at: i64, end: i64) -> int:
+    """Return the unsigned number of 64 bits."""
+    value = get_i64(frame, at, end)
     return value + 0x1_0000_0000_0000_0000 if value < 0 else value
 
 
-def i64(payload: bytes, at: int) -> int:
-    """Return the signed number of 64 bits at a place."""
-    return read_i64_le(payload, at)
+def get_i64(frame: bytes, at: i64, end: i64) -> int:
+    """Return the signed number of 64 bits."""
+    if at + 8 > end:
+        return _cut(frame, at, end)
+    return read_i64_le(frame, at)
 
 
-def f32(payload: bytes, at: int) -> float:
-    """Return the float of 32 bits at a place."""
-    return read_f32_le(payload, at)
+def get_f32(frame: bytes, at: i64, end: i64) -> float:
+    """Return the float of 32 bits."""
+    if at + 4 <= end:
+        return read_f32_le(frame, at)
+    return read_f32_le(frame[at:end] + _ZEROS, 0) if at < end else 0.0
 
 
 def known(value: int) -> float:
@@ -175,24 +209,24 @@ def known(value: int) -> float:
     return math.nan if value == UNKNOWN_U16 else float(value)
 
 
-def text(payload: bytes, at: int, length: int) -> str:
+def get_text(frame: bytes, at: i64, end: i64, length: i64) -> str:
     """Return the text at a place, up to its first zero."""
-    return payload[at : at + length].split(b"\0", 1)[0].decode("utf-8", "replace")
+    return frame[at : min(at + length, end)].split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
-def octets(payload: bytes, at: int, length: int) -> tuple[int, ...]:
-    """Return the bytes at a place."""
-    return tuple(payload[at : at + length])
+def get_octets(frame: bytes, at: i64, end: i64, length: i64) -> tuple[int, ...]:
+    """Return the bytes from a place on."""
+    return tuple([get_u8(frame, at + place, end) for place in range(length)])
 
 
-def f32s(payload: bytes, at: int, length: int) -> tuple[float, ...]:
+def get_f32s(frame: bytes, at: i64, end: i64, length: i64) -> tuple[float, ...]:
     """Return the floats of 32 bits from a place on."""
-    return tuple([read_f32_le(payload, at + 4 * place) for place in range(length)])
+    return tuple([get_f32(frame, at + 4 * place, end) for place in range(length)])
 
 
-def knowns(payload: bytes, at: int, length: int, unit: float) -> tuple[float, ...]:
+def get_knowns(frame: bytes, at: i64, end: i64, length: i64, unit: float) -> tuple[float, ...]:
     """Return the 16-bit fields with a unit from a place on, NaN for unknown."""
-    return tuple([known(u16(payload, at + 2 * place)) * unit for place in range(length)])
+    return tuple([known(get_u16(frame, at + 2 * place, end)) * unit for place in range(length)])
 
 
 def nearest(value: float, low: float, high: float, unknown: int = 0) -> int:
@@ -241,7 +275,7 @@ def put_i32(payload: BytesWriter, value: int) -> None:
 
 def put_u64(payload: BytesWriter, value: int) -> None:
     """Append an unsigned number of 64 bits."""
-    if value <= WORD:
+    if value <= TAGGED_MAX:
         write_i64_le(payload, value if value >= 0 else 0)
     elif value < 0x8000_0000_0000_0000:
         write_i64_le(payload, value)
@@ -251,16 +285,45 @@ def put_u64(payload: BytesWriter, value: int) -> None:
 
 def put_i64(payload: BytesWriter, value: int) -> None:
     """Append a signed number of 64 bits."""
-    if -WORD <= value <= WORD:  # compiled, larger ones are objects
+    if -TAGGED_MAX <= value <= TAGGED_MAX:
         write_i64_le(payload, value)
     else:
         inside = -0x8000_0000_0000_0000 <= value <= 0x7FFF_FFFF_FFFF_FFFF
         write_i64_le(payload, value if inside else (-0x8000_0000_0000_0000 if value < 0 else 0x7FFF_FFFF_FFFF_FFFF))
 
 
+def put_near_i8(payload: BytesWriter, value: float) -> None:
+    """Append the nearest whole number of 8 bits."""
+    put_i8(payload, nearest(value, I8_MIN, I8_MAX))
+
+
+def put_near_i16(payload: BytesWriter, value: float) -> None:
+    """Append the nearest whole number of 16 bits."""
+    whole = int(value + EVEN - EVEN) if I16_MIN <= value <= I16_MAX else nearest(value, I16_MIN, I16_MAX)
+    write_i16_le(payload, whole)
+
+
+def put_near_u16(payload: BytesWriter, value: float) -> None:
+    """Append the nearest unsigned whole number of 16 bits, NaN as unknown."""
+    whole = int(value + EVEN - EVEN) if 0.0 <= value <= U16_MAX else nearest(value, 0.0, U16_MAX, UNKNOWN_U16)
+    write_i16_le(payload, whole if whole < 0x8000 else whole - 0x1_0000)
+
+
+def put_near_i32(payload: BytesWriter, value: float) -> None:
+    """Append the nearest whole number of 32 bits."""
+    whole = int(value + EVEN - EVEN) if I32_MIN <= value <= I32_MAX else nearest(value, I32_MIN, I32_MAX)
+    write_i32_le(payload, whole)
+
+
+def put_near_u32(payload: BytesWriter, value: float) -> None:
+    """Append the nearest unsigned whole number of 32 bits."""
+    whole = int(value + EVEN - EVEN) if 0.0 <= value <= U32_MAX else nearest(value, 0.0, U32_MAX)
+    write_i32_le(payload, whole if whole < 0x8000_0000 else whole - 0x1_0000_0000)
+
+
 def put_f32(payload: BytesWriter, value: float) -> None:
     """Append a float of 32 bits."""
-    if not -FLOAT32_MAX <= value <= FLOAT32_MAX and math.isfinite(value):
+    if (value > FLOAT32_MAX or value < -FLOAT32_MAX) and not math.isinf(value):
         value = math.copysign(FLOAT32_MAX, value)
     write_f32_le(payload, value)
 
@@ -290,7 +353,10 @@ def put_knowns(payload: BytesWriter, values: tuple[float, ...], length: int, per
     """Append 16-bit fields with a unit, cut off or filled up with zeros."""
     cut = values[:length]
     for value in cut:
-        put_u16(payload, nearest(value * per_unit, 0.0, U16_MAX, UNKNOWN_U16))
+        if math.isnan(value):
+            write_i16_le(payload, -1)
+        else:
+            put_near_u16(payload, value * per_unit)
     put_zeros(payload, 2 * (length - len(cut)))
 
 

@@ -8,31 +8,33 @@ from __future__ import annotations
 from typing import Final
 
 from librt.strings import BytesWriter
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.messages.payload import (
     MILLI,
     PER_MILLI,
-    U32_MAX,
     Kind,
     Message,
-    f32,
-    i64,
-    nearest,
+    get_f32,
+    get_i64,
+    get_text,
+    get_u8,
+    get_u16,
+    get_u32,
+    get_u64,
     put_f32,
     put_i64,
+    put_near_u32,
     put_text,
     put_u8,
     put_u16,
     put_u32,
     put_u64,
     put_zeros,
-    text,
-    u16,
-    u32,
-    u64,
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Heartbeat(Message):
     """HEARTBEAT (0): the presence of a system, with its type and mode."""
 
@@ -63,22 +65,28 @@ class Heartbeat(Message):
         put_u8(payload, self.system_status)
         put_u8(payload, self.mavlink_version)
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return Heartbeat(
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+            get_u8(frame, begin + 6, end),
+            get_u32(frame, begin, end),
+            get_u8(frame, begin + 7, end),
+            get_u8(frame, begin + 8, end),
+        )
 
-class _HeartbeatKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return Heartbeat(payload[4], payload[5], payload[6], u32(payload, 0), payload[7], payload[8])
 
-
-HEARTBEAT: Final = _HeartbeatKind(
+HEARTBEAT: Final = Kind(
     "HEARTBEAT",
     0,
     50,
     (9, 9),
     ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version"),
-    Heartbeat,
+    Heartbeat(0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SystemTime(Message):
     """SYSTEM_TIME (2): the system's wall clock and its time since boot."""
 
@@ -91,20 +99,19 @@ class SystemTime(Message):
 
     def write(self, payload: BytesWriter) -> None:
         put_u64(payload, self.time_unix_usec)
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
 
     def boot_s(self) -> float:
         return self.time_boot_s
 
-
-class _SystemTimeKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return SystemTime(u64(payload, 0), u32(payload, 8) * MILLI)
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return SystemTime(get_u64(frame, begin, end), get_u32(frame, begin + 8, end) * MILLI)
 
 
-SYSTEM_TIME: Final = _SystemTimeKind("SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "time_boot_s"), SystemTime)
+SYSTEM_TIME: Final = Kind("SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "time_boot_s"), SystemTime(0, 0.0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Timesync(Message):
     """TIMESYNC (111): a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1."""
 
@@ -119,15 +126,14 @@ class Timesync(Message):
         put_i64(payload, self.tc1_ns)
         put_i64(payload, self.ts1_ns)
 
-
-class _TimesyncKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return Timesync(i64(payload, 0), i64(payload, 8))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return Timesync(get_i64(frame, begin, end), get_i64(frame, begin + 8, end))
 
 
-TIMESYNC: Final = _TimesyncKind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync)
+TIMESYNC: Final = Kind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync(0, 0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Ping(Message):
     """PING (4): a request has target 0; the answer echoes it to its sender."""
 
@@ -149,15 +155,21 @@ class Ping(Message):
     def addressee(self) -> int:
         return self.target_system
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return Ping(
+            get_u64(frame, begin, end),
+            get_u32(frame, begin + 8, end),
+            get_u8(frame, begin + 12, end),
+            get_u8(frame, begin + 13, end),
+        )
 
-class _PingKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return Ping(u64(payload, 0), u32(payload, 8), payload[12], payload[13])
+
+PING: Final = Kind(
+    "PING", 4, 237, (14, 14), ("time_usec", "seq", "target_system", "target_component"), Ping(0, 0, 0, 0)
+)
 
 
-PING: Final = _PingKind("PING", 4, 237, (14, 14), ("time_usec", "seq", "target_system", "target_component"), Ping)
-
-
+@mypyc_attr(acyclic=True, free_list_len=1)
 class AutopilotVersion(Message):
     """AUTOPILOT_VERSION (148): capabilities (bits of MAV_PROTOCOL_CAPABILITY) and firmware version."""
 
@@ -187,22 +199,27 @@ class AutopilotVersion(Message):
         put_u32(payload, self.board_version)
         put_zeros(payload, 46)
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return AutopilotVersion(
+            get_u64(frame, begin, end),
+            get_u32(frame, begin + 16, end),
+            get_u32(frame, begin + 20, end),
+            get_u32(frame, begin + 24, end),
+            get_u32(frame, begin + 28, end),
+        )
 
-class _AutopilotVersionKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return AutopilotVersion(u64(payload, 0), u32(payload, 16), u32(payload, 20), u32(payload, 24), u32(payload, 28))
 
-
-AUTOPILOT_VERSION: Final = _AutopilotVersionKind(
+AUTOPILOT_VERSION: Final = Kind(
     "AUTOPILOT_VERSION",
     148,
     178,
     (60, 78),
     ("capabilities", "flight_sw_version", "middleware_sw_version", "os_sw_version", "board_version"),
-    AutopilotVersion,
+    AutopilotVersion(0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class NamedValueFloat(Message):
     """NAMED_VALUE_FLOAT (251): a named value, which autopilots write to their logs."""
 
@@ -215,24 +232,25 @@ class NamedValueFloat(Message):
         return NAMED_VALUE_FLOAT
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
         put_f32(payload, self.value)
         put_text(payload, self.name, 10)
 
     def boot_s(self) -> float:
         return self.time_boot_s
 
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return NamedValueFloat(
+            get_u32(frame, begin, end) * MILLI, get_text(frame, begin + 8, end, 10), get_f32(frame, begin + 4, end)
+        )
 
-class _NamedValueFloatKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return NamedValueFloat(u32(payload, 0) * MILLI, text(payload, 8, 10), f32(payload, 4))
 
-
-NAMED_VALUE_FLOAT: Final = _NamedValueFloatKind(
-    "NAMED_VALUE_FLOAT", 251, 170, (18, 18), ("time_boot_s", "name", "value"), NamedValueFloat
+NAMED_VALUE_FLOAT: Final = Kind(
+    "NAMED_VALUE_FLOAT", 251, 170, (18, 18), ("time_boot_s", "name", "value"), NamedValueFloat(0.0, "", 0.0)
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Statustext(Message):
     """STATUSTEXT (253): a text for the operator; the chunks of a longer one share a non-zero id."""
 
@@ -251,17 +269,19 @@ class Statustext(Message):
         put_u16(payload, self.id)
         put_u8(payload, self.chunk_seq)
 
-
-class _StatustextKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return Statustext(payload[0], text(payload, 1, 50), u16(payload, 51), payload[53])
-
-
-STATUSTEXT: Final = _StatustextKind(
-    "STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "id", "chunk_seq"), Statustext
-)
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return Statustext(
+            get_u8(frame, begin, end),
+            get_text(frame, begin + 1, end, 50),
+            get_u16(frame, begin + 51, end),
+            get_u8(frame, begin + 53, end),
+        )
 
 
+STATUSTEXT: Final = Kind("STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "id", "chunk_seq"), Statustext(0, ""))
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
 class CurrentMode(Message):
     """CURRENT_MODE (436): the mode, told when it changes, and the one that was asked for."""
 
@@ -278,14 +298,12 @@ class CurrentMode(Message):
         put_u32(payload, self.intended_custom_mode)
         put_u8(payload, self.standard_mode)
 
-
-class _CurrentModeKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return CurrentMode(payload[8], u32(payload, 0), u32(payload, 4))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return CurrentMode(get_u8(frame, begin + 8, end), get_u32(frame, begin, end), get_u32(frame, begin + 4, end))
 
 
-CURRENT_MODE: Final = _CurrentModeKind(
-    "CURRENT_MODE", 436, 193, (9, 9), ("standard_mode", "custom_mode", "intended_custom_mode"), CurrentMode
+CURRENT_MODE: Final = Kind(
+    "CURRENT_MODE", 436, 193, (9, 9), ("standard_mode", "custom_mode", "intended_custom_mode"), CurrentMode(0, 0)
 )
 
 KINDS: Final = (

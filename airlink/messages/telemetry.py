@@ -9,52 +9,51 @@ import math
 from typing import Final
 
 from librt.strings import BytesWriter
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.messages.payload import (
     CDEG,
     CENTI,
     DEG,
     DEGE7,
-    I16_MAX,
-    I16_MIN,
-    I32_MAX,
-    I32_MIN,
     MILLI,
     PER_CDEG,
     PER_CENTI,
     PER_DEG,
     PER_DEGE7,
     PER_MILLI,
-    U16_MAX,
-    U32_MAX,
-    UNKNOWN_U16,
     Kind,
     Message,
-    f32,
-    f32s,
-    i8,
-    i16,
-    i32,
+    get_f32,
+    get_f32s,
+    get_i8,
+    get_i16,
+    get_i32,
+    get_knowns,
+    get_u8,
+    get_u16,
+    get_u32,
+    get_u64,
     known,
-    knowns,
-    nearest,
     put_f32,
     put_f32s,
     put_i8,
     put_i16,
     put_i32,
     put_knowns,
+    put_near_i16,
+    put_near_i32,
+    put_near_u16,
+    put_near_u32,
     put_u8,
     put_u16,
     put_u32,
     put_u64,
     put_zeros,
-    u16,
-    u32,
-    u64,
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class SysStatus(Message):
     """SYS_STATUS (1): sensors present, enabled and healthy (bits of MAV_SYS_STATUS_SENSOR), and the battery."""
 
@@ -84,27 +83,25 @@ class SysStatus(Message):
         put_u32(payload, self.onboard_control_sensors_enabled)
         put_u32(payload, self.onboard_control_sensors_health)
         put_u16(payload, self.load)
-        put_u16(payload, nearest(self.voltage_battery_v * PER_MILLI, 0.0, U16_MAX, UNKNOWN_U16))
-        put_i16(payload, nearest(self.current_battery_a * PER_CENTI, I16_MIN, I16_MAX))
+        put_near_u16(payload, self.voltage_battery_v * PER_MILLI)
+        put_near_i16(payload, self.current_battery_a * PER_CENTI)
         put_zeros(payload, 12)
         put_i8(payload, self.battery_remaining)
         put_zeros(payload, 12)
 
-
-class _SysStatusKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return SysStatus(
-            u32(payload, 0),
-            u32(payload, 4),
-            u32(payload, 8),
-            u16(payload, 12),
-            known(u16(payload, 14)) * MILLI,
-            i16(payload, 16) * CENTI,
-            i8(payload, 30),
+            get_u32(frame, begin, end),
+            get_u32(frame, begin + 4, end),
+            get_u32(frame, begin + 8, end),
+            get_u16(frame, begin + 12, end),
+            known(get_u16(frame, begin + 14, end)) * MILLI,
+            get_i16(frame, begin + 16, end) * CENTI,
+            get_i8(frame, begin + 30, end),
         )
 
 
-SYS_STATUS: Final = _SysStatusKind(
+SYS_STATUS: Final = Kind(
     "SYS_STATUS",
     1,
     124,
@@ -118,10 +115,11 @@ SYS_STATUS: Final = _SysStatusKind(
         "current_battery_a",
         "battery_remaining",
     ),
-    SysStatus,
+    SysStatus(0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class GpsRawInt(Message):
     """GPS_RAW_INT (24): the receiver's fix."""
 
@@ -154,44 +152,43 @@ class GpsRawInt(Message):
 
     def write(self, payload: BytesWriter) -> None:
         put_u64(payload, self.time_usec)
-        put_i32(payload, nearest(self.lat_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.lon_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.alt_m * PER_MILLI, I32_MIN, I32_MAX))
+        put_near_i32(payload, self.lat_rad * PER_DEGE7)
+        put_near_i32(payload, self.lon_rad * PER_DEGE7)
+        put_near_i32(payload, self.alt_m * PER_MILLI)
         put_u16(payload, self.eph)
         put_u16(payload, self.epv)
-        put_u16(payload, nearest(self.vel_mps * PER_CENTI, 0.0, U16_MAX, UNKNOWN_U16))
-        put_u16(payload, nearest(self.cog_rad * PER_CDEG, 0.0, U16_MAX, UNKNOWN_U16))
+        put_near_u16(payload, self.vel_mps * PER_CENTI)
+        put_near_u16(payload, self.cog_rad * PER_CDEG)
         put_u8(payload, self.fix_type)
         put_u8(payload, self.satellites_visible)
         put_zeros(payload, 22)
 
-
-class _GpsRawIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return GpsRawInt(
-            u64(payload, 0),
-            payload[28],
-            i32(payload, 8) * DEGE7,
-            i32(payload, 12) * DEGE7,
-            i32(payload, 16) * MILLI,
-            u16(payload, 20),
-            u16(payload, 22),
-            known(u16(payload, 24)) * CENTI,
-            known(u16(payload, 26)) * CDEG,
-            payload[29],
+            get_u64(frame, begin, end),
+            get_u8(frame, begin + 28, end),
+            get_i32(frame, begin + 8, end) * DEGE7,
+            get_i32(frame, begin + 12, end) * DEGE7,
+            get_i32(frame, begin + 16, end) * MILLI,
+            get_u16(frame, begin + 20, end),
+            get_u16(frame, begin + 22, end),
+            known(get_u16(frame, begin + 24, end)) * CENTI,
+            known(get_u16(frame, begin + 26, end)) * CDEG,
+            get_u8(frame, begin + 29, end),
         )
 
 
-GPS_RAW_INT: Final = _GpsRawIntKind(
+GPS_RAW_INT: Final = Kind(
     "GPS_RAW_INT",
     24,
     24,
     (30, 52),
     ("time_usec", "fix_type", "lat_rad", "lon_rad", "alt_m", "eph", "epv", "vel_mps", "cog_rad", "satellites_visible"),
-    GpsRawInt,
+    GpsRawInt(0, 0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Attitude(Message):
     """ATTITUDE (30): roll, pitch, yaw and the body's rates."""
 
@@ -217,7 +214,7 @@ class Attitude(Message):
         return ATTITUDE
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
         put_f32(payload, self.roll_rad)
         put_f32(payload, self.pitch_rad)
         put_f32(payload, self.yaw_rad)
@@ -228,30 +225,29 @@ class Attitude(Message):
     def boot_s(self) -> float:
         return self.time_boot_s
 
-
-class _AttitudeKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return Attitude(
-            u32(payload, 0) * MILLI,
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
+            get_u32(frame, begin, end) * MILLI,
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
         )
 
 
-ATTITUDE: Final = _AttitudeKind(
+ATTITUDE: Final = Kind(
     "ATTITUDE",
     30,
     39,
     (28, 28),
     ("time_boot_s", "roll_rad", "pitch_rad", "yaw_rad", "rollspeed_radps", "pitchspeed_radps", "yawspeed_radps"),
-    Attitude,
+    Attitude(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class LocalPositionNed(Message):
     """LOCAL_POSITION_NED (32): position and ground velocity from the estimator's origin, NED."""
 
@@ -270,7 +266,7 @@ class LocalPositionNed(Message):
         return LOCAL_POSITION_NED
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
         put_f32(payload, self.x_m)
         put_f32(payload, self.y_m)
         put_f32(payload, self.z_m)
@@ -281,30 +277,29 @@ class LocalPositionNed(Message):
     def boot_s(self) -> float:
         return self.time_boot_s
 
-
-class _LocalPositionNedKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return LocalPositionNed(
-            u32(payload, 0) * MILLI,
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32(payload, 24),
+            get_u32(frame, begin, end) * MILLI,
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
         )
 
 
-LOCAL_POSITION_NED: Final = _LocalPositionNedKind(
+LOCAL_POSITION_NED: Final = Kind(
     "LOCAL_POSITION_NED",
     32,
     185,
     (28, 28),
     ("time_boot_s", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
-    LocalPositionNed,
+    LocalPositionNed(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class GlobalPositionInt(Message):
     """GLOBAL_POSITION_INT (33): filtered position, height above sea level and home, NED ground velocity."""
 
@@ -334,45 +329,44 @@ class GlobalPositionInt(Message):
         return GLOBAL_POSITION_INT
 
     def write(self, payload: BytesWriter) -> None:
-        put_u32(payload, nearest(self.time_boot_s * PER_MILLI, 0.0, U32_MAX))
-        put_i32(payload, nearest(self.lat_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.lon_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.alt_m * PER_MILLI, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.relative_alt_m * PER_MILLI, I32_MIN, I32_MAX))
-        put_i16(payload, nearest(self.vx_mps * PER_CENTI, I16_MIN, I16_MAX))
-        put_i16(payload, nearest(self.vy_mps * PER_CENTI, I16_MIN, I16_MAX))
-        put_i16(payload, nearest(self.vz_mps * PER_CENTI, I16_MIN, I16_MAX))
-        put_u16(payload, nearest(self.hdg_rad * PER_CDEG, 0.0, U16_MAX, UNKNOWN_U16))
+        put_near_u32(payload, self.time_boot_s * PER_MILLI)
+        put_near_i32(payload, self.lat_rad * PER_DEGE7)
+        put_near_i32(payload, self.lon_rad * PER_DEGE7)
+        put_near_i32(payload, self.alt_m * PER_MILLI)
+        put_near_i32(payload, self.relative_alt_m * PER_MILLI)
+        put_near_i16(payload, self.vx_mps * PER_CENTI)
+        put_near_i16(payload, self.vy_mps * PER_CENTI)
+        put_near_i16(payload, self.vz_mps * PER_CENTI)
+        put_near_u16(payload, self.hdg_rad * PER_CDEG)
 
     def boot_s(self) -> float:
         return self.time_boot_s
 
-
-class _GlobalPositionIntKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return GlobalPositionInt(
-            u32(payload, 0) * MILLI,
-            i32(payload, 4) * DEGE7,
-            i32(payload, 8) * DEGE7,
-            i32(payload, 12) * MILLI,
-            i32(payload, 16) * MILLI,
-            i16(payload, 20) * CENTI,
-            i16(payload, 22) * CENTI,
-            i16(payload, 24) * CENTI,
-            known(u16(payload, 26)) * CDEG,
+            get_u32(frame, begin, end) * MILLI,
+            get_i32(frame, begin + 4, end) * DEGE7,
+            get_i32(frame, begin + 8, end) * DEGE7,
+            get_i32(frame, begin + 12, end) * MILLI,
+            get_i32(frame, begin + 16, end) * MILLI,
+            get_i16(frame, begin + 20, end) * CENTI,
+            get_i16(frame, begin + 22, end) * CENTI,
+            get_i16(frame, begin + 24, end) * CENTI,
+            known(get_u16(frame, begin + 26, end)) * CDEG,
         )
 
 
-GLOBAL_POSITION_INT: Final = _GlobalPositionIntKind(
+GLOBAL_POSITION_INT: Final = Kind(
     "GLOBAL_POSITION_INT",
     33,
     104,
     (28, 28),
     ("time_boot_s", "lat_rad", "lon_rad", "alt_m", "relative_alt_m", "vx_mps", "vy_mps", "vz_mps", "hdg_rad"),
-    GlobalPositionInt,
+    GlobalPositionInt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class NavControllerOutput(Message):
     """NAV_CONTROLLER_OUTPUT (62): the setpoints and errors of the fixed-wing navigation controllers."""
 
@@ -405,26 +399,24 @@ class NavControllerOutput(Message):
         put_f32(payload, self.alt_error_m)
         put_f32(payload, self.aspd_error_mps)
         put_f32(payload, self.xtrack_error_m)
-        put_i16(payload, nearest(self.nav_bearing_rad * PER_DEG, I16_MIN, I16_MAX))
-        put_i16(payload, nearest(self.target_bearing_rad * PER_DEG, I16_MIN, I16_MAX))
-        put_u16(payload, nearest(self.wp_dist_m, 0.0, U16_MAX, UNKNOWN_U16))
+        put_near_i16(payload, self.nav_bearing_rad * PER_DEG)
+        put_near_i16(payload, self.target_bearing_rad * PER_DEG)
+        put_near_u16(payload, self.wp_dist_m)
 
-
-class _NavControllerOutputKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return NavControllerOutput(
-            f32(payload, 0) * DEG,
-            f32(payload, 4) * DEG,
-            i16(payload, 20) * DEG,
-            i16(payload, 22) * DEG,
-            known(u16(payload, 24)) * 1.0,
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
+            get_f32(frame, begin, end) * DEG,
+            get_f32(frame, begin + 4, end) * DEG,
+            get_i16(frame, begin + 20, end) * DEG,
+            get_i16(frame, begin + 22, end) * DEG,
+            known(get_u16(frame, begin + 24, end)) * 1.0,
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
         )
 
 
-NAV_CONTROLLER_OUTPUT: Final = _NavControllerOutputKind(
+NAV_CONTROLLER_OUTPUT: Final = Kind(
     "NAV_CONTROLLER_OUTPUT",
     62,
     183,
@@ -439,10 +431,11 @@ NAV_CONTROLLER_OUTPUT: Final = _NavControllerOutputKind(
         "aspd_error_mps",
         "xtrack_error_m",
     ),
-    NavControllerOutput,
+    NavControllerOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class VfrHud(Message):
     """VFR_HUD (74): airspeed, ground speed, compass heading, height above sea level, climb rate."""
 
@@ -470,32 +463,31 @@ class VfrHud(Message):
         put_f32(payload, self.groundspeed_mps)
         put_f32(payload, self.alt_m)
         put_f32(payload, self.climb_mps)
-        put_i16(payload, nearest(self.heading_rad * PER_DEG, I16_MIN, I16_MAX))
+        put_near_i16(payload, self.heading_rad * PER_DEG)
         put_u16(payload, self.throttle)
 
-
-class _VfrHudKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return VfrHud(
-            f32(payload, 0),
-            f32(payload, 4),
-            i16(payload, 16) * DEG,
-            u16(payload, 18),
-            f32(payload, 8),
-            f32(payload, 12),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_i16(frame, begin + 16, end) * DEG,
+            get_u16(frame, begin + 18, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
         )
 
 
-VFR_HUD: Final = _VfrHudKind(
+VFR_HUD: Final = Kind(
     "VFR_HUD",
     74,
     20,
     (20, 20),
     ("airspeed_mps", "groundspeed_mps", "heading_rad", "throttle", "alt_m", "climb_mps"),
-    VfrHud,
+    VfrHud(0.0, 0.0, 0.0, 0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class BatteryStatus(Message):
     """BATTERY_STATUS (147): one battery; its cells' voltages, or its total in the first element, NaN for the rest."""
 
@@ -529,30 +521,28 @@ class BatteryStatus(Message):
         put_i32(payload, self.energy_consumed)
         put_i16(payload, self.temperature)
         put_knowns(payload, self.voltages_v, 10, PER_MILLI)
-        put_i16(payload, nearest(self.current_battery_a * PER_CENTI, I16_MIN, I16_MAX))
+        put_near_i16(payload, self.current_battery_a * PER_CENTI)
         put_u8(payload, self.id)
         put_u8(payload, self.battery_function)
         put_u8(payload, self.type)
         put_i8(payload, self.battery_remaining)
         put_zeros(payload, 18)
 
-
-class _BatteryStatusKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return BatteryStatus(
-            payload[32],
-            payload[33],
-            payload[34],
-            i16(payload, 8),
-            knowns(payload, 10, 10, MILLI),
-            i16(payload, 30) * CENTI,
-            i32(payload, 0),
-            i32(payload, 4),
-            i8(payload, 35),
+            get_u8(frame, begin + 32, end),
+            get_u8(frame, begin + 33, end),
+            get_u8(frame, begin + 34, end),
+            get_i16(frame, begin + 8, end),
+            get_knowns(frame, begin + 10, end, 10, MILLI),
+            get_i16(frame, begin + 30, end) * CENTI,
+            get_i32(frame, begin, end),
+            get_i32(frame, begin + 4, end),
+            get_i8(frame, begin + 35, end),
         )
 
 
-BATTERY_STATUS: Final = _BatteryStatusKind(
+BATTERY_STATUS: Final = Kind(
     "BATTERY_STATUS",
     147,
     154,
@@ -568,10 +558,11 @@ BATTERY_STATUS: Final = _BatteryStatusKind(
         "energy_consumed",
         "battery_remaining",
     ),
-    BatteryStatus,
+    BatteryStatus(0, 0, 0, 0, (), 0.0, 0, 0, 0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Wind(Message):
     """WIND (168): the autopilot's wind estimate: the direction it comes from, its speed, its downward speed."""
 
@@ -588,15 +579,14 @@ class Wind(Message):
         put_f32(payload, self.speed_mps)
         put_f32(payload, self.speed_z_mps)
 
-
-class _WindKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return Wind(f32(payload, 0) * DEG, f32(payload, 4), f32(payload, 8))
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return Wind(get_f32(frame, begin, end) * DEG, get_f32(frame, begin + 4, end), get_f32(frame, begin + 8, end))
 
 
-WIND: Final = _WindKind("WIND", 168, 1, (12, 12), ("direction_rad", "speed_mps", "speed_z_mps"), Wind)
+WIND: Final = Kind("WIND", 168, 1, (12, 12), ("direction_rad", "speed_mps", "speed_z_mps"), Wind(0.0, 0.0, 0.0))
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class EkfStatusReport(Message):
     """EKF_STATUS_REPORT (193): which estimates are good (bits of EKF_STATUS_FLAGS), and their variances."""
 
@@ -630,21 +620,19 @@ class EkfStatusReport(Message):
         put_u16(payload, self.flags)
         put_f32(payload, self.airspeed_variance)
 
-
-class _EkfStatusReportKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return EkfStatusReport(
-            u16(payload, 20),
-            f32(payload, 0),
-            f32(payload, 4),
-            f32(payload, 8),
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 22),
+            get_u16(frame, begin + 20, end),
+            get_f32(frame, begin, end),
+            get_f32(frame, begin + 4, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 22, end),
         )
 
 
-EKF_STATUS_REPORT: Final = _EkfStatusReportKind(
+EKF_STATUS_REPORT: Final = Kind(
     "EKF_STATUS_REPORT",
     193,
     71,
@@ -658,10 +646,11 @@ EKF_STATUS_REPORT: Final = _EkfStatusReportKind(
         "terrain_alt_variance",
         "airspeed_variance",
     ),
-    EkfStatusReport,
+    EkfStatusReport(0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class HomePosition(Message):
     """HOME_POSITION (242): the home position."""
 
@@ -695,9 +684,9 @@ class HomePosition(Message):
         return HOME_POSITION
 
     def write(self, payload: BytesWriter) -> None:
-        put_i32(payload, nearest(self.latitude_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.longitude_rad * PER_DEGE7, I32_MIN, I32_MAX))
-        put_i32(payload, nearest(self.altitude_m * PER_MILLI, I32_MIN, I32_MAX))
+        put_near_i32(payload, self.latitude_rad * PER_DEGE7)
+        put_near_i32(payload, self.longitude_rad * PER_DEGE7)
+        put_near_i32(payload, self.altitude_m * PER_MILLI)
         put_f32(payload, self.x_m)
         put_f32(payload, self.y_m)
         put_f32(payload, self.z_m)
@@ -707,25 +696,23 @@ class HomePosition(Message):
         put_f32(payload, self.approach_z_m)
         put_u64(payload, self.time_usec)
 
-
-class _HomePositionKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return HomePosition(
-            i32(payload, 0) * DEGE7,
-            i32(payload, 4) * DEGE7,
-            i32(payload, 8) * MILLI,
-            f32(payload, 12),
-            f32(payload, 16),
-            f32(payload, 20),
-            f32s(payload, 24, 4),
-            f32(payload, 40),
-            f32(payload, 44),
-            f32(payload, 48),
-            u64(payload, 52),
+            get_i32(frame, begin, end) * DEGE7,
+            get_i32(frame, begin + 4, end) * DEGE7,
+            get_i32(frame, begin + 8, end) * MILLI,
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32s(frame, begin + 24, end, 4),
+            get_f32(frame, begin + 40, end),
+            get_f32(frame, begin + 44, end),
+            get_f32(frame, begin + 48, end),
+            get_u64(frame, begin + 52, end),
         )
 
 
-HOME_POSITION: Final = _HomePositionKind(
+HOME_POSITION: Final = Kind(
     "HOME_POSITION",
     242,
     104,
@@ -743,10 +730,11 @@ HOME_POSITION: Final = _HomePositionKind(
         "approach_z_m",
         "time_usec",
     ),
-    HomePosition,
+    HomePosition(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, ()),
 )
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class ExtendedSysState(Message):
     """EXTENDED_SYS_STATE (245): on the ground or in the air (MAV_LANDED_STATE)."""
 
@@ -761,14 +749,12 @@ class ExtendedSysState(Message):
         put_u8(payload, self.vtol_state)
         put_u8(payload, self.landed_state)
 
-
-class _ExtendedSysStateKind(Kind):
-    def unpack(self, payload: bytes) -> Message:
-        return ExtendedSysState(payload[0], payload[1])
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ExtendedSysState(get_u8(frame, begin, end), get_u8(frame, begin + 1, end))
 
 
-EXTENDED_SYS_STATE: Final = _ExtendedSysStateKind(
-    "EXTENDED_SYS_STATE", 245, 130, (2, 2), ("vtol_state", "landed_state"), ExtendedSysState
+EXTENDED_SYS_STATE: Final = Kind(
+    "EXTENDED_SYS_STATE", 245, 130, (2, 2), ("vtol_state", "landed_state"), ExtendedSysState(0, 0)
 )
 
 KINDS: Final = (

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.gusts import low_altitude
 from flight_model.path import PathPoints
 from formation_scenario import Scenario
 from formation_scenario.demands import SampledPath
@@ -59,9 +58,7 @@ def gusts_mps(scenario: Scenario) -> float:
 
 
 def _dryden_mps(keys: DrydenTurbulence, height_m: Array) -> float:
-    sigma_mps = keys.sigma_mps
-    along_mps = low_altitude(keys.wind_6m_mps or 0.0, height_m)[0][0, 0] if sigma_mps is None else sigma_mps[0]
-    return SIGMAS * math.sqrt(2.0) * float(along_mps)
+    return SIGMAS * math.sqrt(2.0) * float(keys.scales(height_m)[0][0, 0])
 
 
 def _left(

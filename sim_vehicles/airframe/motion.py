@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import FlightState, within
 
 HEADING: Final = 0
@@ -54,6 +56,7 @@ class Estimate:
         self.ratios = ratios
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Motion:
     """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
 

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.gusts import low_altitude
 from formation_scenario.environment import DrydenTurbulence
 
 LEAST_AIRSPEED_MPS = 1.0
@@ -63,7 +62,7 @@ class DrydenGusts:
 
     def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
         """Advance by `dt_s` and return the gusts (3, N) forward, right and down, m/s."""
-        sigma_mps, length_m = self._scales(height_m)
+        sigma_mps, length_m = self._keys.scales(height_m)
         duration = dt_s * np.maximum(airspeed_mps, LEAST_AIRSPEED_MPS) / length_m
         noise = self._draw()
         kept = np.exp(-duration[0])
@@ -73,13 +72,6 @@ class DrydenGusts:
         self._across = np.einsum("anij,jan->ian", transition, self._across) + np.einsum("anij,jan->ian", factor, driven)
         right_down = SQRT3 * self._across[0] + (1 - SQRT3) * self._across[1]
         return sigma_mps * np.concatenate((self._along[None], right_down))
-
-    def _scales(self, height_m: Array) -> tuple[Array, Array]:
-        sigma_mps, length_m, wind_mps = self._keys.sigma_mps, self._keys.length_m, self._keys.wind_6m_mps
-        if sigma_mps is not None and length_m is not None:
-            return np.array(sigma_mps)[:, None], np.array(length_m)[:, None]
-        assert wind_mps is not None
-        return low_altitude(wind_mps, height_m)
 
     def _draw(self) -> Array:
         """Return a step's normal variates, (5, N)."""

@@ -11,9 +11,12 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
 from airlink.messages.mission import MissionItem, MissionItemInt
+from flight_model.autopilot import finite
 from sim_vehicles.autopilot.missions import from_message
 from sim_vehicles.autopilot.modes import Mode
 
@@ -22,8 +25,11 @@ if TYPE_CHECKING:
     from sim_vehicles.plane import Plane
     from sim_vehicles.vehicle import Vehicle
 
-ACCEPTED, DENIED, FAILED = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_FAILED
+ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
+DENIED: Final = m.MAV_RESULT_DENIED
+FAILED: Final = m.MAV_RESULT_FAILED
 UNSUPPORTED: Final = m.MAV_RESULT_UNSUPPORTED
+DEGREE: Final = math.pi / 180
 DEGREES_E7: Final = math.pi / 180e7
 ABOVE_SEA_LEVEL: Final = (m.MAV_FRAME_GLOBAL, m.MAV_FRAME_GLOBAL_INT)
 ABOVE_HOME: Final = (
@@ -43,7 +49,8 @@ FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
 SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
 USUAL_SPEED: Final = -2.0
-FULL_TURN_DEG, POLE_DEG = 360.0, 90.0
+FULL_TURN_DEG: Final = 360.0
+POLE_DEG: Final = 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
 HIGHEST_PLACE_M: Final = 83000.0
@@ -54,6 +61,7 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 """`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Order:
     """A command, whichever message brought it."""
 
@@ -118,7 +126,7 @@ def _change_speed(vehicle: Vehicle, given: Order) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
-    if kind != AIRSPEED or not math.isfinite(speed_mps) or math.isnan(accel_mps2):
+    if kind != AIRSPEED or not finite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
     if not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
@@ -148,7 +156,7 @@ def _change_heading(vehicle: Vehicle, given: Order) -> int:
     course = kind == COURSE
     if not course and kind != HEADING:
         return DENIED
-    vehicle.pilot.steer(math.radians(degrees), course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    vehicle.pilot.steer(degrees * DEGREE, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
     return ACCEPTED
 
 

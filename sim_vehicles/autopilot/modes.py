@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum, IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -131,11 +131,16 @@ def select(condition: Condition, mode: float, selectable: frozenset[int] = SELEC
     return None if condition.booting or mode not in selectable else int(mode)
 
 
+CALIBRATING: Final = m.MAV_STATE_CALIBRATING
+ACTIVE: Final = m.MAV_STATE_ACTIVE
+STANDBY: Final = m.MAV_STATE_STANDBY
+
+
 def system_status(condition: Condition) -> int:
     """Return the MAV_STATE that a condition is told as."""
     if condition.booting:
-        return m.MAV_STATE_CALIBRATING
-    return m.MAV_STATE_ACTIVE if condition is Condition.FLYING else m.MAV_STATE_STANDBY
+        return CALIBRATING
+    return ACTIVE if condition is Condition.FLYING else STANDBY
 
 
 ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
@@ -160,6 +165,10 @@ COPTER_ACTIONS = dict.fromkeys((1, 2, 3, 4, 6), CopterMode.RTL) | {5: CopterMode
 COPTER_FAILSAFE = FailsafeKeys("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "FS_GCS_ENABLE", COPTER_ACTIONS)
 
 
+STALE: Final = -1
+"""Number of changed parameters for which nothing is known yet."""
+
+
 class GroundStationFailsafe:
     """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
 
@@ -168,15 +177,22 @@ class GroundStationFailsafe:
         self._parameters, self._keys = parameters, keys
         self._heard: Instant | None = None
         self.active = False
+        self._deadline, self._known = NEVER, STALE
+        """When it triggers, as found when so many of the parameters had been set."""
 
     def heartbeat(self, system: int, now: Instant) -> None:
         """Take a heartbeat."""
         if system == self._parameters["MAV_GCS_SYSID"]:
-            self._heard = now
+            self._heard, self._known = now, STALE
             self.active = False
 
     def deadline(self) -> Instant:
         """Return when it triggers, `NEVER` while it can't."""
+        if self._known != self._parameters.changes:
+            self._deadline, self._known = self._found(), self._parameters.changes
+        return self._deadline
+
+    def _found(self) -> Instant:
         if self._heard is None or self.active or not self._parameters[self._keys.enabled]:
             return NEVER
         return after(self._heard, self._parameters[self._keys.timeout_s])
@@ -185,5 +201,5 @@ class GroundStationFailsafe:
         """Return the mode to change to if it triggers now."""
         if now < self.deadline():
             return None
-        self.active = True
+        self.active, self._known = True, STALE
         return self._keys.actions.get(int(self._parameters[self._keys.action]))

@@ -99,6 +99,8 @@ class ParameterServer:
         """Start with the initial value of each; their order is that of their indices on the wire."""
         self._kinds, self._names = kinds, tuple(kinds)
         self._values = {name: kind.initial for name, kind in kinds.items()}
+        self.changes = 0
+        """How often a value has been set."""
         self._to_list: deque[tuple[Address, int]] = deque()
         self._files = Files(self.entries)
 
@@ -164,8 +166,12 @@ class ParameterServer:
             return None
         if name not in FIXED:
             within = min(max(value, kind.least), kind.most)
-            self._values[name] = within if kind.type == m.MAV_PARAM_TYPE_REAL32 else int(within)
+            self._change(name, within if kind.type == m.MAV_PARAM_TYPE_REAL32 else int(within))
         return self._reported(name, UNINDEXED)
+
+    def _change(self, name: str, value: float) -> None:
+        self._values[name] = value
+        self.changes += 1
 
     def _reported(self, name: str, index: int) -> ParamValue:
         kind, value = self._kinds[name].type, self._values[name]

@@ -20,7 +20,15 @@ from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order, to_mode
-from sim_vehicles.autopilot.modes import CopterMode, FailsafeKeys, FlightMode, GroundStationFailsafe, Mode, Px4Mode
+from sim_vehicles.autopilot.modes import (
+    STALE,
+    CopterMode,
+    FailsafeKeys,
+    FlightMode,
+    GroundStationFailsafe,
+    Mode,
+    Px4Mode,
+)
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 
@@ -195,7 +203,7 @@ class Px4Parameters(ParameterServer):
         if kind.type == m.MAV_PARAM_TYPE_INT32:
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
         if math.isfinite(value) and name not in FIXED and name != "MAV_SYS_ID":
-            self._values[name] = min(max(value, kind.least), kind.most)
+            self._change(name, min(max(value, kind.least), kind.most))
         return self._reported(name, self._names.index(name))
 
     def _reported(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own
@@ -215,10 +223,9 @@ class LinkLoss(GroundStationFailsafe):
 
     def heartbeat(self, system: int, now: Instant) -> None:  # noqa: ARG002 - any ground station's counts
         """Take a ground station's heartbeat."""
-        self._heard, self.active, self._holds = now, False, False
+        self._heard, self.active, self._holds, self._known = now, False, False, STALE
 
-    def deadline(self) -> Instant:
-        """Return when it acts next, `NEVER` while it can't."""
+    def _found(self) -> Instant:
         action = int(self._parameters["NAV_DLL_ACT"])
         if self._heard is None or not action or (self.active and not (self._holds and action in LOST_LINK)):
             return NEVER
@@ -229,6 +236,7 @@ class LinkLoss(GroundStationFailsafe):
         """Return the mode to change to if it acts now."""
         if now < self.deadline():
             return None
+        self._known = STALE
         if self._holds:
             self._holds = False
             return LOST_LINK[int(self._parameters["NAV_DLL_ACT"])]

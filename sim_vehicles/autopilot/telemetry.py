@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from mypy_extensions import i64
+
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.messages import Message
@@ -56,6 +58,8 @@ NOT_COUNTED: Final = -1
 HDOP: Final = 70
 SATELLITES: Final = 14
 UNKNOWN_DOP: Final = 2**16 - 1
+NO_FIX: Final = m.GPS_FIX_TYPE_NO_FIX
+FIX: Final = m.GPS_FIX_TYPE_3D_FIX
 ARDUPILOT: Final = m.MAV_AUTOPILOT_ARDUPILOTMEGA
 MODE_FLAGS: Final = (
     m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
@@ -70,7 +74,7 @@ LONGEST_US: Final = 60e6
 DEFAULT, STOP = 0.0, -1.0
 _asin: Final = math.asin
 _atan: Final = math.atan
-_hypot: Final = math.hypot
+_atan2: Final = math.atan2
 """Names of their own are found without a look into the module."""
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -130,12 +134,11 @@ def gps_raw_int(v: Vehicle) -> Message:
     """Return GPS_RAW_INT: the receiver's own 3-D fix, or none where the vehicle has no receiver."""
     received = v.estimate.received
     if received is None:
-        return GpsRawInt(v.time_ns // 1000, m.GPS_FIX_TYPE_NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
+        return GpsRawInt(v.time_ns // 1000, NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
     lat, lon, alt = v.fleet.origin.from_ned(received.north_m, received.east_m, -received.height_m)
     north, east = received.velocity_north_mps, received.velocity_east_mps
-    course = math.atan2(east, north) % math.tau
-    fix = m.GPS_FIX_TYPE_3D_FIX
-    return GpsRawInt(v.time_ns // 1000, fix, lat, lon, alt, HDOP, HDOP, _hypot(north, east), course, SATELLITES)
+    course = _atan2(east, north) % math.tau
+    return GpsRawInt(v.time_ns // 1000, FIX, lat, lon, alt, HDOP, HDOP, _length(north, east), course, SATELLITES)
 
 
 def attitude(v: Vehicle) -> Message:
@@ -150,8 +153,15 @@ def local_position_ned(v: Vehicle) -> Message:
     """Return LOCAL_POSITION_NED, from home."""
     start, motion = v.config.start, v.sensed
     north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
-    velocity = motion.velocity_north_mps, motion.velocity_east_mps, motion.velocity_down_mps
-    return LocalPositionNed(v.time_s, north, east, -motion.height_m, *velocity)
+    return LocalPositionNed(
+        v.time_s,
+        north,
+        east,
+        -motion.height_m,
+        motion.velocity_north_mps,
+        motion.velocity_east_mps,
+        motion.velocity_down_mps,
+    )
 
 
 def global_position_int(v: Vehicle) -> Message:
@@ -182,7 +192,7 @@ def nav_controller_output(v: Vehicle) -> Message:
 def vfr_hud(v: Vehicle) -> Message:
     """Return VFR_HUD, which alone carries the airspeed."""
     motion = v.sensed
-    speed = _hypot(motion.velocity_north_mps, motion.velocity_east_mps)
+    speed = _length(motion.velocity_north_mps, motion.velocity_east_mps)
     altitude = v.fleet.origin.alt_m + motion.height_m
     heading = motion.heading_rad % math.tau
     throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
@@ -193,7 +203,7 @@ def wind(v: Vehicle) -> Message:
     """Return WIND; its direction is where the wind comes from."""
     motion = v.sensed
     north, east, down = motion.drift_north_mps, motion.drift_east_mps, motion.drift_down_mps
-    return Wind(signed(math.atan2(-east, -north)), _hypot(north, east), down)
+    return Wind(signed(_atan2(-east, -north)), _length(north, east), down)
 
 
 def ekf_status_report(v: Vehicle) -> Message:
@@ -223,6 +233,11 @@ def extended_sys_state(v: Vehicle) -> Message:
 def autopilot_version(v: Vehicle) -> Message:
     """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
     return AutopilotVersion(v.capabilities, v.version)
+
+
+def _length(north: float, east: float) -> float:
+    """Return a vector's length. Compiled, `math.hypot`, which is exact, would be a call of Python's own."""
+    return math.sqrt(north * north + east * east)
 
 
 def _bank(motion: Motion) -> float:
@@ -260,8 +275,8 @@ class Stream:
         """Take its id, what makes it, its interval and when it is due next."""
         self.message_id = message_id
         self.build = build
-        self.interval_ns = interval_ns
-        self.due: int = due
+        self.interval_ns: i64 = interval_ns
+        self.due: i64 = due
 
 
 class Streams:
@@ -315,11 +330,10 @@ class Streams:
     def take_due(self, now: Instant) -> list[Stream]:
         """Return the messages that are due, in order, and plan their next ones."""
         due: list[Stream] = []
-        if now < self.next_due:
-            return due
-        next_due: int = NEVER
+        at: i64 = now
+        next_due: i64 = NEVER
         for each in self._streams:
-            if each.due <= now:
+            if each.due <= at:
                 due.append(each)
                 each.due += each.interval_ns
             next_due = min(next_due, each.due)
@@ -335,10 +349,7 @@ class Streams:
         self._plan()
 
     def _plan(self) -> None:
-        next_due: int = NEVER
-        for each in self._streams:
-            next_due = min(next_due, each.due)
-        self.next_due = Instant(next_due)
+        self.next_due = Instant(min([each.due for each in self._streams], default=NEVER))
 
 
 def _number(stream: Stream) -> int:

@@ -230,13 +230,8 @@ BITS = {
     "uint64_t": "u64",
     "float": "f32",
 }
-RANGES = {
-    "i8": "I8_MIN, I8_MAX",
-    "i16": "I16_MIN, I16_MAX",
-    "u16": "0.0, U16_MAX, UNKNOWN_U16",
-    "i32": "I32_MIN, I32_MAX",
-    "u32": "0.0, U32_MAX",
-}
+SCALED = ("i8", "i16", "u16", "i32", "u32")
+"""Whole numbers that fields with a unit are packed as."""
 ARRAYS = {"u8": "octets", "f32": "f32s", "u16": "knowns"}
 
 
@@ -277,14 +272,22 @@ class Field:
         one = "float" if self.bits == "f32" or self.unit in SI else "int"
         return f"tuple[{one}, ...]" if self.count else one
 
+    @property
+    def empty(self) -> str:
+        """A value of its type."""
+        if self.count:
+            return '""' if self.bits == "text" else "()"
+        return "0" if self.of_type == "int" else "0.0"
+
     def read(self) -> str:
         """Return the expression that reads it."""
+        place = f"frame, begin + {self.at}, end" if self.at else "frame, begin, end"
         if self.bits == "text":
-            return f"text(payload, {self.at}, {self.count})"
+            return f"get_text({place}, {self.count})"
         if self.count:
             unit = f", {self.si}" if self.bits == "u16" else ""
-            return f"{ARRAYS[self.bits]}(payload, {self.at}, {self.count}{unit})"
-        number = f"payload[{self.at}]" if self.bits == "u8" else f"{self.bits}(payload, {self.at})"
+            return f"get_{ARRAYS[self.bits]}({place}, {self.count}{unit})"
+        number = f"get_{self.bits}({place})"
         if self.unit not in SI or self.bits == "f32":
             return f"{number} * {self.si}" if self.si else number
         number = f"known({number})" if self.bits == "u16" else number
@@ -300,7 +303,7 @@ class Field:
             return f"put_{ARRAYS[self.bits]}(payload, {value}, {self.count}{per_unit})"
         value += f" * PER_{self.si}" if self.si else ""
         if self.unit in SI and self.bits != "f32":
-            value = f"nearest({value}, {RANGES[self.bits]})"
+            return f"put_near_{self.bits}(payload, {value})"
         return f"put_{self.bits}(payload, {value})"
 
 
@@ -329,7 +332,7 @@ def class_name(name: str) -> str:
 
 
 def rendered(said: Declared) -> Iterator[str]:
-    """Yield the lines of a message's class, of what reads it, and of its kind."""
+    """Yield the lines of a message's class and of its kind."""
     source = layout(said.name)
     everything = fields_of(source)
     names = [each.name for each in everything]
@@ -342,6 +345,7 @@ def rendered(said: Declared) -> Iterator[str]:
         + (f" = {said.defaults.get(each.name, '0.0' if each.of_type == 'float' else '0')}" if place >= first else "")
         for place, each in enumerate(used)
     ]
+    yield "@mypyc_attr(acyclic=True, free_list_len=1)"
     yield f"class {own}(Message):"
     yield f'    """{said.name} ({source.message_id}): {said.text}"""'
     yield f"    def __init__(self, {', '.join(arguments)}) -> None:"
@@ -356,12 +360,12 @@ def rendered(said: Declared) -> Iterator[str]:
     if "target_system" in names:
         yield "    def addressee(self) -> int:"
         yield "        return self.target_system"
-    yield f"class _{own}Kind(Kind):"
-    yield "    def unpack(self, payload: bytes) -> Message:"
+    yield "    def read(self, frame: bytes, begin: i64, end: i64) -> Message:"
     yield f"        return {own}({', '.join(each.read() for each in used)})"
     length = sum(each.size for each in everything)
     facts = f'"{said.name}", {source.message_id}, {source.crc_extra}, ({source.base_length}, {length})'
-    yield f"{said.name}: Final = _{own}Kind({facts}, {tuple(each.name for each in used)}, {own})"
+    empty = f"{own}({', '.join(each.empty for each in used[:first])})"
+    yield f"{said.name}: Final = Kind({facts}, {tuple(each.name for each in used)}, {empty})"
 
 
 def _written(everything: list[Field], used: list[Field]) -> Iterator[str]:
@@ -386,7 +390,8 @@ def module(of: Module) -> str:
     math = "import math\n" if "math." in body else ""
     origin = f"# Written by: {WRITE}\n# A class for each message of the service, all after one plan: not edited here."
     head = f'"""{of.text}"""\n\n{origin}\n\nfrom __future__ import annotations\n'
-    wire = f"from librt.strings import BytesWriter\n\nfrom airlink.messages.payload import {', '.join(helpers)}\n"
+    native = "from librt.strings import BytesWriter\nfrom mypy_extensions import i64, mypyc_attr"
+    wire = f"{native}\n\nfrom airlink.messages.payload import {', '.join(helpers)}\n"
     kinds = f"KINDS: Final = ({', '.join(said.name for said in of.messages)},)"
     return formatted(f"{head}\n{math}from typing import Final\n\n{wire}\n{body}\n\n{kinds}\n")
 
@@ -394,9 +399,9 @@ def module(of: Module) -> str:
 def _helpers() -> Iterator[str]:
     units = {unit for _, unit in SI.values() if unit}
     packed = {"text", *BITS.values(), *ARRAYS.values()}
-    yield from ("Kind", "Message", "UNKNOWN_U16", "known", "nearest", "put_zeros")
-    yield from (f"{bits.upper()}_{end}" for bits in RANGES for end in ("MIN", "MAX"))
-    yield from sorted({*units, *(f"PER_{unit}" for unit in units), *packed, *(f"put_{each}" for each in packed)})
+    yield from ("Kind", "Message", "known", "put_zeros", *(f"put_near_{bits}" for bits in SCALED))
+    yield from sorted({*units, *(f"PER_{unit}" for unit in units)})
+    yield from sorted(f"{way}_{each}" for way in ("get", "put") for each in packed)
 
 
 def formatted(source: str) -> str:

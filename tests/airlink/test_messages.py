@@ -20,7 +20,7 @@ from tests.airlink import generate_messages
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 dialect_v1 = importlib.import_module("pymavlink.dialects.v10.ardupilotmega")
 
-KIND = {kind.message_type: kind for kind in KINDS.values()}
+KIND = {type(kind.example): kind for kind in KINDS.values()}
 MESSAGES = tuple(each for each, kind in KIND.items() if kind.name not in m.LATER)
 DEGREE = math.pi / 180
 SI = {

@@ -8,7 +8,6 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
-from flight_model.gusts import low_altitude
 from formation_scenario.environment import DrydenTurbulence
 from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
 
@@ -27,14 +26,14 @@ def flown(steps, airspeed_mps: npt.ArrayLike = AIRSPEED_MPS, count=VEHICLES):
 
 def test_intensities_and_scale_lengths_of_low_altitude():
     """At 500 ft: 0.177 + 0.000823 * 500 = 0.5885; 500 / 0.5885^1.2 = 944.7 ft; 0.5885^-0.4 = 1.2362."""
-    sigma_mps, length_m = low_altitude(10.0, np.array([500 * 0.3048]))
+    sigma_mps, length_m = DrydenTurbulence(kind="dryden", at_s=0.0, wind_6m_mps=10.0).scales(np.array([500 * 0.3048]))
     assert sigma_mps[:, 0] == pytest.approx([1.2362, 1.2362, 1.0], rel=1e-4)
     assert length_m[:, 0] / 0.3048 == pytest.approx([944.7, 944.7, 500.0], rel=1e-4)
 
 
 def test_at_1000_ft_and_beyond_turbulence_is_isotropic():
     """0.177 + 0.000823 * 1000 = 1."""
-    sigma_mps, length_m = low_altitude(8.0, np.array([304.8, 2000.0]))
+    sigma_mps, length_m = DrydenTurbulence(kind="dryden", at_s=0.0, wind_6m_mps=8.0).scales(np.array([304.8, 2000.0]))
     assert sigma_mps == pytest.approx(0.8)
     assert length_m == pytest.approx(304.8)
 
