@@ -48,6 +48,7 @@ TIME = ("t_s", "mission_time_s")
 MEASURED = TIME + STATE + SETPOINT + LINK + (AIRBORNE,) + SLOT + LAW_ERROR + MIXED + GAINS
 DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
 PLACE = ("north_m", "east_m", "height_m")
+PLACE_RATE = ("north_mps", "east_mps", "climb_mps")
 TRUTH = (
     "true_north_m",
     "true_east_m",
@@ -240,30 +241,47 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
     write_f64_le(to, third)
 
 
-def true_columns(truth: Mapping[str, Array], column: int, time_s: Array) -> dict[str, Array]:
-    """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
-    known_s = truth["time_s"]
-    own = {name: each[:, column] for name, each in truth.items() if name != "time_s"}
-    own["heading_rad"] = np.unwrap(own["heading_rad"])
-    place = np.column_stack([own[name] for name in PLACE])
-    rate = np.column_stack([own[name] for name in ("north_mps", "east_mps", "climb_mps")])
-    linear = [np.interp(time_s, known_s, own[name.removeprefix("true_")]) for name in TRUTH[len(PLACE) :]]
+def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
+    """Return the vehicles' true columns (T, V) at times (T,): places by cubic interpolation, the rest linearly."""
+    moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
+    heading_rad = np.unwrap(truth["heading_rad"], axis=0)
+    linear = (heading_rad if name == "true_heading_rad" else truth[name.removeprefix("true_")] for name in TRUTH[3:])
+    place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
+    columns = dict(zip(TRUTH, (*place, *map(moments.linear, linear)), strict=True))
     # A place between one in flight and one on the ground is neither.
-    airborne = np.interp(time_s, known_s, own["airborne"]) >= 1.0
-    values = (*_hermite(known_s, place, rate, time_s).T, *linear)
-    return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
+    return columns | {AIRBORNE: (moments.linear(truth["airborne"]) >= 1.0).astype(np.float64)}
 
 
-def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:
-    """Return (T, 3) the cubics through values and rates (K, 3), constant beyond the ends."""
-    index = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
-    step_s = (known_s[index + 1] - known_s[index])[:, None]
-    u = np.clip((wanted_s - known_s[index])[:, None] / step_s, 0.0, 1.0)
-    before, after = value[index], value[index + 1]
-    slope_before, slope_after = rate[index] * step_s, rate[index + 1] * step_s
-    return (
-        before * (1 + 2 * u) * (1 - u) ** 2
-        + slope_before * u * (1 - u) ** 2
-        + after * u**2 * (3 - 2 * u)
-        + slope_after * u**2 * (u - 1)
-    )
+class _Moments:
+    """Times (T,) between those (K,) at which V vehicles' values are known, for interpolation: constant beyond them."""
+
+    def __init__(self, known_s: Array, wanted_s: Array, vehicles: int) -> None:
+        """Find where they are, and the weights of the cubics."""
+        self._before = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
+        begin_s = known_s[self._before]
+        step_s, since_s = known_s[self._before + 1] - begin_s, wanted_s - begin_s
+        self._beyond = np.flatnonzero(wanted_s >= known_s[-1])
+        each = [step_s, np.maximum(since_s, 0.0), np.clip(since_s / step_s, 0.0, 1.0)]
+        self._step_s, self._since_s, u = (np.repeat(one, vehicles).reshape(-1, vehicles) for one in each)
+        self._weights = ((1 + 2 * u, (1 - u) ** 2), (u, (1 - u) ** 2), (u**2, 3 - 2 * u), (u**2, u - 1))
+
+    def _ends(self, value: Array) -> tuple[Array, Array]:
+        """Return what is known before and after each time, (T, V)."""
+        value = np.ascontiguousarray(value)
+        return value.take(self._before, axis=0), value.take(self._before + 1, axis=0)
+
+    def linear(self, value: Array) -> Array:
+        """Return the values (T, V) on straight lines: those of `np.interp`."""
+        before, after = self._ends(value)
+        found = (after - before) / self._step_s * self._since_s + before
+        found[self._beyond] = value[-1]
+        return found
+
+    def cubic(self, value: Array, rate: Array) -> Array:
+        """Return (T, V) the cubics through values and rates (K, V)."""
+        (before, after), (slope_before, slope_after) = self._ends(value), self._ends(rate)
+        ends = before, slope_before * self._step_s, after, slope_after * self._step_s
+        first, second, third, fourth = (
+            end * one * other for end, (one, other) in zip(ends, self._weights, strict=True)
+        )
+        return first + second + third + fourth
