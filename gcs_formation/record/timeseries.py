@@ -64,6 +64,9 @@ WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 ROWS_AT_ONCE = 2**16
 """So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
+SAMPLED_TICKS = 32
+NOISE_SHARE = 0.85
+"""A column of which a quarter and three quarters through so many ticks keep more than this share isn't compressed."""
 NUMBER_BYTES = 8
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
@@ -159,27 +162,50 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
 
     A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
     """
-    repeated: Any = ["phase", "network", "vehicle"]  # pyarrow's stubs know no list here
+    words: Any = ["phase"]  # pyarrow's stubs know no list here
+    phases = pa.array(PHASES, pa.string())
     with ExitStack() as stack:
         writer: pq.ParquetWriter | None = None
         for columns in tables:
-            named: dict[str, Any] = dict(columns)
-            named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-            named |= {flag: columns[flag] > 0 for flag in FLAGS}
-            arrays = {name: _arrow(column) for name, column in named.items()}
+            arrays: dict[str, Any] = {name: _arrow(each, flag=name in FLAGS) for name, each in columns.items()}
+            arrays["phase"] = pa.DictionaryArray.from_arrays(_arrow(columns["phase"].astype(np.int8)), phases)
             schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
             if writer is None:
-                opened = pq.ParquetWriter(path, schema, use_dictionary=repeated, write_statistics=False)
+                packed: Any = _compression(columns)
+                opened = pq.ParquetWriter(
+                    path,
+                    schema,
+                    use_dictionary=words,
+                    write_statistics=False,
+                    compression=packed,
+                    store_schema=False,  # a column of words is one, however it was handed over
+                    write_batch_size=ROWS_AT_ONCE,
+                )
                 writer = stack.enter_context(opened)
             writer.write_table(pa.table(arrays, schema=schema))
 
 
-def _arrow(column: npt.NDArray[Any]) -> pa.Array[Any]:
-    """Return numbers, flags or words; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
-    if column.dtype == np.object_:
-        return pa.array(column.tolist(), pa.string())
-    data = np.packbits(column, bitorder="little") if column.dtype == np.bool_ else np.ascontiguousarray(column)
-    return pa.Array.from_buffers(pa.from_numpy_dtype(column.dtype), column.size, [None, pa.py_buffer(data.data)])
+def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
+    """Return how each column is compressed: those of which some ticks hardly get smaller, by noise, are left as is."""
+    t_s = columns["t_s"]
+    rows = int(np.count_nonzero(t_s == t_s[:1]))
+    ticks = t_s.size // max(1, rows)
+    places = [slice(begin * rows, (begin + SAMPLED_TICKS) * rows) for begin in (ticks // 4, 3 * ticks // 4)]
+    found: dict[str, str] = {}
+    for name, column in columns.items():
+        some = b"".join([column[place].tobytes() for place in places])
+        noise = some and len(pa.compress(some, "lz4_raw", asbytes=True)) > NOISE_SHARE * len(some)
+        found[name] = "none" if noise else "lz4"
+    return found
+
+
+def _arrow(column: npt.NDArray[Any], *, flag: bool = False) -> pa.Array[Any]:
+    """Return numbers or flags; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
+    if flag:
+        data, kind = np.packbits(column > 0, bitorder="little"), pa.bool_()
+    else:
+        data, kind = np.ascontiguousarray(column), pa.from_numpy_dtype(column.dtype)
+    return pa.Array.from_buffers(kind, column.size, [None, pa.py_buffer(data)])
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
