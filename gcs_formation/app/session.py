@@ -147,7 +147,7 @@ class Session:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self._heed_interrupts()
         self._injected.note(self.station.recorded_ticks)
-        if self._faults is not None:
+        if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
             self._orders.poll()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
 
@@ -18,6 +20,7 @@ follower would be commanded to turn left and right in alternation, and so fly st
 """
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Envelope:
     """The limits of a vehicle's setpoints.
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import AutopilotModel, FlightState, within
 from flight_model.slot import Slot, Triple
 from gcs_formation.control.mixer import Target
@@ -13,6 +15,7 @@ CRAB_RADPS: Final = 0.65
 """How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class LeaderMotion:
     """How the leader flies."""
 

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import FlightState, rotated, within, wrap
 from flight_model.slot import Slot, Triple
 from formation_scenario.formation import Frame
@@ -32,6 +34,7 @@ class Mixer:
     k_z: float
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Target:
     """The air-relative motion that keeps a follower in its slot without error in a steady turn."""
 

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
@@ -149,6 +151,7 @@ def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) 
     return radps * (seen[0] - lagged[0]), radps * (seen[1] - lagged[1])
 
 
+@mypyc_attr(acyclic=True)
 class LeaderCommand:
     """What the leader flies by at some instant."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, squared, within
 from flight_model.curve import PathPoint
 from flight_model.path import Route
@@ -21,6 +23,7 @@ asin: Final = math.asin
 atan: Final = math.atan
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class MotionRates:
     """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
 
@@ -33,6 +36,7 @@ class MotionRates:
         self.wind_mps2 = wind_mps2
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class RouteHeading:
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
 
