@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, wrap
+from flight_model.arrays import Array, Indices, Mask, wrap
 from formation_scenario.expectation import SETTLED_M
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import CHANNELS, ERROR, ROWS_AT_ONCE, SETPOINT
@@ -108,7 +108,7 @@ def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float |
 
 
 def _in_slot(error_m: Array) -> Mask:
-    return (np.abs(error_m.T) <= SETTLED_M).all(axis=0)
+    return np.all(np.abs(error_m.T) <= SETTLED_M, axis=0)
 
 
 def separation_m(flight: Flight, window: Mask) -> Array:
@@ -128,7 +128,8 @@ def _nearest_m(places: Array) -> Array:
     spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
     _, vehicles, ticks = places.shape
-    order = places[axis].argsort(axis=0) * ticks + np.arange(ticks)
+    ordinal: Indices = places[axis].argsort(axis=0)
+    order = ordinal * ticks + np.arange(ticks)
     ordered = [each.take(order) for each in places]
     squared = np.full(ticks, np.inf)
     for apart in range(1, vehicles):

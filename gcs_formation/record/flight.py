@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
 from gcs_formation.record.timeseries import (
     AIRBORNE,
@@ -131,8 +131,8 @@ def table(
         columns |= true_columns(truth, columns["t_s"][:, 0])
     columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
     north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
-    ground_m = np.empty(north_m.shape)
-    for column in range(ground_m.shape[1]):
+    ground_m = np.zeros(north_m.shape)
+    for column in range(len(scenario.vehicles) if scenario.terrain else 0):
         ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
     return columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
 
@@ -184,7 +184,8 @@ def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
     if not seen:
         return {name: np.where(airborne, columns[law], np.nan) for name, law in zip(ERROR, LAW_ERROR, strict=True)}
     ticks, vehicles = airborne.shape
-    leads = np.repeat(np.arange(ticks) * vehicles + (columns["leads"] > 0).argmax(axis=1), vehicles)
+    column: Indices = (columns["leads"] > 0).argmax(axis=1)
+    leads = np.repeat(np.arange(ticks) * vehicles + column, vehicles)
     needed = (*TRUTH[:3], "true_heading_rad", AIRBORNE)
     leader = {name: columns[name].take(leads).reshape(airborne.shape) for name in needed}
     heading = (leader if frame == "leader_heading" else columns)["true_heading_rad"]

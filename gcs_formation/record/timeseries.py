@@ -64,7 +64,7 @@ WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 ROWS_AT_ONCE = 2**16
 """So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
-SAMPLED_TICKS = 32
+SAMPLED_TICKS = 16
 NOISE_SHARE = 0.85
 """A column of which a quarter and three quarters through so many ticks keep more than this share isn't compressed."""
 NUMBER_BYTES = 8
@@ -201,11 +201,9 @@ def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
 
 def _arrow(column: npt.NDArray[Any], *, flag: bool = False) -> pa.Array[Any]:
     """Return numbers or flags; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
-    if flag:
-        data, kind = np.packbits(column > 0, bitorder="little"), pa.bool_()
-    else:
-        data, kind = np.ascontiguousarray(column), pa.from_numpy_dtype(column.dtype)
-    return pa.Array.from_buffers(kind, column.size, [None, pa.py_buffer(data)])
+    data = np.packbits(column > 0, bitorder="little") if flag else np.ascontiguousarray(column)
+    kind: Any = pa.bool_() if flag else pa.from_numpy_dtype(column.dtype)
+    return pa.Array.from_buffers(kind, column.size, [None, pa.py_buffer(data.data)])
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -270,7 +268,9 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
 def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
     """Return the vehicles' true columns (T, V) at times (T,): places by cubic interpolation, the rest linearly."""
     moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
-    heading_rad = np.unwrap(truth["heading_rad"], axis=0)
+    heading_rad = truth["heading_rad"]
+    if (np.abs(heading_rad[1:] - heading_rad[:-1]) >= np.pi).any():  # as few do
+        heading_rad = np.unwrap(heading_rad, axis=0)
     linear = (heading_rad if name == "true_heading_rad" else truth[name.removeprefix("true_")] for name in TRUTH[3:])
     place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
     columns = dict(zip(TRUTH, (*place, *map(moments.linear, linear)), strict=True))
