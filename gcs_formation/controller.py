@@ -19,8 +19,8 @@ from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
+from gcs_formation.control.setpoint import Envelope
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States

@@ -16,15 +16,18 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import LeaderMotion, TrailingSlot, feed_forward, lead
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
-from gcs_formation.control.mixer import (
+from gcs_formation.control.setpoint import (
     TRAIL_S,
+    Envelope,
+    LeaderMotion,
     Mixer,
     Target,
+    TrailingSlot,
     error_rate,
+    feed_forward,
     formation_error,
+    lead,
     mix,
     slot_target,
 )
