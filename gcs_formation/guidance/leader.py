@@ -15,11 +15,12 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import Route, SplinePath
 from flight_model.slot import LEADS_FROM_MPS, Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
-from gcs_formation.guidance.join_route import JoinRoute, join
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
+    JoinRoute,
     MotionRates,
     RouteHeading,
+    join,
     nearest,
     project,
     route_heading,
