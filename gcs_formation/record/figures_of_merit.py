@@ -128,8 +128,8 @@ def _nearest_m(places: Array) -> Array:
     spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
     _, vehicles, ticks = places.shape
-    ordinal: Indices = places[axis].argsort(axis=0)
-    order = ordinal * ticks + np.arange(ticks)
+    order: Indices = places[axis].argsort(axis=0)
+    order = order * ticks + np.arange(ticks, dtype=np.intp)
     ordered = [each.take(order) for each in places]
     squared = np.full(ticks, np.inf)
     for apart in range(1, vehicles):

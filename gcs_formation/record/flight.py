@@ -183,11 +183,12 @@ def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
     airborne = columns[AIRBORNE] > 0
     if not seen:
         return {name: np.where(airborne, columns[law], np.nan) for name, law in zip(ERROR, LAW_ERROR, strict=True)}
-    ticks, vehicles = airborne.shape
-    column: Indices = (columns["leads"] > 0).argmax(axis=1)
-    leads = np.repeat(np.arange(ticks) * vehicles + column, vehicles)
+    ticks, vehicles = columns["t_s"].shape
+    leading: Indices = (columns["leads"] > 0).argmax(axis=1)
+    begins = np.arange(0, ticks * vehicles, vehicles, dtype=np.intp)
+    leads = np.repeat(begins + leading, vehicles)
     needed = (*TRUTH[:3], "true_heading_rad", AIRBORNE)
-    leader = {name: columns[name].take(leads).reshape(airborne.shape) for name in needed}
+    leader = {name: columns[name].take(leads).reshape(-1, vehicles) for name in needed}
     heading = (leader if frame == "leader_heading" else columns)["true_heading_rad"]
     north, east, up = (leader[name] - columns[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)
