@@ -30,7 +30,7 @@ from flight_model.slot import Triple
 from formation_scenario import Scenario
 from gcs_formation.control import follower, laws
 from gcs_formation.control.follower import Pair
-from gcs_formation.control.mixer import Target
+from gcs_formation.control.setpoint import Target
 from gcs_formation.estimation import estimator
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES

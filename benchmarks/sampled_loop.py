@@ -20,7 +20,7 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.graph import scenario_adjacency
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, nominal_gains
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.loops import SMALL_SIGNAL, forward_plant, loop_margin
 from gcs_formation.studies.dataset import markdown

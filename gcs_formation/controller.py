@@ -13,14 +13,14 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
-from flight_model.autopilot import FlightState, advance, rate, within, wrap
+from flight_model.autopilot import FlightState, advance, finite, rate, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import parameters
-from gcs_formation.control.envelope import Envelope
 from gcs_formation.control.laws import law_kind, law_parameters
+from gcs_formation.control.setpoint import Envelope
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
@@ -192,9 +192,10 @@ class FormationController:
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
         """Have the models fly the airspeeds that vehicles can be had to fly now."""
-        for model, link in zip(self.models, links, strict=True):
-            if link.speeds_mps is not None:
-                model.reach(*link.speeds_mps)
+        for column, link in enumerate(links):
+            speeds_mps = link.speeds_mps
+            if speeds_mps is not None:
+                self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
@@ -304,9 +305,12 @@ class FormationController:
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
-        instants = [states.instant(column) for column in range(self._columns)]
-        times_s = [instant / NANOSECONDS for instant in instants]
-        later = self.plan.at_each(times_s, begun=tick.mission_time_s >= 0)
+        instants, earliest = [states.instant(column) for column in range(self._columns)], int(tick.now)
+        for each in instants:
+            earliest = min(earliest, each)
+        later = slots
+        if not self.plan.at_rest(earliest / NANOSECONDS):
+            later = self.plan.at_each([each / NANOSECONDS for each in instants], begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
             return later.each, slots.each
 
@@ -328,7 +332,7 @@ class FormationController:
         if heights_m is None:
             return
         for column, height_m in enumerate(heights_m):
-            if tick.active[column] and math.isfinite(height_m):
+            if tick.active[column] and finite(height_m):
                 speed_mps, heading_rad, _ = tick.setpoints[column]
                 bounds = Envelope(heading_rad, tick.state[column], self.models[column])
                 tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)

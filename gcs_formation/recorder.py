@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot import FlightState
@@ -19,6 +21,7 @@ GiveUp = Callable[[str, Instant], None]
 """Ends a run that can't go on, with the reason."""
 
 
+@mypyc_attr(acyclic=True)
 class VehicleLink:
     """The link to one vehicle at a tick."""
 

@@ -33,6 +33,11 @@ class InjectedFaults:
         self._recorder = recorder
         self._pending = deque(sorted(_planned(scenario)))
 
+    @property
+    def pending(self) -> bool:
+        """Whether any is still to come."""
+        return bool(self._pending)
+
     def note(self, flight: Flight, now: Instant) -> None:
         """Record what has become due."""
         while self._pending and self._pending[0][0] <= flight.mission_time_s(now):

@@ -28,7 +28,7 @@ from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import split, tables
+from gcs_formation.record.flight import parts, split, table
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import read_spool, spools, write_parquet
@@ -147,7 +147,7 @@ class Session:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self._heed_interrupts()
         self._injected.note(self.station.recorded_ticks)
-        if self._faults is not None:
+        if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
             self._orders.poll()
@@ -211,14 +211,14 @@ class Session:
     def _make_summary(self, truth: Mapping[str, Array] | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
         rows = read_spool(spool)
-        flight = split(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))
+        columns = table(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))
         if self.options.record in {"full", "series"}:
-            write_parquet(self.recorder.path / TIMESERIES, tables(flight))
+            write_parquet(self.recorder.path / TIMESERIES, parts(columns))
         summary = summarise(
             RunOutcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
-                flight=flight,
+                flight=split(columns, self.scenario),
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),

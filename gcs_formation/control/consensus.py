@@ -21,11 +21,9 @@ from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, rotated
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import LeaderMotion, feed_forward
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
-from gcs_formation.control.mixer import Target, formation_error, slot_target
+from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
 from gcs_formation.control.situation import Decided, Law, Lead, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 

@@ -11,18 +11,23 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.envelope import Envelope
-from gcs_formation.control.feed_forward import LeaderMotion, TrailingSlot, feed_forward, lead
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
-from gcs_formation.control.mixer import (
+from gcs_formation.control.setpoint import (
     TRAIL_S,
+    Envelope,
+    LeaderMotion,
     Mixer,
     Target,
+    TrailingSlot,
     error_rate,
+    feed_forward,
     formation_error,
+    lead,
     mix,
     slot_target,
 )
@@ -54,6 +59,7 @@ class LawParameters:
     slew: tuple[float, float] = SLEW
 
 
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Pair:
     """A follower and its leader at the instant at which the follower's setpoint acts."""
 
@@ -151,6 +157,8 @@ class FollowerController(Controller):
         super().__init__(parameters)
         self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
         self._drift_north_mps = self._drift_east_mps = math.nan
+        self._share, self._share_for = 0.0, (0.0, 0.0)
+        """By which share of itself the drift's error shrinks over a time, at a bandwidth."""
         self._correction: tuple[float, float] = (math.nan, math.nan)
 
     def forget(self) -> None:
@@ -304,9 +312,10 @@ class FollowerController(Controller):
             self._drift_north_mps, self._drift_east_mps = north_mps, east_mps
         north_mps -= self._drift_north_mps
         east_mps -= self._drift_east_mps
-        share = 1.0 - math.exp(-gust_radps * dt_s)
-        self._drift_north_mps += share * north_mps
-        self._drift_east_mps += share * east_mps
+        if self._share_for != (gust_radps, dt_s):
+            self._share, self._share_for = 1.0 - math.exp(-gust_radps * dt_s), (gust_radps, dt_s)
+        self._drift_north_mps += self._share * north_mps
+        self._drift_east_mps += self._share * east_mps
         size = max(north_mps * north_mps + east_mps * east_mps, 1e-12)
         certain = max(1.0 - GUST_SIGMAS * GUST_SIGMAS * pair.wind_variance / size, 0.0) * gust_radps
         return rotated(axis_rad, certain * north_mps, certain * east_mps)

@@ -87,8 +87,11 @@ class FuzzyGainScheduler:
         """Return F_p, F_i, F_d in [0, 1] for normalised inputs, which are clipped to [-1, 1]."""
         across = (within(error, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
         down = (within(error_rate, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
-        column, row = min(int(across), SETS - 2), min(int(down), SETS - 2)
-        across, down, corner = across - column, down - row, row * SETS + column
+        column: i64 = min(i64(across), SETS - 2)
+        row: i64 = min(i64(down), SETS - 2)
+        corner: i64 = row * SETS + column
+        across -= float(column)
+        down -= float(row)
         return (
             _between(self._p, corner, across, down),
             _between(self._i, corner, across, down),
@@ -165,7 +168,7 @@ class Channel:
 class Pid:
     """One channel's controller, with what it remembers."""
 
-    __slots__ = ("_channel", "_gain_range", "_scheduler", "integral", "kd", "ki", "kp", "rate")
+    __slots__ = ("_channel", "_gain_range", "_kept", "_kept_for_s", "_scheduler", "integral", "kd", "ki", "kp", "rate")
 
     def __init__(self, channel: Channel, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
         """Start at rest, with the integrator at trim (29); without a scheduler gains stay nominal."""
@@ -173,6 +176,8 @@ class Pid:
         self._gain_range = gain_range
         self._scheduler = scheduler
         self.kp, self.ki, self.kd = channel.nominal.kp, channel.nominal.ki, channel.nominal.kd
+        self._kept, self._kept_for_s = 1.0, 0.0
+        """What the rate's filter keeps over a time."""
         self.integral = 0.0
         """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
         self.rate = 0.0
@@ -184,12 +189,13 @@ class Pid:
 
     def retune(self, channel: Channel) -> None:
         """Go on with other constants; what is integrated and filtered stays."""
-        self._channel = channel
+        self._channel, self._kept, self._kept_for_s = channel, 1.0, 0.0
 
     def filter_rate(self, slope: float, dt_s: float) -> None:
         """Put the error's rate through the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
-        kept = math.exp(-dt_s / self._channel.nominal.filter_s)
-        self.rate = kept * self.rate + (1.0 - kept) * slope
+        if dt_s != self._kept_for_s:
+            self._kept, self._kept_for_s = math.exp(-dt_s / self._channel.nominal.filter_s), dt_s
+        self.rate = self._kept * self.rate + (1.0 - self._kept) * slope
 
     def schedule(self, error: float, bandwidth: float) -> None:
         """Choose k_0 + F Delta k_max (14) by error and rate, for a share of the loop's bandwidth."""

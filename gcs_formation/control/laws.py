@@ -12,10 +12,9 @@ from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.graph import scenario_adjacency
 from gcs_formation.control.consensus import ConsensusLaw
-from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import LeaderMotion, Mixer
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.control.velocity_law import VelocityController
 from gcs_formation.guidance.leader import LeaderCommand

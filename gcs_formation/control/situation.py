@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import Instant
 from flight_model.autopilot import FlightState
 from flight_model.slot import Slot, Triple
@@ -73,6 +75,7 @@ class Situation:
         self.replaced = replaced
 
 
+@mypyc_attr(acyclic=True)
 class Decided:
     """What a law has decided for one vehicle, and the quantities that it came from."""
 

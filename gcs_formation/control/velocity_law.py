@@ -12,9 +12,8 @@ from typing import Final
 
 from flight_model.autopilot import within
 from flight_model.slot import Triple
-from gcs_formation.control.feed_forward import lead_height
 from gcs_formation.control.follower import Controller, Pair
-from gcs_formation.control.mixer import error_rate, formation_error
+from gcs_formation.control.setpoint import error_rate, formation_error, lead_height
 
 STANDS_MPS: Final = 0.02
 """Commanded speed below which no direction is taken from it."""

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink.clock import Instant, seconds_between
 from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
@@ -13,11 +15,12 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import Route, SplinePath
 from flight_model.slot import LEADS_FROM_MPS, Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
-from gcs_formation.guidance.join_route import JoinRoute, join
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
+    JoinRoute,
     MotionRates,
     RouteHeading,
+    join,
     nearest,
     project,
     route_heading,
@@ -149,6 +152,7 @@ def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) 
     return radps * (seen[0] - lagged[0]), radps * (seen[1] - lagged[1])
 
 
+@mypyc_attr(acyclic=True)
 class LeaderCommand:
     """What the leader flies by at some instant."""
 

@@ -44,7 +44,12 @@ class FormationPlan:
         self.arrangement = first.arrangement
         self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
         """The scenario's changes that haven't begun yet."""
-        self._way = Transition.standing(first.places_m)
+        self._way = way = Transition.standing(first.places_m)
+        self._over_s: float = way.at_s + way.duration_s
+        """When all are at rest."""
+        self._rest: SlotMotion | None = None
+        """Where, as asked last, and whether the path had begun then."""
+        self._rest_begun = False
         self.goal_m = first.places_m
         """(C, 3) the slots of the arrangement, where all come to rest."""
         self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
@@ -59,8 +64,8 @@ class FormationPlan:
         self.arrangement = arrangement
         everyone = np.ones(len(slots_m), dtype=np.bool_)
         self.goal_m = assigned(scenario, arrangement, slots_m, everyone)
-        self._way = Transition.standing(self.goal_m)
         self.offset_m = self.offset_m - self.offset_m[arrangement.leader]
+        self._fly(Transition.standing(self.goal_m))
         while self.scheduled and self.scheduled[0].at_s <= mission_s:
             self.scheduled.popleft()
 
@@ -71,6 +76,15 @@ class FormationPlan:
 
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
+        over = now_s >= self._over_s
+        if over and self._rest is not None and self._rest_begun == begun:
+            return self._rest
+        slots = self._moving(now_s, begun=begun)
+        if over:
+            self._rest, self._rest_begun = slots, begun
+        return slots
+
+    def _moving(self, now_s: float, *, begun: bool) -> SlotMotion:
         slots = self._way.at(now_s)
         if self._pace < 1.0:
             slots = SlotMotion(
@@ -82,7 +96,7 @@ class FormationPlan:
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
-        if self._way.over(min(each_s)):
+        if self.at_rest(min(each_s)):
             return self.at(each_s[0], begun=begun)
         times_s = np.array(each_s)
         coarse = np.round(times_s / APART_S)
@@ -99,14 +113,19 @@ class FormationPlan:
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; all positions stay the same."""
-        self._way = self._way.seen_from(leader, swing_rad)
+        way = self._way.seen_from(leader, swing_rad)
         self.goal_m = SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m
         self.arrangement = self.arrangement._replace(leader=leader)
         self.offset_m = self.offset_m - self.offset_m[leader]
+        self._fly(way)
 
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
         """Fly a change."""
-        self.arrangement, self._way, self.goal_m = arrangement, way, way.goal_m
+        self.arrangement, self.goal_m = arrangement, way.goal_m
+        self._fly(way)
+
+    def _fly(self, way: Transition) -> None:
+        self._way, self._over_s, self._rest = way, way.at_s + way.duration_s, None
 
     def wait(self, pace: float, elapsed_s: float) -> None:
         """Have slots that are on their way move at a share `pace` of their speed from now on; `elapsed_s`: since last.
@@ -114,18 +133,23 @@ class FormationPlan:
         All of them do, so that they are as clear of each other as was planned.
         """
         if pace < 1.0:
-            self._way = replace(self._way, at_s=self._way.at_s + (1.0 - pace) * elapsed_s)
+            self._fly(replace(self._way, at_s=self._way.at_s + (1.0 - pace) * elapsed_s))
         self._pace = pace
 
     def hold(self, which: Mask, place_m: Array) -> None:
         """Let those in a mask (C,) stay at places (C, 3) until a change is flown."""
         goal_m = np.where(which[:, None], place_m, self._way.goal_m)
-        self._way = replace(self._way, start=self._way.start.standing(which, place_m), goal_m=goal_m)
+        self._fly(replace(self._way, start=self._way.start.standing(which, place_m), goal_m=goal_m))
+
+    def at_rest(self, now_s: float) -> bool:
+        """Return whether all slots are at rest, from a time on."""
+        return now_s >= self._over_s
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""
-        there = self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
-        return there and self._way.over(now_s)
+        if now_s < self._over_s:
+            return False
+        return self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
 
 
 @dataclass(frozen=True)

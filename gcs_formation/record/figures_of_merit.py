@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, wrap
+from flight_model.arrays import Array, Indices, Mask, wrap
 from formation_scenario.expectation import SETTLED_M
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import CHANNELS, ERROR, ROWS_AT_ONCE, SETPOINT
@@ -26,19 +26,23 @@ def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
     NaN at the first tick, and where the vehicle wasn't commanded at either.
     """
     values = np.where(columns["active"] > 0, columns[SETPOINT[CHANNELS.index(channel)]], np.nan)
-    step = np.diff(values, prepend=np.nan)
-    if channel == "heading":
-        step = wrap(step)
-    return np.abs(step)
+    size = np.full(values.size, np.nan)
+    size[1:] = _steps(values, channel)
+    return size
+
+
+def _steps(values: Array, channel: str) -> Array:
+    step = values[1:] - values[:-1]
+    return np.abs(wrap(step) if channel == "heading" else step)
 
 
 def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
     """Return each channel's total variation a second and 95th percentile of its steps over a (T,) window of ticks."""
-    since_s = np.diff(columns["t_s"], prepend=np.nan)
-    within = window & np.concatenate(([False], window[:-1]))
+    t_s, commanded = columns["t_s"], window & (columns["active"] > 0)
+    since_s, within = t_s[1:] - t_s[:-1], commanded[1:] & commanded[:-1]
     found: Effort = {}
-    for channel in CHANNELS:
-        size = setpoint_steps(columns, channel)
+    for channel, name in zip(CHANNELS, SETPOINT, strict=True):
+        size = _steps(columns[name], channel)
         known = within & np.isfinite(size)
         moved, lasted_s = float(size[known].sum()), float(since_s[known].sum())
         found[channel] = {
@@ -71,14 +75,10 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
         time_s: (T,) mission times of the scored ticks.
         error_m: (T, 3) errors at them; NaN where none is known: the 10 s begin anew after that.
     """
-    within: list[bool] = _in_slot(error_m).tolist()
-    begins = 0
-    for index, inside in enumerate(within):
-        if not inside:
-            begins = index + 1
-        elif time_s[index] - time_s[begins] >= SETTLED_FOR_S - 1e-9:
-            return float(time_s[begins])
-    return None
+    inside, places = _in_slot(error_m), np.arange(time_s.size)
+    begins = np.maximum.accumulate(np.where(inside, 0, places + 1))
+    stayed = inside & (time_s - time_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
+    return float(time_s[begins[stayed.argmax()]]) if stayed.any() else None
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
@@ -108,34 +108,36 @@ def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float |
 
 
 def _in_slot(error_m: Array) -> Mask:
-    return np.all(np.abs(error_m) <= SETTLED_M, axis=1)
+    return np.all(np.abs(error_m.T) <= SETTLED_M, axis=0)
 
 
 def separation_m(flight: Flight, window: Mask) -> Array:
     """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
-    places = np.stack([flight.place_in_flight(vehicle)[window] for vehicle in flight.vehicles], axis=1)
-    ticks = max(1, ROWS_AT_ONCE // places.shape[1])
-    return np.concatenate([_nearest_m(places[at : at + ticks]) for at in range(0, max(1, len(places)), ticks)])
+    places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
+    _, vehicles, ticks = places.shape
+    at_once = max(1, ROWS_AT_ONCE // vehicles)
+    return np.concatenate([_nearest_m(places[..., at : at + at_once]) for at in range(0, max(1, ticks), at_once)])
 
 
 def _nearest_m(places: Array) -> Array:
-    """Return (T,) the least distance of any two of (T, V, 3) places, of which NaN are none; inf below two.
+    """Return (T,) the least distance of any two of (3, V, T) places, of which NaN are none; inf below two.
 
     In their order along the axis on which they are spread most, those so many places apart are compared until their
     gaps on that axis alone are no smaller than what was found.
     """
-    rows = places.reshape(-1, 3)
-    spread = np.fmax.reduce(rows, initial=-np.inf) - np.fmin.reduce(rows, initial=np.inf)
-    axis = int(spread.argmax())
-    order = places[..., axis].argsort(axis=1)
-    ordered = np.take_along_axis(places, order[..., None], axis=1)
-    nearest = np.full(len(places), np.inf)
-    for apart in range(1, places.shape[1]):
-        step = ordered[:, apart:] - ordered[:, :-apart]
-        if not (np.fmin.reduce(step[..., axis], axis=1, initial=np.inf) < nearest).any():
+    spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
+    axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
+    _, vehicles, ticks = places.shape
+    order: Indices = places[axis].argsort(axis=0)
+    order = order * ticks + np.arange(ticks, dtype=np.intp)
+    ordered = [each.take(order) for each in places]
+    squared = np.full(ticks, np.inf)
+    for apart in range(1, vehicles):
+        north, east, up = steps = [(each[apart:] - each[:-apart]) ** 2 for each in ordered]
+        if not (np.fmin.reduce(steps[axis], axis=0, initial=np.inf) < squared).any():
             break
-        nearest = np.fmin(nearest, np.fmin.reduce(np.linalg.norm(step, axis=2), axis=1, initial=np.inf))
-    return nearest
+        squared = np.fmin(squared, np.fmin.reduce(north + east + up, axis=0, initial=np.inf))
+    return np.sqrt(squared)
 
 
 def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:

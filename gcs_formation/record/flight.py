@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
-from formation_scenario import Ground, Scenario
+from flight_model.arrays import Array, Indices, Mask
+from formation_scenario import Scenario
 from gcs_formation.record.timeseries import (
     AIRBORNE,
     ERROR,
@@ -19,6 +18,7 @@ from gcs_formation.record.timeseries import (
     INJECTED_MEAN,
     LAW_ERROR,
     PHASES,
+    PLACE,
     ROWS_AT_ONCE,
     TRUTH,
     flying,
@@ -26,6 +26,7 @@ from gcs_formation.record.timeseries import (
 )
 
 Columns = Mapping[str, Array]
+WHOLE = slice(None)
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Flight:
 
     def place(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones where there is truth."""
-        return _place(self.vehicles[vehicle], truth=self.truth)
+        return np.stack([self.vehicles[vehicle][name] for name in (TRUTH if self.truth else PLACE)[:3]]).T
 
     def heading(self, vehicle: VehicleId) -> Array:
         """Return (T,) headings, rad: true ones where there is truth."""
@@ -56,7 +57,7 @@ class Flight:
 
     def place_in_flight(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) the same, NaN where the vehicle doesn't fly."""
-        return np.where(self.airborne(vehicle)[:, None], self.place(vehicle), np.nan)
+        return np.where(self.airborne(vehicle), self.place(vehicle).T, np.nan).T
 
     def airborne(self, vehicle: VehicleId) -> Mask:
         """Return (T,) whether a vehicle flies: in truth where there is truth, else as far as the station knew.
@@ -89,23 +90,26 @@ class Flight:
         planned = [vehicle.vehicle_id for vehicle in scenario.followers]
         return [vehicle for vehicle in self.vehicles if vehicle in planned or self.has_followed(vehicle)]
 
-    def error(self, vehicle: VehicleId) -> Array:
-        """Return (T, 3) signed formation errors of a follower, x, y and z in m."""
-        return np.column_stack([self.vehicles[vehicle][name] for name in ERROR])
+    def error(self, vehicle: VehicleId, ticks: Mask | slice = WHOLE) -> Array:
+        """Return (T, 3) signed formation errors of a follower, x, y and z in m, all or at some ticks."""
+        return np.stack([self.vehicles[vehicle][name][ticks] for name in ERROR]).T
 
     def scored(self, vehicle: VehicleId, window: Mask) -> tuple[Array, Array]:
         """Return mission times (N,) and errors (N, 3) of the ticks in a (T,) window at which a follower has errors."""
-        time_s, error_m = self.mission_time_s[window], self.error(vehicle)[window]
-        seen = np.isfinite(error_m).all(axis=1)
-        return time_s[seen], error_m[seen]
+        seen = window & self._known(vehicle)
+        return self.mission_time_s[seen], self.error(vehicle, seen)
 
     def missed(self, vehicle: VehicleId, window: Mask) -> int:
         """Return at how many ticks at the end of a (T,) window a vehicle neither has errors nor leads: it is lost.
 
         It is down, or has no leader any more.
         """
-        seen = np.isfinite(self.error(vehicle)[window]).all(axis=1) | (self.vehicles[vehicle]["leads"][window] > 0)
+        seen = (self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0))[window]
         return int(seen[::-1].argmax()) if seen.any() else seen.size
+
+    def _known(self, vehicle: VehicleId) -> Mask:
+        x_m, y_m, z_m = (np.isfinite(self.vehicles[vehicle][name]) for name in ERROR)
+        return x_m & y_m & z_m
 
     def leaderless(self, window: Mask) -> Mask:
         """Return at which ticks of a (T,) window the vehicle that leads lies on the ground."""
@@ -113,91 +117,86 @@ class Flight:
         return np.any(down, axis=0)[window]
 
 
-def split(columns: Columns, scenario: Scenario, truth: Columns | None, injected_s: Mapping[VehicleId, Array]) -> Flight:
-    """Return the flight of a spool's columns, with injected delays, true places, errors and clearances added.
+def table(
+    spooled: Columns, scenario: Scenario, truth: Columns | None, injected_s: Mapping[VehicleId, Array]
+) -> Columns:
+    """Return a spool's columns with injected delays, true places, errors and clearances added, each (T, V).
 
     `truth` is what the emulated vehicles really did, as `sim_vehicles.truth` names and reads it: `time_s` (T,) since
     the clock's epoch, all else (T, V) in the scenario's order.
     """
-    vehicles: dict[VehicleId, dict[str, Array]] = {}
-    for planned in scenario.vehicles:
-        identity = planned.vehicle_id
-        rows = _rows_of(identity, columns, len(scenario.vehicles))
-        vehicles[identity] = {name: values[rows] for name, values in columns.items()}
-        vehicles[identity] |= _injected(injected_s[identity])
+    columns = _in_order(spooled, scenario)
+    columns |= _injected(np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1))
     if truth is not None:
-        known = enumerate(vehicles.items())
-        vehicles = {i: {**own, **true_columns(truth, column, own["t_s"])} for column, (i, own) in known}
-    frame = scenario.formation.frame
-    seen = _leader(vehicles) if truth is not None and scenario.leader else None
-    errors = {identity: {**own, **_errors(seen, own, frame)} for identity, own in vehicles.items()}
-    ground = scenario.ground
-    above = {i: {**own, **_clearance(ground, _place(own, truth=truth is not None))} for i, own in errors.items()}
-    return Flight(above, truth is not None)
+        columns |= true_columns(truth, columns["t_s"][:, 0])
+    columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
+    north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
+    ground_m = np.zeros(north_m.shape)
+    for column in range(len(scenario.vehicles) if scenario.terrain else 0):
+        ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
+    return columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
 
 
-def _rows_of(identity: VehicleId, columns: Columns, count: int) -> npt.NDArray[np.intp] | slice:
-    """Return a vehicle's rows; every `count`-th, which are no copy, unless a resumed flight has another order."""
-    rows = np.flatnonzero((columns["network"] == identity.network) & (columns["vehicle"] == identity.system))
-    regular = slice(rows[0], None, count) if rows.size else slice(0)
-    return regular if np.array_equal(rows, np.arange(columns["network"].size)[regular]) else rows
+def split(columns: Columns, scenario: Scenario) -> Flight:
+    """Return the flight of the columns (T, V) of `table`."""
+    identities = enumerate(each.vehicle_id for each in scenario.vehicles)
+    vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
+    return Flight(vehicles, TRUTH[0] in columns)
 
 
-def _injected(ways_s: Array) -> dict[str, Array]:
-    """Return the columns of what was injected up and down, (T, 2) s, and the mean over the ways that were used."""
-    used = np.isfinite(ways_s)
-    mean_s = np.where(used, ways_s, 0.0).sum(axis=1) / np.where(used.any(axis=1), used.sum(axis=1), np.nan)
-    return dict(zip((*INJECTED, INJECTED_MEAN), (*ways_s.T, mean_s), strict=True))
-
-
-def tables(flight: Flight) -> Iterator[dict[str, Array]]:
-    """Yield the time series as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one.
+def parts(columns: Columns) -> Iterator[dict[str, Array]]:
+    """Yield the columns (T, V) of `table` as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one.
 
     Ticks are in order, at each the vehicles in order.
     """
-    parts = list(flight.vehicles.values())
-    at_once = max(1, ROWS_AT_ONCE // len(parts))
-    for begin in range(0, max(1, flight.mission_time_s.size), at_once):
-        ticks = slice(begin, begin + at_once)
-        yield {name: np.stack([part[name][ticks] for part in parts], axis=1).ravel() for name in parts[0]}
+    ticks, vehicles = columns["t_s"].shape
+    at_once = max(1, ROWS_AT_ONCE // vehicles)
+    for begin in range(0, max(1, ticks), at_once):
+        yield {name: each[begin : begin + at_once].ravel() for name, each in columns.items()}
 
 
-def _place(own: Columns, *, truth: bool) -> Array:
-    """Return (T, 3) north, east, height: true ones where there is truth."""
-    names = TRUTH[:3] if truth else ("north_m", "east_m", "height_m")
-    return np.column_stack([own[name] for name in names])
+def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:
+    """Return the columns as (T, V), no copies unless a resumed flight's have other orders than the scenario's."""
+    named = np.array([(each.vehicle_id.network, each.vehicle_id.system) for each in scenario.vehicles])
+    each = {name: values.reshape(-1, len(named)) for name, values in columns.items()}
+    if (each["network"] == named[:, 0]).all() and (each["vehicle"] == named[:, 1]).all():
+        return each
+    network, vehicle = columns["network"], columns["vehicle"]
+    rows = np.stack([np.flatnonzero((network == one) & (vehicle == other)) for one, other in named.tolist()], axis=1)
+    return {name: values[rows] for name, values in columns.items()}
 
 
-def _clearance(ground: Ground, place: Array) -> dict[str, Array]:
-    """Return the ground's height below, and the height above it, at places (T, 3)."""
-    height_m = ground.height(place[:, 0], place[:, 1])
-    return dict(zip(GROUND, (height_m, place[:, 2] - height_m), strict=True))
+def _injected(ways_s: Array) -> dict[str, Array]:
+    """Return the columns of what was injected up and down, (T, V, 2) s, and the mean over the ways that were used."""
+    up_s, down_s = np.ascontiguousarray(ways_s[..., 0]), np.ascontiguousarray(ways_s[..., 1])
+    up, down = np.isfinite(up_s), np.isfinite(down_s)
+    total_s = np.where(up, up_s, 0.0) + np.where(down, down_s, 0.0)
+    mean_s = total_s / np.where(up | down, up.astype(np.float64) + down, np.nan)
+    return dict(zip((*INJECTED, INJECTED_MEAN), (up_s, down_s, mean_s), strict=True))
 
 
-def _leader(vehicles: Mapping[VehicleId, Columns]) -> Columns:
-    """Return the true columns of whoever leads at each tick."""
-    leads = np.stack([own["leads"] for own in vehicles.values()]) > 0
-    columns = {name: np.stack([own[name] for own in vehicles.values()]) for name in (*TRUTH, AIRBORNE)}
-    chosen = leads.argmax(axis=0)[None]
-    return {name: np.take_along_axis(each, chosen, axis=0)[0] for name, each in columns.items()}
+def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
+    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: where `seen`, from true places, else as the law saw them; (T, V).
 
-
-def _errors(leader: Columns | None, own: Columns, frame: str) -> dict[str, Array]:
-    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: from true places, or as the law saw them; NaN on the ground.
-
-    Behind a leader that is on the ground, no follower has an error until another vehicle leads.
+    NaN on the ground; behind a leader that is there no follower has an error until another vehicle leads.
     """
-    airborne = own[AIRBORNE] > 0
-    if leader is None:
-        return {name: np.where(airborne, own[seen], np.nan) for name, seen in zip(ERROR, LAW_ERROR, strict=True)}
-    heading = (leader if frame == "leader_heading" else own)["true_heading_rad"]
-    north, east, up = (leader[name] - own[name] for name in TRUTH[:3])
+    airborne = columns[AIRBORNE] > 0
+    if not seen:
+        return {name: np.where(airborne, columns[law], np.nan) for name, law in zip(ERROR, LAW_ERROR, strict=True)}
+    ticks, vehicles = columns["t_s"].shape
+    leading: Indices = (columns["leads"] > 0).argmax(axis=1)
+    begins = np.arange(0, ticks * vehicles, vehicles, dtype=np.intp)
+    leads = np.repeat(begins + leading, vehicles)
+    needed = (*TRUTH[:3], "true_heading_rad", AIRBORNE)
+    leader = {name: columns[name].take(leads).reshape(-1, vehicles) for name in needed}
+    heading = (leader if frame == "leader_heading" else columns)["true_heading_rad"]
+    north, east, up = (leader[name] - columns[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)
     # A leader's slot is NaN, and so are its errors.
     errors = (
-        north * cos + east * sin + own["slot_forward_m"],
-        east * cos - north * sin + own["slot_right_m"],
-        up + own["slot_up_m"],
+        north * cos + east * sin + columns["slot_forward_m"],
+        east * cos - north * sin + columns["slot_right_m"],
+        up + columns["slot_up_m"],
     )
     both_fly = airborne & (leader[AIRBORNE] > 0)
     return {name: np.where(both_fly, error, np.nan) for name, error in zip(ERROR, errors, strict=True)}

@@ -86,7 +86,7 @@ def _begun_s(flight: Flight) -> float | None:
 
 
 def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
-    settled_s = figures.settled_at_s(flight.mission_time_s[window], flight.error(vehicle)[window])
+    settled_s = figures.settled_at_s(flight.mission_time_s[window], flight.error(vehicle, window))
     return figures.of_follower(flight, vehicle, window, settled_s)
 
 

@@ -48,6 +48,7 @@ TIME = ("t_s", "mission_time_s")
 MEASURED = TIME + STATE + SETPOINT + LINK + (AIRBORNE,) + SLOT + LAW_ERROR + MIXED + GAINS
 DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
 PLACE = ("north_m", "east_m", "height_m")
+PLACE_RATE = ("north_mps", "east_mps", "climb_mps")
 TRUTH = (
     "true_north_m",
     "true_east_m",
@@ -63,6 +64,9 @@ WAITING_TICKS = 64
 """Most ticks that wait to be written."""
 ROWS_AT_ONCE = 2**16
 """So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
+SAMPLED_TICKS = 16
+NOISE_SHARE = 0.85
+"""A column of which a quarter and three quarters through so many ticks keep more than this share isn't compressed."""
 NUMBER_BYTES = 8
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
@@ -158,27 +162,48 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
 
     A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
     """
-    repeated: Any = ["phase", "network", "vehicle"]  # pyarrow's stubs know no list here
+    words: Any = ["phase"]  # pyarrow's stubs know no list here
+    phases = pa.array(PHASES, pa.string())
     with ExitStack() as stack:
         writer: pq.ParquetWriter | None = None
         for columns in tables:
-            named: dict[str, Any] = dict(columns)
-            named["phase"] = np.array(PHASES, dtype=object)[columns["phase"].astype(np.intp)]
-            named |= {flag: columns[flag] > 0 for flag in FLAGS}
-            arrays = {name: _arrow(column) for name, column in named.items()}
+            arrays: dict[str, Any] = {name: _arrow(each, flag=name in FLAGS) for name, each in columns.items()}
+            arrays["phase"] = pa.DictionaryArray.from_arrays(_arrow(columns["phase"].astype(np.int8)), phases)
             schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
             if writer is None:
-                opened = pq.ParquetWriter(path, schema, use_dictionary=repeated, write_statistics=False)
+                packed: Any = _compression(columns)
+                opened = pq.ParquetWriter(
+                    path,
+                    schema,
+                    use_dictionary=words,
+                    write_statistics=False,
+                    compression=packed,
+                    store_schema=False,  # a column of words is one, however it was handed over
+                    write_batch_size=ROWS_AT_ONCE,
+                )
                 writer = stack.enter_context(opened)
             writer.write_table(pa.table(arrays, schema=schema))
 
 
-def _arrow(column: npt.NDArray[Any]) -> pa.Array[Any]:
-    """Return numbers, flags or words; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
-    if column.dtype == np.object_:
-        return pa.array(column.tolist(), pa.string())
-    data = np.packbits(column, bitorder="little") if column.dtype == np.bool_ else np.ascontiguousarray(column)
-    return pa.Array.from_buffers(pa.from_numpy_dtype(column.dtype), column.size, [None, pa.py_buffer(data.data)])
+def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
+    """Return how each column is compressed: those of which some ticks hardly get smaller, by noise, are left as is."""
+    t_s = columns["t_s"]
+    rows = int(np.count_nonzero(t_s == t_s[:1]))
+    ticks = t_s.size // max(1, rows)
+    places = [slice(begin * rows, (begin + SAMPLED_TICKS) * rows) for begin in (ticks // 4, 3 * ticks // 4)]
+    found: dict[str, str] = {}
+    for name, column in columns.items():
+        some = b"".join([column[place].tobytes() for place in places])
+        noise = some and len(pa.compress(some, "lz4_raw", asbytes=True)) > NOISE_SHARE * len(some)
+        found[name] = "none" if noise else "lz4"
+    return found
+
+
+def _arrow(column: npt.NDArray[Any], *, flag: bool = False) -> pa.Array[Any]:
+    """Return numbers or flags; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
+    data = np.packbits(column > 0, bitorder="little") if flag else np.ascontiguousarray(column)
+    kind: Any = pa.bool_() if flag else pa.from_numpy_dtype(column.dtype)
+    return pa.Array.from_buffers(kind, column.size, [None, pa.py_buffer(data.data)])
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -240,30 +265,49 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
     write_f64_le(to, third)
 
 
-def true_columns(truth: Mapping[str, Array], column: int, time_s: Array) -> dict[str, Array]:
-    """Return a vehicle's true columns at the given times: places by cubic interpolation, the rest linearly."""
-    known_s = truth["time_s"]
-    own = {name: each[:, column] for name, each in truth.items() if name != "time_s"}
-    own["heading_rad"] = np.unwrap(own["heading_rad"])
-    place = np.column_stack([own[name] for name in PLACE])
-    rate = np.column_stack([own[name] for name in ("north_mps", "east_mps", "climb_mps")])
-    linear = [np.interp(time_s, known_s, own[name.removeprefix("true_")]) for name in TRUTH[len(PLACE) :]]
+def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
+    """Return the vehicles' true columns (T, V) at times (T,): places by cubic interpolation, the rest linearly."""
+    moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
+    heading_rad = truth["heading_rad"]
+    if (np.abs(heading_rad[1:] - heading_rad[:-1]) >= np.pi).any():  # as few do
+        heading_rad = np.unwrap(heading_rad, axis=0)
+    linear = (heading_rad if name == "true_heading_rad" else truth[name.removeprefix("true_")] for name in TRUTH[3:])
+    place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
+    columns = dict(zip(TRUTH, (*place, *map(moments.linear, linear)), strict=True))
     # A place between one in flight and one on the ground is neither.
-    airborne = np.interp(time_s, known_s, own["airborne"]) >= 1.0
-    values = (*_hermite(known_s, place, rate, time_s).T, *linear)
-    return {**dict(zip(TRUTH, values, strict=True)), AIRBORNE: airborne.astype(np.float64)}
+    return columns | {AIRBORNE: (moments.linear(truth["airborne"]) >= 1.0).astype(np.float64)}
 
 
-def _hermite(known_s: Array, value: Array, rate: Array, wanted_s: Array) -> Array:
-    """Return (T, 3) the cubics through values and rates (K, 3), constant beyond the ends."""
-    index = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
-    step_s = (known_s[index + 1] - known_s[index])[:, None]
-    u = np.clip((wanted_s - known_s[index])[:, None] / step_s, 0.0, 1.0)
-    before, after = value[index], value[index + 1]
-    slope_before, slope_after = rate[index] * step_s, rate[index + 1] * step_s
-    return (
-        before * (1 + 2 * u) * (1 - u) ** 2
-        + slope_before * u * (1 - u) ** 2
-        + after * u**2 * (3 - 2 * u)
-        + slope_after * u**2 * (u - 1)
-    )
+class _Moments:
+    """Times (T,) between those (K,) at which V vehicles' values are known, for interpolation: constant beyond them."""
+
+    def __init__(self, known_s: Array, wanted_s: Array, vehicles: int) -> None:
+        """Find where they are, and the weights of the cubics."""
+        self._before = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
+        begin_s = known_s[self._before]
+        step_s, since_s = known_s[self._before + 1] - begin_s, wanted_s - begin_s
+        self._beyond = np.flatnonzero(wanted_s >= known_s[-1])
+        each = [step_s, np.maximum(since_s, 0.0), np.clip(since_s / step_s, 0.0, 1.0)]
+        self._step_s, self._since_s, u = (np.repeat(one, vehicles).reshape(-1, vehicles) for one in each)
+        self._weights = ((1 + 2 * u, (1 - u) ** 2), (u, (1 - u) ** 2), (u**2, 3 - 2 * u), (u**2, u - 1))
+
+    def _ends(self, value: Array) -> tuple[Array, Array]:
+        """Return what is known before and after each time, (T, V)."""
+        value = np.ascontiguousarray(value)
+        return value.take(self._before, axis=0), value.take(self._before + 1, axis=0)
+
+    def linear(self, value: Array) -> Array:
+        """Return the values (T, V) on straight lines: those of `np.interp`."""
+        before, after = self._ends(value)
+        found = (after - before) / self._step_s * self._since_s + before
+        found[self._beyond] = value[-1]
+        return found
+
+    def cubic(self, value: Array, rate: Array) -> Array:
+        """Return (T, V) the cubics through values and rates (K, V)."""
+        (before, after), (slope_before, slope_after) = self._ends(value), self._ends(rate)
+        ends = before, slope_before * self._step_s, after, slope_after * self._step_s
+        first, second, third, fourth = (
+            end * one * other for end, (one, other) in zip(ends, self._weights, strict=True)
+        )
+        return first + second + third + fourth

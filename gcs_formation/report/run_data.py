@@ -19,7 +19,7 @@ from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
-from gcs_formation.record.flight import Columns, Flight, split
+from gcs_formation.record.flight import Columns, Flight, split, table
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
@@ -216,7 +216,8 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
     if not columns["t_s"].size:
         raise RecordError(f"found no control tick in {directory}: {_last_phase(events)}, and nothing was flown")
     unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
-    flight = split(columns, scenario, truth, {each.vehicle_id: unknown_s for each in scenario.vehicles})
+    injected_s = {each.vehicle_id: unknown_s for each in scenario.vehicles}
+    flight = split(table(columns, scenario, truth, injected_s), scenario)
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
     return _run_data(scenario, summary, events, flight, words)

@@ -10,106 +10,118 @@ import math
 from typing import Final
 
 from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
-from flight_model.slot import Triple
 from gcs_formation.separation.approach import COARSE_S
 
-hypot: Final = math.hypot
+HALF_S: Final = COARSE_S / 2
 
 
 class Spot:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
-    __slots__ = ("east_m", "far_m", "fast_mps", "north_m", "off_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "off_s")
 
-    def __init__(self, north_m: float, east_m: float, far_m: float, fast_mps: float, off_s: float) -> None:
-        """Take the place in m, how far in m and how fast in m/s it may go, and how much too early or late it is, s."""
-        self.north_m = north_m
-        self.east_m = east_m
-        self.far_m = far_m
-        self.fast_mps = fast_mps
-        self.off_s = off_s
+    def __init__(self, model: AutopilotModel) -> None:
+        """Begin with one that hasn't been seen."""
+        self.model = model
+        self.north_m = self.east_m = 0.0
+        self.along_m = 0.0
+        """Its place along the axis on which all are farthest apart."""
+        self.far_m = self.fast_mps = 0.0
+        """How far and how fast it may go."""
+        self.off_s = 0.0
+        """How much earlier or later than reckoned it may be where it's reckoned to be."""
 
 
-def nobody_near(  # noqa: PLR0913 - what there is to look at
-    states: list[FlightState],
-    setpoints: list[Triple],
-    models: list[AutopilotModel],
-    lead_s: list[float],
-    timing_s: list[float],
-    *,
-    reference: int,
-    kept_m: float,
-    first_s: float,
-    horizon_s: float,
-) -> bool:
-    """Return whether no two can come nearer than they are to keep, as commanded and then along the reference.
+class FirstLook:
+    """Whether no two can come nearer than they are to keep, as commanded and then along the velocity of a reference.
 
-    Seen from a frame that moves on as the reference does. An error of speed or heading e that decays with a lag tau at
-    a rate of r at most leads e tau + e^2 / (2 r) off; the trapezium rule, half a step more.
-
-    Args:
-        states: those of the (N,) vehicles when what they are commanded now acts.
-        setpoints: what they are commanded, (N,).
-        models: theirs, (N,).
-        lead_s: how long before the instant that counting begins at, the same for all, their setpoints act, s, (N,).
-        timing_s: how much earlier or later than reckoned each may be where it's reckoned to be, s, (N,).
-        reference: the vehicle along whose velocity the others can always fly: the leader.
-        kept_m: distance that two keep, m.
-        first_s: how long they fly as commanded now, s.
-        horizon_s: how far ahead is looked, s.
+    Seen from a frame that moves on as the reference does: the leader, along whose velocity the others can always fly.
+    An error of speed or heading e that decays with a lag tau at a rate of r at most leads e tau + e^2 / (2 r) off; the
+    trapezium rule, half a step more.
     """
-    its = states[reference]
-    its_mps, its_rad, spots = its.airspeed_mps, its.heading_rad, list[Spot]()
-    frame_north_mps, frame_east_mps = its.ground_mps()
-    far_most_m = fast_most_mps = off_most_s = 0.0
-    half_s: float = COARSE_S / 2
-    for place, state in enumerate(states):
-        model, early_s, off_s = models[place], lead_s[place], timing_s[place]
-        speed_mps, heading_rad, _ = setpoints[place]
+
+    def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float) -> None:
+        """Look at vehicles with these models `horizon_s` ahead; they fly as commanded for `first_s`."""
+        self._spots = [Spot(model) for model in models]
+        self._order = list(self._spots)
+        """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
+        self._first_s, self._horizon_s = first_s, horizon_s
+        self._its: FlightState | None = None
+        self._frame_north_mps = self._frame_east_mps = 0.0
+        self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
+
+    def begin(self, reference: FlightState) -> None:
+        """Begin a look: `see` every vehicle, then ask whether `all_apart`."""
+        self._its = reference
+        self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
+        self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
+
+    def see(
+        self, place: int, state: FlightState, speed_mps: float, heading_rad: float, early_s: float, off_s: float
+    ) -> None:
+        """Look at one vehicle.
+
+        Args:
+            place: among the models.
+            state: when what it is commanded now acts.
+            speed_mps: commanded.
+            heading_rad: commanded.
+            early_s: how long before the instant that counting begins at, the same for all, its setpoint acts.
+            off_s: how much earlier or later than reckoned it may be where it's reckoned to be.
+        """
+        its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
+        assert its is not None
+        its_mps, model = its.airspeed_mps, spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
-        until_s = early_s + first_s
         along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
         step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps = abs(along_mps - state.airspeed_mps) + min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
-        off_rad = abs(wrap(its_rad - state.heading_rad)) + min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
-        along_m = slow_mps * (until_s + model.tau_v_s + half_s) + slow_mps * slow_mps / (2.0 * accel_mps2)
-        aside_s = off_rad * (until_s + model.tau_psi_s + half_s) + off_rad * off_rad / (2.0 * turn_rps)
-        wind_mps = hypot(state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps)
-        drift_mps = wind_mps + abs(along_mps - its_mps)
-        far_m = along_m + along_mps * aside_s + drift_mps * (early_s + horizon_s)
-        fast_mps = slow_mps + along_mps * off_rad + drift_mps
-        north_m, east_m = state.north_m + frame_north_mps * early_s, state.east_m + frame_east_mps * early_s
-        spots.append(Spot(north_m, east_m, far_m, fast_mps, off_s))
-        far_most_m, fast_most_mps = max(far_most_m, far_m), max(fast_most_mps, fast_mps)
-        off_most_s = max(off_most_s, off_s)
-    return _all_apart(spots, kept_m, kept_m + 2.0 * far_most_m + 4.0 * off_most_s * fast_most_mps)
+        off_rad = abs(wrap(its.heading_rad - state.heading_rad))
+        off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
+        along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
+        aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
+        north_mps, east_mps = state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps
+        drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - its_mps)
+        spot.north_m = state.north_m + self._frame_north_mps * early_s
+        spot.east_m = state.east_m + self._frame_east_mps * early_s
+        spot.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
+        spot.fast_mps, spot.off_s = slow_mps + along_mps * off_rad + drift_mps, off_s
+        self._far_most_m = max(self._far_most_m, spot.far_m)
+        self._fast_most_mps = max(self._fast_most_mps, spot.fast_mps)
+        self._off_most_s = max(self._off_most_s, off_s)
 
+    def all_apart(self, kept_m: float) -> bool:
+        """Return whether all that were seen keep their distance: along one axis, those far apart need no look."""
+        most_m = kept_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
+        self._sort()
+        order = self._order
+        for i in range(len(order)):
+            one = order[i]
+            for j in range(i + 1, len(order)):
+                other = order[j]
+                if other.along_m - one.along_m > most_m:
+                    break
+                off_m = (one.off_s + other.off_s) * (one.fast_mps + other.fast_mps)
+                needed_m = kept_m + off_m + one.far_m + other.far_m
+                ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
+                if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:
+                    return False
+        return True
 
-def _all_apart(spots: list[Spot], kept_m: float, most_m: float) -> bool:
-    """Return whether all keep their distance, `kept_m`: along one axis, those beyond `most_m` need no look."""
-    order = _along_longer_side(spots)
-    for i, (begin_m, here) in enumerate(order):
-        one = spots[here]
-        for j in range(i + 1, len(order)):
-            at_m, there = order[j]
-            if at_m - begin_m > most_m:
-                break
-            other = spots[there]
-            needed_m = kept_m + (one.off_s + other.off_s) * (one.fast_mps + other.fast_mps) + one.far_m + other.far_m
-            ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
-            if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:
-                return False
-    return True
-
-
-def _along_longer_side(spots: list[Spot]) -> list[tuple[float, int]]:
-    """Return where spots are along the axis on which they are farther apart, in order, and which they are."""
-    south = north = spots[0].north_m
-    west = east = spots[0].east_m
-    for spot in spots:
-        south, north = min(south, spot.north_m), max(north, spot.north_m)
-        west, east = min(west, spot.east_m), max(east, spot.east_m)
-    northwards = north - south >= east - west
-    order = [(spot.north_m if northwards else spot.east_m, place) for place, spot in enumerate(spots)]
-    order.sort()
-    return order
+    def _sort(self) -> None:
+        """Put the spots in order along the axis on which they are farther apart, from nearly that order."""
+        order = self._order
+        south = north = order[0].north_m
+        west = east = order[0].east_m
+        for spot in order:
+            south, north = min(south, spot.north_m), max(north, spot.north_m)
+            west, east = min(west, spot.east_m), max(east, spot.east_m)
+        northwards = north - south >= east - west
+        for place in range(len(order)):
+            spot = order[place]
+            along_m = spot.along_m = spot.north_m if northwards else spot.east_m
+            to = place
+            while to > 0 and order[to - 1].along_m > along_m:
+                order[to] = order[to - 1]
+                to -= 1
+            order[to] = spot

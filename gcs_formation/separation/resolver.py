@@ -18,7 +18,7 @@ from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import nobody_near
+from gcs_formation.separation.first_look import FirstLook
 from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
@@ -117,7 +117,9 @@ class ConflictResolver:
         self._unresponsive = Unresponsive(history, models)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
-        _, self._first_s, *_, self._horizon_s = self._times_s.tolist()
+        self._first = 1 if self._virtual else 0
+        """The first column that is a vehicle."""
+        self._first_look = FirstLook(models[self._first :], float(self._times_s[1]), float(self._times_s[-1]))
         columns = len(models)
         self._side, self._turn_rps = [0.0] * columns, [0.0] * columns
         self._last: Measured | None = None
@@ -147,7 +149,8 @@ class ConflictResolver:
             measured: the newest states.
         """
         self.changes = []
-        self.replaced = [[False] * CHANNELS for _ in self._models]
+        for channels in self.replaced:
+            channels[0] = channels[1] = channels[2] = False
         if not self._enabled:
             return
         self._watch_turns(measured)
@@ -168,25 +171,21 @@ class ConflictResolver:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
         if not self._predicted or self._encounters or self._unresponsive.any:
             return False
-        first = 1 if self._virtual else 0
+        first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
             if not active or self._side[column] != 0.0:
                 return False
-            if column >= first and tick.age_s[column] >= FORGOTTEN_AFTER_S:
-                return False
-        acts = measured.acts[first:]
-        together = max(acts)
-        return nobody_near(
-            tick.state[first:],
-            tick.setpoints[first:],
-            self._models[first:],
-            [(together - each) / NANOSECONDS for each in acts],
-            _timing_s(tick)[first:],
-            reference=max(0, tick.leader - first),
-            kept_m=self.kept_m,
-            first_s=self._first_s,
-            horizon_s=self._horizon_s,
-        )
+            if column >= first:
+                if tick.age_s[column] >= FORGOTTEN_AFTER_S:
+                    return False
+                together = max(together, acts[column])
+        look = self._first_look
+        look.begin(tick.state[max(first, tick.leader)])
+        for column in range(first, len(acts)):
+            speed_mps, heading_rad, _ = tick.setpoints[column]
+            early_s, off_s = (together - acts[column]) / NANOSECONDS, _off_s(tick, column)
+            look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, off_s)
+        return look.all_apart(self.kept_m)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
@@ -205,7 +204,7 @@ class ConflictResolver:
     def _members(self, tick: Tick, measured: Measured) -> list[int]:
         """Return the columns that count, the leader's first."""
         counted: list[int] = []
-        for column in range(1 if self._virtual else 0, len(self._models)):
+        for column in range(self._first, len(self._models)):
             state = measured.states[column]
             over_ground_mps = math.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
             if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or over_ground_mps > STANDS_MPS):
@@ -236,7 +235,6 @@ class ConflictResolver:
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
         commanded += [False] * (len(vehicles) - len(members))
-        timing_s = _timing_s(tick)
         return TrafficPicture(
             traffic=traffic,
             setpoints=Setpoints.from_each(setpoints),
@@ -244,7 +242,7 @@ class ConflictResolver:
             vehicles=np.array(vehicles, dtype=np.intp),
             kept_m=self.kept_m,
             kept_from_others_m=self._kept_from_others_m,
-            timing_s=np.array([timing_s[each] for each in vehicles]),
+            timing_s=np.array([_off_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
             times_s=self._times_s,
         )
@@ -272,8 +270,13 @@ class ConflictResolver:
     def _watch_turns(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands."""
         before, self._last = self._last, measured
-        if before is None or all(measured.active):
+        if before is None:
             return
+        for active in measured.active:
+            if not active:
+                break
+        else:
+            return  # compiled, `all` costs ten times as much
         for column, model in enumerate(self._models):
             elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
             if measured.active[column]:
@@ -300,8 +303,7 @@ class ConflictResolver:
 
     def _kept_in(self, places_m: Array) -> float:
         """Return the distance that is kept between vehicles at places (C, 3) of a formation."""
-        solid = places_m[1:] if self._virtual else places_m
-        return SLOT_SHARE * _nearest_m(solid)
+        return SLOT_SHARE * _nearest_m(places_m[self._first :])
 
     def _note(self, now: Instant, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:
@@ -324,13 +326,10 @@ class ConflictResolver:
                 self.changes.append(self._encounters.pop(pair))
 
 
-def _timing_s(tick: Tick) -> list[float]:
-    """Return by how much earlier or later than reckoned vehicles may be where they're reckoned to be."""
-    off_s: list[float] = []
-    for column, link in enumerate(tick.links):
-        each = TIMING_SHARE * (tick.age_s[column] + link.delay_s)
-        off_s.append(0.0 if math.isnan(each) else each)
-    return off_s
+def _off_s(tick: Tick, column: int) -> float:
+    """Return by how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
+    off_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
+    return 0.0 if math.isnan(off_s) else off_s
 
 
 def _nearest_m(slots_m: Array) -> float:

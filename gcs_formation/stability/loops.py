@@ -18,7 +18,7 @@ from flight_model.arrays import Array, Complex
 from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 
 Coefficients = Array | Complex
 MID_RANGE: Triple = (0.5, 0.5, 0.5)

@@ -11,7 +11,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.laws import FormationLaw
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flight_model.autopilot import AutopilotModel, FlightState
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.envelope import INTERCEPT_MAX_RAD, Envelope
+from gcs_formation.control.setpoint import INTERCEPT_MAX_RAD, Envelope
 
 MODEL = AutopilotModel(*list(VehicleModel().model_dump().values())[:9])
 STATE = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)

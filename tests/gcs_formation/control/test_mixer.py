@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from flight_model.autopilot import FlightState, rotated
 from flight_model.slot import Slot
 from formation_scenario.formation import Frame
-from gcs_formation.control.mixer import formation_error, slot_target
+from gcs_formation.control.setpoint import formation_error, slot_target
 
 angle = st.floats(-math.pi, math.pi)
 offset = st.floats(-80.0, 80.0)

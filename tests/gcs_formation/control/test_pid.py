@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Slot
 from formation_scenario import load_scenario
-from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import FollowerController, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
+from gcs_formation.control.setpoint import LeaderMotion
 
 DT_S = 0.1
 

@@ -7,8 +7,7 @@ import pytest
 
 from flight_model.autopilot import AutopilotModel, FlightState
 from flight_model.slot import Slot
-from gcs_formation.control.feed_forward import CRAB_RADPS, LeaderMotion, TrailingSlot, feed_forward
-from gcs_formation.control.mixer import Target, slot_target
+from gcs_formation.control.setpoint import CRAB_RADPS, LeaderMotion, Target, TrailingSlot, feed_forward, slot_target
 
 SPEED_MPS, WAY_S = 22.0, 30.0
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)

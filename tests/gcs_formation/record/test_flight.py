@@ -7,7 +7,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
-from gcs_formation.record.flight import split
+from gcs_formation.record.flight import split, table
 from gcs_formation.record.timeseries import MEASURED, PHASES
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
@@ -73,7 +73,9 @@ def truth(*crashed):
 
 def flown(*crashed, third_leads_from_s=np.inf):
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    return split(spool(handed_over_s=third_leads_from_s, heir=THIRD), SCENARIO, truth(*crashed), injected)
+    return split(
+        table(spool(handed_over_s=third_leads_from_s, heir=THIRD), SCENARIO, truth(*crashed), injected), SCENARIO
+    )
 
 
 WHOLE = np.ones(TIME_S.size, dtype=bool)
@@ -109,7 +111,7 @@ def test_nobody_has_an_error_behind_a_leader_that_is_dead():
 def test_without_truth_the_station_s_knowledge_decides():
     airborne = TIME_S < 6.0
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(spool(station_airborne=airborne), SCENARIO, None, injected)
+    flight = split(table(spool(station_airborne=airborne), SCENARIO, None, injected), SCENARIO)
     assert np.isfinite(flight.error(THIRD)).all(axis=1).tolist() == airborne.tolist()
     assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
 
@@ -117,7 +119,7 @@ def test_without_truth_the_station_s_knowledge_decides():
 def test_expectations_are_of_whoever_follows_in_their_window():
     """The second vehicle leads from 5 s on: of what follows then it can keep or break nothing, and the first can."""
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(spool(handed_over_s=5.0), SCENARIO, truth(), injected)
+    flight = split(table(spool(handed_over_s=5.0), SCENARIO, truth(), injected), SCENARIO)
     windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
     scenario = load_scenario(KEYS | {"expect": expect})
@@ -133,7 +135,7 @@ def test_expectations_are_of_whoever_follows_in_their_window():
 def test_figures_of_one_that_led_say_of_what_share_of_the_time_they_are() -> None:
     """It is in its slot whenever it follows, 0.3 s of 10."""
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(spool(handed_over_s=0.3), SCENARIO, truth(), injected)
+    flight = split(table(spool(handed_over_s=0.3), SCENARIO, truth(), injected), SCENARIO)
     figures = [of_follower(flight, each, flight.window(0.0, 10.0), 0.0) for each in (FOLLOWER, THIRD)]
     assert [each["in_slot_share"] for each in figures] == [1.0, 1.0]
     assert [each["followed_share"] for each in figures] == [pytest.approx(3 / 101), 1.0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability.loops import Loop, PidGains, forward_plant, height_plant, right_plant
 from gcs_formation.stability.mismatch import (
     MOST,

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import loop_delay_s
 from gcs_formation.stability.loops import (
     MID_RANGE,

@@ -12,7 +12,7 @@ from formation_scenario import load_scenario
 from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
-from gcs_formation.control.mixer import Mixer
+from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.loops import Loop, delay_margin, forward_plant, right_plant

@@ -32,6 +32,7 @@ def flown(directory: Path, leads_from_10_s: int = 1, /, **errors: np.ndarray) ->
         "leads": np.equal.outer(leader, [1, 2, 3]).astype(float).ravel(),
         "yielding": np.zeros(3 * rows),
         "airborne": np.ones(3 * rows),
+        "t_s": np.repeat(TIME_S, 3),
         "mission_time_s": np.repeat(np.where(TIME_S < 0, np.nan, TIME_S), 3),
     }
     for axis in "xyz":

@@ -1,0 +1,264 @@
+"""The parts of a setpoint: errors of a follower and the linear mixer (13), the slot's own motion, lead and envelope.
+
+Signs: actual minus commanded, leader minus follower (errata items 14 and 25). Slots are forward, right and up of the
+leader, that is (-x_rc, -y_rc, -z_rc); all holds in either slot frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from mypy_extensions import mypyc_attr
+
+from flight_model.autopilot import AutopilotModel, FlightState, rotated, within, wrap
+from flight_model.slot import Slot, Triple
+from formation_scenario.formation import Frame
+
+TRAIL_S: Final = 1.36
+"""Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
+asin: Final = math.asin
+atan2: Final = math.atan2
+hypot: Final = math.hypot
+CRAB_RADPS: Final = 0.65
+"""How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
+INTERCEPT_MAX_RAD: Final = math.radians(60.0)
+"""Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""
+AWAY_RAD: Final = math.radians(120.0)
+"""A follower whose heading differs from its slot's by more gets the slot's heading, so that it turns to one side.
+
+Between `INTERCEPT_MAX_RAD` and this angle, the correction allowed shrinks to zero. With its back to the leader, a
+follower would be commanded to turn left and right in alternation, and so fly straight on.
+"""
+
+
+@dataclass(frozen=True)
+class Mixer:
+    """Coefficients of (13)."""
+
+    k_v: float
+    k_x: float
+    k_psi: float
+    k_y: float
+    k_z: float
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class Target:
+    """The air-relative motion that keeps a follower in its slot without error in a steady turn."""
+
+    __slots__ = ("heading_rad", "speed_mps")
+
+    def __init__(self, speed_mps: float, heading_rad: float) -> None:
+        """Take airspeed and heading."""
+        self.speed_mps = speed_mps
+        self.heading_rad = heading_rad
+
+
+def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis_rad: float) -> Triple:
+    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
+
+    Both states are of one instant; x and y lie along and across `axis_rad`.
+    """
+    north_m, east_m = leader.north_m - follower.north_m, leader.east_m - follower.east_m
+    x_m, y_m = rotated(axis_rad, north_m, east_m)
+    return x_m + slot.forward_m, y_m + slot.right_m, leader.height_m - follower.height_m + slot.up_m
+
+
+def error_rate(
+    leader: FlightState, follower: FlightState, error_m: Triple, slot: Slot, axis_rad: float, axis_turn_rps: float
+) -> Triple:
+    """Return how fast `formation_error` changes, m/s: (8), from velocities over ground, while its axes turn."""
+    leader_north_mps, leader_east_mps = leader.ground_mps()
+    north_mps, east_mps = follower.ground_mps()
+    x_mps, y_mps = rotated(axis_rad, leader_north_mps - north_mps, leader_east_mps - east_mps)
+    return (
+        x_mps + axis_turn_rps * (error_m[1] - slot.right_m) + slot.forward_mps,
+        y_mps - axis_turn_rps * (error_m[0] - slot.forward_m) + slot.right_mps,
+        leader.climb_mps - follower.climb_mps + slot.up_mps,
+    )
+
+
+def slot_target(
+    leader: FlightState, drift_x_mps: float, drift_y_mps: float, turn_rps: float, slot: Slot, frame: Frame
+) -> Target:
+    """Return the airspeed and heading at which the slot stays occupied while its axes turn at `turn_rps`.
+
+    It allows for the drift D of (8) along and across the axes, and for a slot that is moving to another place. Source:
+    (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
+    """
+    v1, x_rc, y_rc = leader.airspeed_mps, -slot.forward_m, -slot.right_m
+    if frame == "leader_heading":
+        forward_mps = v1 + turn_rps * y_rc - drift_x_mps + slot.forward_mps
+        right_mps = -turn_rps * x_rc - drift_y_mps + slot.right_mps
+        return Target(hypot(forward_mps, right_mps), leader.heading_rad + atan2(right_mps, forward_mps))
+    off_rad = asin(within((turn_rps * x_rc + drift_y_mps - slot.right_mps) / v1, -1.0, 1.0))
+    speed_mps = v1 * math.cos(off_rad) + turn_rps * y_rc - drift_x_mps + slot.forward_mps
+    return Target(speed_mps, leader.heading_rad - off_rad)
+
+
+def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) -> Triple:
+    """Return e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
+    return (
+        mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[0],
+        mixer.k_psi * wrap(target.heading_rad - follower.heading_rad) + mixer.k_y * error_m[1],
+        mixer.k_z * error_m[2],
+    )
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class LeaderMotion:
+    """How the leader flies."""
+
+    __slots__ = ("acceleration_mps2", "bend_rps2", "climb_change_mps2", "state", "turn_rps")
+
+    def __init__(
+        self,
+        state: FlightState,
+        turn_rps: float,
+        bend_rps2: float,
+        acceleration_mps2: float,
+        climb_change_mps2: float,
+    ) -> None:
+        """Take its state, its heading's first two derivatives, and the changes of its airspeed and its climb."""
+        self.state = state
+        self.turn_rps = turn_rps
+        self.bend_rps2 = bend_rps2
+        self.acceleration_mps2 = acceleration_mps2
+        self.climb_change_mps2 = climb_change_mps2
+
+
+def feed_forward(
+    target: Target,
+    leader: LeaderMotion,
+    axis_rad: float,
+    turn_rps: float,
+    bend_rps2: float,
+    slot: Slot,
+    model: AutopilotModel,
+    updraught_mps: float,
+) -> Triple:
+    """Return the speed, heading and height setpoints that hold `target` (errata item 29).
+
+    The speed and heading that the slot needs change with three things: the leader's velocity; the axes' turn rate, in
+    proportion to the slot's offset; and the slot's own acceleration (the derivative of a velocity in a turning frame).
+
+    Args:
+        target: how the slot moves through the air.
+        leader: how the leader flies.
+        axis_rad: heading of the axes along which the slot lies.
+        turn_rps: rate of that heading.
+        bend_rps2: rate of that rate.
+        slot: offset from the leader along the axes.
+        model: of the vehicle that is to hold it.
+        updraught_mps: what carries that vehicle up.
+    """
+    off_rad = leader.state.heading_rad - axis_rad
+    cos, sin = math.cos(off_rad), math.sin(off_rad)
+    swing_mps2 = leader.state.airspeed_mps * (leader.turn_rps - turn_rps)
+    along_mps2 = leader.acceleration_mps2 * cos - swing_mps2 * sin
+    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - turn_rps * slot.right_mps
+    across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
+    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
+    speed_mps, heading_rad = lead(target, axis_rad, along_mps2, across_mps2, model)
+    height_m = lead_height(leader, slot, model, updraught_mps)
+    return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
+
+
+def lead_height(leader: LeaderMotion, slot: Slot, model: AutopilotModel, updraught_mps: float) -> float:
+    """Return the height setpoint that holds a slot: the slot's own, led by (7) as far as the air doesn't do it."""
+    height_m = leader.state.height_m + slot.up_m
+    height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps - updraught_mps)
+    return height_m + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
+
+
+def lead(
+    target: Target, axis_rad: float, along_mps2: float, across_mps2: float, model: AutopilotModel
+) -> tuple[float, float]:
+    """Return by how much speed and heading setpoints lead an acceleration of the slot along and across the axes."""
+    angle_rad = target.heading_rad - axis_rad
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return (
+        model.tau_v_s * (cos * along_mps2 + sin * across_mps2),
+        model.tau_psi_s * (cos * across_mps2 - sin * along_mps2) / target.speed_mps,
+    )
+
+
+class TrailingSlot:
+    """The turning of the axes of a slot in its follower's own frame, with the state kept between ticks.
+
+    Equation (8) with the errors held at zero leaves the follower's heading no choice (the zero dynamics, errata item
+    23): x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity sideways. The slot's heading follows the leader's with
+    a lag of x_rc / v, which changes as the slot moves.
+    """
+
+    __slots__ = ("_crab_rad", "_off_rad")
+
+    def __init__(self) -> None:
+        """Start with a slot that has finished turning."""
+        self._off_rad = math.nan
+        self._crab_rad = math.nan
+
+    def turning(self, leader: LeaderMotion, slot: Slot, dt_s: float) -> tuple[float, float]:
+        """Return the axes' turn rate until the next tick, `dt_s` later, and how it changes."""
+        speed, turn, x_rc = leader.state.airspeed_mps, leader.turn_rps, -slot.forward_m
+        # The angle that it comes to, and how that changes.
+        due_rad = math.asin(within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0))
+        due_rps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
+        off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
+        # A share of the way until the next tick, and the lag that makes it so: never less than a tick.
+        lag_s = -dt_s / math.expm1(-dt_s * speed / max(x_rc, speed * dt_s))
+        rate_rps = (due_rad - off_rad) / lag_s
+        self._off_rad = off_rad + dt_s * rate_rps
+        return turn + rate_rps, leader.bend_rps2 + (due_rps - rate_rps * (1.0 - slot.forward_mps / speed)) / lag_s
+
+    def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Triple:
+        """Return the angle by which a follower crabs to the right, and its first two derivatives.
+
+        The air carries it to the right, relative to the leader. The heading goes by a lag of 1/`CRAB_RADPS`; so it's
+        known how the slot swings, and speed can go with it.
+        """
+        due_rad, due_rps = -drift_mps / speed_mps, -gust_mps2 / speed_mps
+        angle_rad = due_rad if math.isnan(self._crab_rad) else self._crab_rad
+        rate_rps = CRAB_RADPS * (due_rad - angle_rad)
+        self._crab_rad = angle_rad + dt_s * rate_rps
+        return angle_rad, rate_rps, CRAB_RADPS * (due_rps - rate_rps)
+
+    def forget(self) -> None:
+        """Start again."""
+        self._off_rad = self._crab_rad = math.nan
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class Envelope:
+    """The limits of a vehicle's setpoints.
+
+    Speed stays within the autopilot's limits, and heading within `INTERCEPT_MAX_RAD` of the slot's own heading (less
+    for a vehicle that flies elsewhere). Height stays so near the present height that the model needs no more than its
+    climb limit to get there within its time constants.
+    """
+
+    __slots__ = ("aside_max_rad", "height_m", "model", "own_heading_rad", "reach_m")
+
+    def __init__(self, own_heading_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Take the limits of a vehicle in `state`, whose slot heads along `own_heading_rad`."""
+        off_rad = abs(wrap(state.heading_rad - own_heading_rad))
+        self.aside_max_rad = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
+        self.own_heading_rad = own_heading_rad
+        self.height_m = state.height_m
+        self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
+        self.model = model
+
+    def limit(self, speed_mps: float, heading_rad: float, height_m: float) -> Triple:
+        """Return the setpoints that are sent.
+
+        A heading stays on the side on which it is wanted: it is the slot's own heading plus a correction, which may
+        exceed half a turn far from the slot.
+        """
+        aside_rad = within(heading_rad - self.own_heading_rad, -self.aside_max_rad, self.aside_max_rad)
+        return (
+            within(speed_mps, self.model.speed_min_mps, self.model.speed_max_mps),
+            self.own_heading_rad + aside_rad,
+            within(height_m, self.height_m - self.reach_m, self.height_m + self.reach_m),
+        )
