@@ -29,8 +29,7 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
-from sim_vehicles.inertial.rotation import misalignment
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 
 COARSE_S: Final = 60.0

@@ -28,9 +28,8 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
-from sim_vehicles.inertial.rotation import displaced, misalignment
-from sim_vehicles.inertial.strapdown import Strapdown
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, misalignment
+from sim_vehicles.inertial.strapdown import Strapdown, displaced
 
 STEP_S: Final = 0.1
 """Step of the covariance propagation, and of the grid on which aids measure."""

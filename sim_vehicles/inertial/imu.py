@@ -1,7 +1,8 @@
 """Inertial sensors: what ideal ones measure along a true motion, and the errors of real ones.
 
 Source: Groves (2013), sections 2.2 and 5.3 to 5.5, inverted: specific force and angular rate from the derivatives of
-position and attitude.
+position and attitude. Angles: heading clockwise from north, pitch upwards, bank to the right. A matrix rotates body
+components (right, forward, up) into navigation components (east, north, up).
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
-from sim_vehicles.inertial.rotation import attitude
 
 KNOT_S = 1.0
 """Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
@@ -46,6 +46,25 @@ class Increments(NamedTuple):
     def part(self, first: int, end: int) -> Increments:
         """Return the increments of intervals `first` to `end` - 1."""
         return Increments(self.angle_rad[first:end], self.velocity_mps[first:end])
+
+
+def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
+    """Return body to navigation matrices (..., 3, 3) of angles (...)."""
+    sin_h, cos_h, sin_p, cos_p = np.sin(heading_rad), np.cos(heading_rad), np.sin(pitch_rad), np.cos(pitch_rad)
+    sin_b, cos_b = np.sin(bank_rad), np.cos(bank_rad)
+    rows = (
+        (cos_h * cos_b + sin_h * sin_p * sin_b, sin_h * cos_p, cos_h * sin_b - sin_h * sin_p * cos_b),
+        (-sin_h * cos_b + cos_h * sin_p * sin_b, cos_h * cos_p, -sin_h * sin_b - cos_h * sin_p * cos_b),
+        (-cos_p * sin_b, sin_p, cos_p * cos_b),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def misalignment(computed: Array, true: Array) -> Array:
+    """Return the small rotation phi (..., 3) by which a computed matrix is off: computed = (I - [phi x]) true."""
+    off = computed @ np.swapaxes(true, -1, -2)
+    skew = (np.swapaxes(off, -1, -2) - off) / 2.0
+    return np.stack((skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]), axis=-1)
 
 
 class Trajectory:
