@@ -18,6 +18,7 @@ from flight_model.displacement import (
     STEP_M,
     DisplacedPath,
     Rise,
+    least_lift,
     sample_places,
 )
 from flight_model.path import PathPoints, Route, SplinePath
@@ -167,8 +168,6 @@ def take_over(
     way = DisplacedPath(path, from_m, over_s * speed, right_m, above, right_slope=right_slope)
     if scenario.terrain is None or ground is None:
         return way
-    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
-
     places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m

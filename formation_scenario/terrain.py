@@ -13,7 +13,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
-from flight_model.displacement import STEP_M, Bounds, Lift, blend, sample_places
+from flight_model.displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.environment import Hill, Terrain
@@ -211,7 +211,6 @@ class LiftedPath(SplinePath):
         """Take the path as it is written, and the lift from 0 to its length."""
         vars(self).update(vars(written))  # the same curve, which isn't fitted again
         self.lift = lift
-        self._control_m: list[float] = lift.control_m.tolist()
 
     @overload
     def at(self, s: float) -> PathPoint: ...
@@ -222,12 +221,8 @@ class LiftedPath(SplinePath):
         if isinstance(s, np.ndarray):
             return self._raised(s, super().at(s))
         point = super().at(s)
-        steps = min(max(s, 0.0), self.length_m) / STEP_M
-        index = min(int(steps), len(self._control_m) - 4)
-        lift_m, slope, curvature = blend(self._control_m[index : index + 4], steps - index)
-        if s < 0.0 or s > self.length_m:
-            return point.lifted(lift_m, 0.0, 0.0)
-        return point.lifted(lift_m, slope, curvature)
+        lift_m, *changes = self.lift.at_one(min(max(s, 0.0), self.length_m))
+        return point.lifted(lift_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
 
     def _raised(self, s: Array, points: PathPoints) -> PathPoints:
         inside = np.clip(s, 0.0, self.length_m)
@@ -242,8 +237,6 @@ class LiftedPath(SplinePath):
 
 def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
-    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
-
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
