@@ -6,9 +6,17 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
+from flight_model.design import (
+    FREQUENCIES,
+    UNMODELLED,
+    Channel,
+    Telemetry,
+    Weights,
+    design,
+    judged_channels,
+    left_by_filter,
+)
 from flight_model.energy import AirframeParameters
-from flight_model.filtered_noise import UNMODELLED, left_by_filter
 from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
