@@ -16,7 +16,7 @@ from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
-from formation_scenario.resolve import resolve
+from formation_scenario.resolve import resolve, with_models
 from formation_scenario.rules import inconsistencies
 from formation_scenario.source import (
     MOST_DIGITS,
@@ -33,7 +33,6 @@ from formation_scenario.source import (
     read_value,
     show,
 )
-from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
 
 LONGEST = 10**6
