@@ -11,8 +11,7 @@ from airlink.endpoint import EndpointError, parse_endpoint
 from formation_scenario.errors import Problem
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Shape, Slots
-from formation_scenario.graph import components
-from formation_scenario.law import LawType
+from formation_scenario.law import LawType, components
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import KeyPath, Source
