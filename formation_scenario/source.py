@@ -34,6 +34,10 @@ MOST_VALUES = 500_000
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
 
+Finding: TypeAlias = tuple[KeyPath, str, str]
+"""What is wrong in a scenario: the key, what was found, and what is allowed instead."""
+
+
 class Place(NamedTuple):
     """Where a value came from; `line` and `column` count from 1."""
 
@@ -121,13 +125,14 @@ def read_text(text: str, file: str | None = None) -> Source:
     return Source(file, data, places)
 
 
-def plain_mapping(mapping: Mapping[Any, object]) -> dict[Key, Plain]:
-    """Return a mapping in plain values; numpy's numbers and arrays become numbers and lists.
+def plain_mapping(mapping: Mapping[Any, object], above: KeyPath = ()) -> dict[Key, Plain]:
+    """Return a mapping at a key path in plain values; numpy's numbers and arrays become numbers and lists.
 
     Raises:
         ScenarioError: a value that is neither number, text, list nor mapping.
     """
-    return _plain_mapping(mapping, ())
+    keys: dict[Key, object] = {name if isinstance(name, int) else str(name): item for name, item in mapping.items()}
+    return {key: _plain(item, (*above, key)) for key, item in keys.items()}
 
 
 def read_value(text: str) -> Plain:
@@ -158,14 +163,6 @@ def show(value: Plain, width: int = 60) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-def _plain_mapping(mapping: Mapping[Any, object], path: KeyPath) -> dict[Key, Plain]:
-    result: dict[Key, Plain] = {}
-    for name, item in mapping.items():
-        key: Key = name if isinstance(name, int) else str(name)
-        result[key] = _plain(item, (*path, key))
-    return result
-
-
 def _plain(value: object, path: KeyPath) -> Plain:
     if isinstance(value, np.ndarray | np.generic):
         value = cast("object", value.tolist())
@@ -175,7 +172,7 @@ def _plain(value: object, path: KeyPath) -> Plain:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
-        return _plain_mapping(cast("Mapping[Any, object]", value), path)
+        return plain_mapping(cast("Mapping[Any, object]", value), path)
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
         return [_plain(item, (*path, index)) for index, item in enumerate(cast("Sequence[object]", value))]
     found = f"found a {type(value).__name__}"
