@@ -203,10 +203,11 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         return None
     for angle in ("heading", names[1]):
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
-    commanded = np.array([_held(every[name], at_s) for name in CHANNELS])
+    newest = {name: _newest(each, at_s) for name, each in every.items()}
+    commanded = np.array([newest[name][:, 1] for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     limits_s = {name: UNTOLD_S if name in CHANNELS else SILENT_S for name in every}
-    fresh = np.all([_age_s(each, at_s) < limits_s[name] for name, each in every.items()], axis=0)
+    fresh = np.all([at_s - each[:, 0] < limits_s[name] for name, each in newest.items()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if names == HOVERING_SEEN:
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
@@ -218,14 +219,9 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
     return Recording(system, seen, commanded, delay_s, names)
 
 
-def _held(samples: Array, at_s: Array) -> Array:
-    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
-    return samples[np.maximum(newest, 0), 1]
-
-
-def _age_s(samples: Array, at_s: Array) -> Array:
-    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
-    return at_s - samples[np.maximum(newest, 0), 0]
+def _newest(samples: Array, at_s: Array) -> Array:
+    """Return the newest time and value (K, 2) at each moment (K,)."""
+    return samples[np.maximum(np.searchsorted(samples[:, 0], at_s, side="right") - 1, 0)]
 
 
 def _longest(flags: Array) -> slice:
