@@ -99,13 +99,16 @@ class Design:
     """The three channels, and the law's filters."""
 
     channels: Mapping[str, Channel]
-    derivative_filter_s: float
     observer_radps: float
 
     @property
-    def anti_windup_s(self) -> float:
-        """The longest integral time, within what an overshoot may last."""
-        return float(np.clip(max(each.kp / each.ki for each in self.channels.values() if each.ki > 0), 1.0, 20.0))
+    def filters(self) -> tuple[float, float, float]:
+        """The derivative's time constant, the observer's bandwidth, the anti-windup: the longest integral time.
+
+        The last is within what an overshoot may last.
+        """
+        integral_s = max(each.kp / each.ki for each in self.channels.values() if each.ki > 0)
+        return DERIVATIVE_FILTER_S, self.observer_radps, float(np.clip(integral_s, 1.0, 20.0))
 
 
 DERIVATIVE_FILTER_S = 0.3
@@ -128,12 +131,9 @@ def design(vehicles: Sequence[Responses], speed_mps: float, weights: Weights, te
     """
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
-    stands = (
-        radps
-        for radps in OBSERVERS_RADPS.tolist()
-        if all(_observer_stands(radps, each, channels["speed"], weights, telemetry) for each in vehicles)
-    )
-    return Design(channels, DERIVATIVE_FILTER_S, next(stands, float(OBSERVERS_RADPS[-1])))
+    speed, tried = channels["speed"], OBSERVERS_RADPS.tolist()
+    stands = (r for r in tried if all(_observer_stands(r, each, speed, weights, telemetry) for each in vehicles))
+    return Design(channels, next(stands, float(OBSERVERS_RADPS[-1])))
 
 
 def judged_channels(
@@ -241,7 +241,7 @@ def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
 def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry) -> Channel:
     """Return the figures of a channel with these gains."""
     loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
-    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s, MISMATCH)]
+    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s)]
     return Channel(
         *gains,
         bandwidth,
@@ -262,21 +262,15 @@ def _late(delay_s: float) -> Complex:
     return np.exp(-1j * FREQUENCIES * delay_s)
 
 
-def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> Iterator[Complex]:
+def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
-    log_w = np.log(FREQUENCIES)
-    size: Array = np.log(np.abs(plant))
-    angle: Array = np.unwrap(np.angle(plant))
+    log_w, size, angle = np.log(FREQUENCIES), np.log(np.abs(plant)), np.unwrap(np.angle(plant))
     controller = _controller(gains) * _late(delay_s)
-    for scale in (1.0 - share, 1.0 + share):
-        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
-        for strength in (1.0 - share, 1.0 + share):
+    for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
+        log_size, moved_rad = (np.interp(log_w + np.log(scale), log_w, values) for values in (size, angle))
+        moved = np.exp(log_size) * np.exp(1j * moved_rad)
+        for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
-
-
-def _seen_at(values: Array, log_w: Array) -> Array:
-    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
-    return np.interp(log_w, np.log(FREQUENCIES), values)
 
 
 def _peak(loop: Complex) -> float:

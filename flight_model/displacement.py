@@ -64,11 +64,6 @@ class Lift:
     short_m: float = 0.0
     """Largest shortfall: how much of the required lift the bounds don't allow."""
 
-    @property
-    def end_m(self) -> float:
-        """Distance at which the lift ends."""
-        return self.start_m + (self.control_m.size - 3) * STEP_M
-
     @cached_property
     def _control_m(self) -> list[float]:
         """The same as plain numbers, which are faster one by one."""

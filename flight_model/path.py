@@ -114,7 +114,6 @@ class PathError(ValueError):
     """Waypoints that no vehicle can fly through; `waypoint` is the index of the first of them."""
 
     def __init__(self, message: str, waypoint: int) -> None:
-        """Take the message and the waypoint's index."""
         super().__init__(message)
         self.waypoint = waypoint
 

@@ -9,8 +9,7 @@ from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, cast, get_a
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
-from formation_scenario.errors import Problem, did_you_mean
-from formation_scenario.fields import CHOICE, Allowed
+from formation_scenario.fields import CHOICE, Allowed, Problem, did_you_mean
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
 MAPPING_KEY = "[key]"

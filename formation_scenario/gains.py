@@ -46,10 +46,7 @@ HEADING: dict[str, dict[str, Group]] = {
         LEADER: {"kp": 1.2, "ki": 0.5, "kd": 1.8, "error_scale": 0.1, "rate_scale": 0.1},
         FOLLOWER: {"kp": 1.0, "ki": 0.6, "kd": 0.1, "error_scale": 0.1, "rate_scale": 0.1},
     },
-    NOISE: {
-        LEADER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1},
-        FOLLOWER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1},
-    },
+    NOISE: {LEADER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1}},
 }
 FILTERS: dict[str, Group] = {
     CLEAN: {"derivative_filter_s": 0.1, "disturbance_observer_radps": 2.0},
@@ -67,16 +64,11 @@ LEAST = 0.001
 """Declared noise counts as no less, m, m/s and rad."""
 
 
-def gain_groups(gains: str, frame: str) -> dict[str, Group]:
-    """Return the groups of keys that a set of gains fills, for a slot frame; those of `clean` for an unknown set."""
+def gain_set(gains: str, frame: str) -> tuple[dict[str, Group], Group]:
+    """Return the groups and the single keys that a set of gains fills, for a slot frame; `clean` for an unknown set."""
     known = gains if gains in GROUPS else CLEAN
     heading = HEADING[known].get(frame, HEADING[known][LEADER])
-    return GROUPS[known] | {"heading": heading}
-
-
-def filters(gains: str) -> Group:
-    """Return the single keys that a set of gains fills."""
-    return FILTERS.get(gains, FILTERS[CLEAN])
+    return GROUPS[known] | {"heading": heading}, FILTERS[known]
 
 
 def designed(scenario: Scenario, given: Plain) -> Scenario:
@@ -84,8 +76,7 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
     found = design(*_known(scenario), _weights(weights), _telemetry(scenario))
-    filters = found.derivative_filter_s, found.observer_radps, found.anti_windup_s
-    filled = zip(DESIGNED_FILTERS, filters, strict=True)
+    filled = zip(DESIGNED_FILTERS, found.filters, strict=True)
     keys: dict[str, Any] = {name: value for name, value in filled if written.get(name) is None}
     keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
     for name, channel in found.channels.items():

@@ -12,8 +12,8 @@ import yaml
 from pydantic import ValidationError
 
 from formation_scenario.describe import problems_of
-from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
+from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.resolve import resolve, with_models
@@ -82,12 +82,12 @@ def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
     name, equals, text = override.partition("=")
     path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
     if not equals or "" in path:
-        raise _refused("", f"found '{override}'", "dotted.key=value")
+        raise refused("", f"found '{override}'", "dotted.key=value")
     try:
         value = read_value(text)
     except ScenarioError as error:
         first = error.problems[0]
-        raise _refused(dotted(path), first.found, first.allowed) from error
+        raise refused(dotted(path), first.found, first.allowed) from error
     parent: Plain = data
     made: list[KeyPath] = []
     for depth, key in enumerate(path[:-1]):
@@ -110,15 +110,11 @@ def _items(parent: Plain, path: KeyPath) -> list[Plain]:
     """Return the list that a path's last key is an index of."""
     above, key = dotted(path[:-1]), path[-1]
     if not isinstance(parent, list):
-        raise _refused(above, f"found {kind(parent)}, which has no '{key}' in it", "a mapping or a list")
+        raise refused(above, f"found {kind(parent)}, which has no '{key}' in it", "a mapping or a list")
     if not isinstance(key, int) or key >= len(parent):
         allowed = f"0 to {len(parent) - 1}" if parent else "nothing, the list is empty"
-        raise _refused(above, f"found index '{key}'", allowed)
+        raise refused(above, f"found index '{key}'", allowed)
     return parent
-
-
-def _refused(key: str, found: str, allowed: str = "") -> ScenarioError:
-    return ScenarioError([Problem(None, None, None, key, found, allowed)])
 
 
 def load_scenario(

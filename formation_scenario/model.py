@@ -30,8 +30,7 @@ from formation_scenario.fields import (
     VehicleSelection,
     key,
 )
-from formation_scenario.formation import Formation, Step
-from formation_scenario.law import Law, as_adjacency, graph_adjacency
+from formation_scenario.formation import Formation, Law, Step, as_adjacency, graph_adjacency
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted

@@ -14,10 +14,9 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from formation_scenario.describe import problems_of
-from formation_scenario.errors import ScenarioError, did_you_mean
-from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID, Keys, Name, Number, key
+from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID, Keys, Name, Number, ScenarioError, did_you_mean, key
 from formation_scenario.formation import Formation
-from formation_scenario.gains import AUTO, CLEAN, NOISE, filters, gain_groups
+from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
@@ -139,9 +138,8 @@ def _each(values: Plain, changed: Callable[[dict[Key, Plain]], Plain]) -> Plain:
 
 
 def _law(law: dict[Key, Plain], frame: str) -> Plain:
-    gains = str(law["gains"])
-    groups = {name: _filled(law.get(name), group) for name, group in gain_groups(gains, frame).items()}
-    return _filled({**law, **groups}, filters(gains))
+    groups, filters = gain_set(str(law["gains"]), frame)
+    return _filled(law | {name: _filled(law.get(name), group) for name, group in groups.items()}, filters)
 
 
 def _formation(formation: dict[Key, Plain]) -> Plain:

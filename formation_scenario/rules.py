@@ -11,9 +11,8 @@ from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
 from formation_scenario.environment import PASSING, DrydenTurbulence
-from formation_scenario.errors import FileError
 from formation_scenario.expectation import RUN_METRICS
-from formation_scenario.fields import Timed, VehicleSelection
+from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 import yaml
 
-from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.fields import Problem, ScenarioError, refused
 
 Key: TypeAlias = str | int
 KeyPath: TypeAlias = tuple[Key, ...]
@@ -106,10 +106,10 @@ def read_file(path: Path) -> Source:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ScenarioError([Problem(str(path), None, None, "", error.strerror or str(error))]) from error
+        raise refused("", error.strerror or str(error), file=str(path)) from error
     except UnicodeDecodeError as error:
         found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start}"
-        raise ScenarioError([Problem(str(path), None, None, "", found, "text in UTF-8")]) from error
+        raise refused("", found, "text in UTF-8", str(path)) from error
     return read_text(text, str(path))
 
 
@@ -167,16 +167,14 @@ def _plain(value: object, path: KeyPath) -> Plain:
     if isinstance(value, np.ndarray | np.generic):
         value = cast("object", value.tolist())
     if isinstance(value, int) and abs(value) >= 10**MOST_DIGITS:
-        found = f"found a number of more than {MOST_DIGITS} digits"
-        raise ScenarioError([Problem(None, None, None, dotted(path), found, ALLOWED_VALUES)])
+        raise refused(dotted(path), f"found a number of more than {MOST_DIGITS} digits", ALLOWED_VALUES)
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
         return plain_mapping(cast("Mapping[Any, object]", value), path)
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
         return [_plain(item, (*path, index)) for index, item in enumerate(cast("Sequence[object]", value))]
-    found = f"found a {type(value).__name__}"
-    raise ScenarioError([Problem(None, None, None, dotted(path), found, "number, text, list, mapping")])
+    raise refused(dotted(path), f"found a {type(value).__name__}", "number, text, list, mapping")
 
 
 class _Reader:
@@ -198,8 +196,7 @@ class _Reader:
             self._problems.append(self._broken(error))
             data = None
         except RecursionError as error:
-            deep = Problem(self._file, None, None, "", "found lists or mappings nested too deeply")
-            raise ScenarioError([deep]) from error
+            raise refused("", "found lists or mappings nested too deeply", file=self._file) from error
         if self._problems:
             raise ScenarioError(self._problems)
         return data, self._places
@@ -216,18 +213,17 @@ class _Reader:
                 self._places[(*path, index)] = self._place(item)
             return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
         value = _constructed(loader, cast("yaml.ScalarNode", node))
-        if value is not None and not isinstance(value, bool | int | float | str):
-            found = f"found {show(cast('str', node.value))}"
-            self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
-            return None
-        return value
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        found = f"found {show(cast('str', node.value))}"
+        self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
+        return None
 
     def _mapping(self, loader: Loader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
         self._refuse_duplicates(node, path)
         loader.flatten_mapping(node)
-        pairs = cast("list[tuple[yaml.Node, yaml.Node]]", node.value)
         result: dict[Key, Plain] = {}
-        for key_node, value_node in pairs:
+        for key_node, value_node in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
             key = _key(key_node)
             self._places[(*path, key)] = self._place(key_node)
             result[key] = self._value(loader, value_node, (*path, key))

@@ -42,7 +42,6 @@ class NotFlyableError(Exception):
     """A transition that can't be flown: what was found, what is allowed, and how long after its beginning, s."""
 
     def __init__(self, found: str, allowed: str, elapsed_s: float) -> None:
-        """Take the texts and the time since the beginning."""
         super().__init__(f"{found}; allowed: {allowed}")
         self.found, self.allowed, self.elapsed_s = found, allowed, elapsed_s
 

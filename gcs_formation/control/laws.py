@@ -9,7 +9,7 @@ import numpy as np
 
 from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
 from formation_scenario import Scenario
-from formation_scenario import law as keys
+from formation_scenario import formation as keys
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.feed_forward import LeaderMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair

@@ -150,7 +150,7 @@ def align(
         sway_mps = VELOCITY_SIGMA_MPS * random.standard_normal(2)
         innovation, found = _at_rest(navigator, truth, fine, sway_mps)
         bias += found
-        navigator.set_biases(bias[:3], bias[3:])
+        navigator.set_biases(bias)
         innovations.append(innovation)
         sigma.append(fine.sigma_rad)
         error.append(misalignment(navigator.state().attitude, truth.attitude))

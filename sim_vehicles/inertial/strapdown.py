@@ -81,12 +81,10 @@ class Strapdown:
         x, y, z = misalignment_rad.tolist()
         self.attitude = normalised(product(of_vector((x, y, z)), self.attitude))
 
-    def set_biases(self, accel_bias_mps2: Array, gyro_bias_radps: Array) -> None:
-        """Subtract these biases (3,), body components, from all later increments."""
-        x, y, z = accel_bias_mps2.tolist()
-        self._accel_bias = x, y, z
-        x, y, z = gyro_bias_radps.tolist()
-        self._gyro_bias = x, y, z
+    def set_biases(self, biases: Array) -> None:
+        """Subtract these biases (6,), accelerometers' and gyroscopes', from all later increments."""
+        a, b, c, x, y, z = biases.tolist()
+        self._accel_bias, self._gyro_bias = (a, b, c), (x, y, z)
 
     def state(self) -> NavigationState:
         """Return the computed state."""

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.errors import did_you_mean
+from formation_scenario.fields import did_you_mean
 
 BASE = "vehicles: {count: 4}\npath: {waypoints_m: [[0, 0, 100], [4000, 0, 100]]}\n"
 JARGON = (
