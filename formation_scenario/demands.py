@@ -136,7 +136,8 @@ def _leaders(
 ) -> _Demand:
     """Return the turn rates of those that lead; slots at rest climb as their leader does."""
     leads = {step.arrangement.leader for step in steps}
-    most = _limits(everyone, "turn_rate_max_rps", [column not in leads for column in range(len(everyone))])
+    models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
+    most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
     turn = np.abs(scenario.path.speed_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
     return _Demand("turn", "rad/s of turn", turn / most, turn, None)
 
@@ -147,25 +148,16 @@ def _followers(
     """Yield what a formation's slots ask of each limit."""
     course = Course.along(sampled.points, scenario.path.speed_mps)
     needs = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
-    free = [column == step.arrangement.leader for column in range(len(everyone))]
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
-    soon = [
-        (0.0, np.inf) if who is None or exempt else who.model.soon_mps(scenario.path.speed_mps)
-        for who, exempt in zip(everyone, free, strict=True)
-    ]
-    slowest, fastest = np.array(soon).T
+    leader, at_mps = step.arrangement.leader, scenario.path.speed_mps
+    models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]
+    slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
+    turn_most = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
+    accel_most = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])
     yield _Demand("speed", "m/s", speed / fastest, speed, step)
     yield _Demand("speed", "m/s", slowest / np.maximum(speed, TOLERANCE), speed, step)
-    turns = [exempt or (who is not None and who.model.hovers) for who, exempt in zip(everyone, free, strict=True)]
-    yield _Demand("turn", "rad/s of turn", turn / _limits(everyone, "turn_rate_max_rps", turns), turn, step)
-    yield _Demand("accel", "m/s² of acceleration", accel / _limits(everyone, "accel_max_mps2", free), accel, step)
-
-
-def _limits(everyone: Sequence[Vehicle | None], name: str, free: Sequence[bool]) -> Array:
-    """Return a limit of each column, (N,); none for a virtual leader and for who is `free` of it."""
-    each = zip(everyone, free, strict=True)
-    bound = [np.inf if who is None or exempt else getattr(who.model, name) for who, exempt in each]
-    return np.array(bound, dtype=np.float64)
+    yield _Demand("turn", "rad/s of turn", turn / turn_most, turn, step)
+    yield _Demand("accel", "m/s² of acceleration", accel / accel_most, accel, step)
 
 
 def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:

@@ -59,7 +59,9 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
     found = f"found {kind(value) if is_group(expected.type) else show(value)}"
-    near = did_you_mean(value, _choices(expected)) if isinstance(value, str) else ""
+    named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
+    choices = named or [str(each) for each in get_args(expected.type) if get_origin(expected.type) is Literal]
+    near = did_you_mean(value, choices) if isinstance(value, str) else ""
     return Problem(*source.place((*path, *expected.rest)), dotted(path), found, allowed + near)
 
 
@@ -163,11 +165,6 @@ def _range(constraints: Sequence[object]) -> str:
 
 _BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 _UNBOUNDED = 1e9
-
-
-def _choices(expected: _Expected) -> list[str]:
-    named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
-    return named or [str(choice) for choice in get_args(expected.type) if get_origin(expected.type) is Literal]
 
 
 def is_group(annotation: object) -> TypeGuard[type[BaseModel]]:

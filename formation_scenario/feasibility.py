@@ -220,7 +220,8 @@ def _near(
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
         if nearest < least_m:
-            pair = " and ".join(_who(step, column, everyone) for column in (one, other))
+            leader = step.arrangement.leader
+            pair = " and ".join("the leader" if each == leader else everyone[each] for each in (one, other))
             key = "slots_m" if step.shape == "custom" else "spacing_m"
             yield (*path, key), f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
 
@@ -237,10 +238,6 @@ def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequ
                 "the leader, unstable in follower_heading"
             )
             yield (*path, "shape"), found, "slots behind, or frame: leader_heading"
-
-
-def _who(step: SlotStep, column: int | np.intp, everyone: tuple[str, ...]) -> str:
-    return "the leader" if column == step.arrangement.leader else everyone[column]
 
 
 def _keys(scenario: Scenario) -> list[KeyPath]:

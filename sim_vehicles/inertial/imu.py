@@ -122,7 +122,9 @@ class Trajectory:
         values, rates, changes = self._values(times_s), self._spline(times_s, 1), self._spline(times_s, 2)
         to_body = np.swapaxes(attitude(*np.moveaxis(values[..., HEADING:], -1, 0)), -1, -2)
         velocity, acceleration = _velocity(values, rates), _acceleration(values, rates, changes)
-        earth, transport = _earth_rate(values[..., LAT]), _transport_rate(values, velocity)
+        lat_rad = values[..., LAT]
+        earth = RATE_RADPS * np.stack((np.zeros_like(lat_rad), np.cos(lat_rad), np.sin(lat_rad)), axis=-1)
+        transport = _transport_rate(values, velocity)
         rate = _body_rate(values, rates) + _apply(to_body, earth + transport)
         force = acceleration + np.cross(2.0 * earth + transport, velocity)
         force[..., 2] += gravity_mps2(values[..., LAT], values[..., HEIGHT])
@@ -161,10 +163,6 @@ def _acceleration(values: Array, rates: Array, changes: Array) -> Array:
     east_rate = (across_m * bend + climb) * cosine - (across_m + values[..., HEIGHT]) * sine * turn
     north, east = north_m * changes[..., LAT] + north_rate * turn, east_m * changes[..., LON] + east_rate * spin
     return np.stack((east, north, changes[..., HEIGHT]), axis=-1)
-
-
-def _earth_rate(lat_rad: Array) -> Array:
-    return RATE_RADPS * np.stack((np.zeros_like(lat_rad), np.cos(lat_rad), np.sin(lat_rad)), axis=-1)
 
 
 def _transport_rate(values: Array, velocity: Array) -> Array:
