@@ -54,15 +54,8 @@ class Telemetry(NamedTuple):
     heading_rad: float
 
 
-class Weights(NamedTuple):
-    """The mixer's, which the design takes as given."""
-
-    k_x: float
-    k_psi: float
-    k_y: float
-    k_z: float
-
-
+Weights = Mapping[str, float]
+"""k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
 """How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
 of a second."""
@@ -157,14 +150,14 @@ def _loops(
     place_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
     across_mps = speed_mps * heading_rad
     along_m, across_m = math.hypot(place_m, late_s * along_mps), math.hypot(place_m, late_s * across_mps)
-    forward = [weights.k_x * each.speed / s for each in vehicles]
-    right = [(weights.k_psi + weights.k_y * speed_mps / s) * each.heading for each in vehicles]
-    up = [weights.k_z * each.height for each in vehicles]
-    across = math.hypot(weights.k_y * across_m, weights.k_psi * heading_rad)
+    forward = [weights["k_x"] * each.speed / s for each in vehicles]
+    right = [(weights["k_psi"] + weights["k_y"] * speed_mps / s) * each.heading for each in vehicles]
+    up = [weights["k_z"] * each.height for each in vehicles]
+    across = math.hypot(weights["k_y"] * across_m, weights["k_psi"] * heading_rad)
     return {
-        "speed": _Loops(forward, weights.k_x, False, weights.k_x * along_m, weights.k_x * along_mps),
-        "heading": _Loops(right, weights.k_y * speed_mps, False, across, weights.k_y * across_mps),
-        "height": _Loops(up, weights.k_z, True, weights.k_z * place_m, 0.0),
+        "speed": _Loops(forward, weights["k_x"], False, weights["k_x"] * along_m, weights["k_x"] * along_mps),
+        "heading": _Loops(right, weights["k_y"] * speed_mps, False, across, weights["k_y"] * across_mps),
+        "height": _Loops(up, weights["k_z"], True, weights["k_z"] * place_m, 0.0),
     }
 
 
@@ -216,7 +209,7 @@ def _observer_stands(
     """
     s = 1j * FREQUENCIES
     plant = vehicle.speed * _late(telemetry.delay_s + UNKNOWN_DELAY_S)
-    position = weights.k_x * _controller((channel.kp, channel.ki, channel.kd)) / s
+    position = weights["k_x"] * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
     enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)
     return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
@@ -264,11 +257,12 @@ def _late(delay_s: float) -> Complex:
 
 def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
-    log_w, size, angle = np.log(FREQUENCIES), np.log(np.abs(plant)), np.unwrap(np.angle(plant))
-    controller = _controller(gains) * _late(delay_s)
+    size: Array = np.log(np.abs(plant))
+    angle: Array = np.unwrap(np.angle(plant))
+    log_w, controller = np.log(FREQUENCIES), _controller(gains) * _late(delay_s)
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        log_size, moved_rad = (np.interp(log_w + np.log(scale), log_w, values) for values in (size, angle))
-        moved = np.exp(log_size) * np.exp(1j * moved_rad)
+        at = log_w + np.log(scale)
+        moved = np.exp(np.interp(at, log_w, size)) * np.exp(1j * np.interp(at, log_w, angle))
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
 

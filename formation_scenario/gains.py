@@ -11,7 +11,6 @@ from flight_model.design import (
     UNMODELLED,
     Channel,
     Telemetry,
-    Weights,
     design,
     judged_channels,
     left_by_filter,
@@ -75,7 +74,7 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
     """Return a scenario with the law's gains by design, but those that are `given`, its `law` as it was written."""
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
-    found = design(*_known(scenario), _weights(weights), _telemetry(scenario))
+    found = design(*_known(scenario), weights, _telemetry(scenario))
     filled = zip(DESIGNED_FILTERS, found.filters, strict=True)
     keys: dict[str, Any] = {name: value for name, value in filled if written.get(name) is None}
     keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
@@ -110,7 +109,7 @@ def figures(scenario: Scenario) -> Mapping[str, Channel]:
     law = scenario.law
     vehicles, speed_mps = _known(scenario)
     gains = {name: (each.kp, each.ki, each.kd) for name in CHANNELS if (each := getattr(law, name))}
-    return judged_channels(gains, vehicles, speed_mps, _weights(law.mixer.model_dump()), _telemetry(scenario))
+    return judged_channels(gains, vehicles, speed_mps, law.mixer.model_dump(), _telemetry(scenario))
 
 
 def by_design(scenario: Scenario) -> bool:
@@ -128,10 +127,6 @@ def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
         return lag_responses(FREQUENCIES, model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, AirframeParameters.of(model.airframe.parameters()), speed_mps)
-
-
-def _weights(mixer: Mapping[str, float]) -> Weights:
-    return Weights(mixer["k_x"], mixer["k_psi"], mixer["k_y"], mixer["k_z"])
 
 
 def _telemetry(scenario: Scenario) -> Telemetry:
