@@ -224,11 +224,6 @@ class DisplacedPath:
         self._from_m, self._over_m = from_m, over_m
         self._right_m, self._right_slope, self._above, self._lift = right_m, right_slope, above, lift
 
-    def lifted(self, lift: Lift) -> DisplacedPath:
-        """Return the same path with a lift."""
-        begin = self._from_m, self._over_m, self._right_m, self._above
-        return DisplacedPath(self.path, *begin, lift, right_slope=self._right_slope)
-
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance along the path."""
         point = self._beside(distance_m)
