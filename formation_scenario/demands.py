@@ -209,9 +209,8 @@ def _unknown(scenario: Scenario, ground: Ground, places: Array, points: PathPoin
     cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
-        for column in step.following:
-            forward, right, up = step.places_m[column].tolist()
-            slots.setdefault((forward, right, up), f"{everyone[column]} in shape {step.shape}")
+        for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
+            slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
     for slot, who in slots.items():
         north = points.north_m + slot[0] * cosine - slot[1] * sine
         east = points.east_m + slot[0] * sine + slot[1] * cosine

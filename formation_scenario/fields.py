@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
 from pydantic.config import JsonDict
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import literal_schema
 
 MAX_SYSTEM_ID = 254
 MAX_NETWORK = 1000
@@ -44,6 +45,13 @@ class Allowed:
 
     text: str
     choices: tuple[str, ...] = ()
+
+
+class OneOf(Allowed):
+    """Allows its choices alone, which a Literal would have to name one by one."""
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+        return literal_schema(list(self.choices))
 
 
 DERIVED = "x-default"

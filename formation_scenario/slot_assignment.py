@@ -107,11 +107,6 @@ class SlotStep(NamedTuple):
         """The shape."""
         return self.arrangement.shape
 
-    @property
-    def following(self) -> tuple[int, ...]:
-        """Return the columns that follow: all but the one that leads."""
-        return tuple(column for column in range(len(self.places_m)) if column != self.arrangement.leader)
-
 
 def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
     """Return the vehicle of each column, None for a virtual leader."""

@@ -56,10 +56,8 @@ class Source:
 
     def place(self, path: KeyPath) -> Place:
         """Return the place of a key, or else of the nearest enclosing key that has one."""
-        for length in range(len(path), 0, -1):
-            if path[:length] in self.places:
-                return self.places[path[:length]]
-        return Place(self.file)
+        enclosing = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
+        return next(filter(None, enclosing), Place(self.file))
 
     def problem(self, path: KeyPath, found: str, allowed: str = "") -> Problem:
         """Return a problem at a key's place."""

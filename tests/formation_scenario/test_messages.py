@@ -71,6 +71,10 @@ WRONG = [
     ("schema: 2\n", "schema: found 2; allowed: 1"),
     ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
     (
+        "expect: [{metric: [error_x_m.max], below: 1}]\n",
+        "expect.0.metric: found [error_x_m.max]; allowed: error_x_m.rms",
+    ),
+    (
         "expect: [{metric: settled_at_s, followers: [], below: 1}]\n",
         "expect.0.followers: found []; allowed: all, or",
     ),
