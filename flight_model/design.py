@@ -261,8 +261,9 @@ def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Comple
     angle: Array = np.unwrap(np.angle(plant))
     log_w, controller = np.log(FREQUENCIES), _controller(gains) * _late(delay_s)
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        at = log_w + np.log(scale)
-        moved = np.exp(np.interp(at, log_w, size)) * np.exp(1j * np.interp(at, log_w, angle))
+        log_size: Array = np.interp(log_w + np.log(scale), log_w, size)
+        moved_rad: Array = np.interp(log_w + np.log(scale), log_w, angle)
+        moved = np.exp(log_size) * np.exp(1j * moved_rad)
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
 

@@ -91,7 +91,7 @@ class _Samples:
     """A vehicle's values with the time at which each passed the ground station, s."""
 
     def __init__(self) -> None:
-        self.seen = SEEN
+        self.seen: tuple[str, str, str, str] = SEEN
         """What of it follows the setpoints of speed, heading and height, and its climb rate."""
         self.of: dict[str, list[tuple[float, float]]] = {}
 
