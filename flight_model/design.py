@@ -257,15 +257,19 @@ def _late(delay_s: float) -> Complex:
 
 def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
+    log_w = np.log(FREQUENCIES)
     size: Array = np.log(np.abs(plant))
     angle: Array = np.unwrap(np.angle(plant))
-    log_w, controller = np.log(FREQUENCIES), _controller(gains) * _late(delay_s)
+    controller = _controller(gains) * _late(delay_s)
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        log_size: Array = np.interp(log_w + np.log(scale), log_w, size)
-        moved_rad: Array = np.interp(log_w + np.log(scale), log_w, angle)
-        moved = np.exp(log_size) * np.exp(1j * moved_rad)
+        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
+
+
+def _seen_at(values: Array, log_w: Array) -> Array:
+    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
+    return np.interp(log_w, np.log(FREQUENCIES), values)
 
 
 def _peak(loop: Complex) -> float:
