@@ -17,7 +17,6 @@ from scipy.optimize import brentq
 
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.graph import scenario_adjacency
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, nominal_gains
 from gcs_formation.control.setpoint import Mixer
@@ -59,7 +58,7 @@ def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps
 
 def consensus(scenario: Scenario, tau_s: float) -> SampledLaw:
     """Return protocol (3) in the mode of its largest eigenvalue; it remembers nothing."""
-    law, weights = scenario.law.consensus, scenario_adjacency(scenario)
+    law, weights = scenario.law.consensus, scenario.adjacency
     most = float(np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).real.max())
     says = tau_s * np.array((most * law.k1, 1.0 / tau_s - law.k3 - most * law.k2, 0.0))
     return SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), says)
@@ -105,7 +104,7 @@ def main() -> None:
     gains = gain_range(fuzzy).gains(nominal, SMALL_SIGNAL)
     computed = loop_margin(nominal, forward_plant(mixer, model), gain_range(fuzzy))
     protocol = mutual.law.consensus
-    agreed = consensus_delay_margin(scenario_adjacency(mutual), protocol.k1, protocol.k2, protocol.k3)
+    agreed = consensus_delay_margin(mutual.adjacency, protocol.k1, protocol.k2, protocol.k3)
     rows: list[list[str]] = []
     for rate_hz in RATES_HZ:
         tick_s = 1.0 / rate_hz

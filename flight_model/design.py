@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -54,15 +54,17 @@ class Telemetry(NamedTuple):
     heading_rad: float
 
 
-class Weights(NamedTuple):
-    """The mixer's, which the design takes as given."""
-
-    k_x: float
-    k_psi: float
-    k_y: float
-    k_z: float
-
-
+Weights = Mapping[str, float]
+"""k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
+UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
+"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
+of a second."""
+WIND_WALK: Final = 0.02
+"""The same of the wind without gusts, m/s."""
+SAMPLES = 400
+"""After which the filter's gain is taken for its steady one, and its answer to one sample for over."""
+SEEN = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 0.0)))
+"""Position, velocity over ground and airspeed by the states: position, airspeed and wind."""
 PAIR = math.sqrt(2.0)
 """Noise of a difference of two vehicles, as a share of one's."""
 Gains = tuple[float, float, float]
@@ -90,13 +92,16 @@ class Design:
     """The three channels, and the law's filters."""
 
     channels: Mapping[str, Channel]
-    derivative_filter_s: float
     observer_radps: float
 
     @property
-    def anti_windup_s(self) -> float:
-        """The longest integral time, within what an overshoot may last."""
-        return float(np.clip(max(each.kp / each.ki for each in self.channels.values() if each.ki > 0), 1.0, 20.0))
+    def filters(self) -> tuple[float, float, float]:
+        """The derivative's time constant, the observer's bandwidth, the anti-windup: the longest integral time.
+
+        The last is within what an overshoot may last.
+        """
+        integral_s = max(each.kp / each.ki for each in self.channels.values() if each.ki > 0)
+        return DERIVATIVE_FILTER_S, self.observer_radps, float(np.clip(integral_s, 1.0, 20.0))
 
 
 DERIVATIVE_FILTER_S = 0.3
@@ -119,12 +124,9 @@ def design(vehicles: Sequence[Responses], speed_mps: float, weights: Weights, te
     """
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
-    stands = (
-        radps
-        for radps in OBSERVERS_RADPS.tolist()
-        if all(_observer_stands(radps, each, channels["speed"], weights, telemetry) for each in vehicles)
-    )
-    return Design(channels, DERIVATIVE_FILTER_S, next(stands, float(OBSERVERS_RADPS[-1])))
+    speed, tried = channels["speed"], OBSERVERS_RADPS.tolist()
+    stands = (r for r in tried if all(_observer_stands(r, each, speed, weights, telemetry) for each in vehicles))
+    return Design(channels, next(stands, float(OBSERVERS_RADPS[-1])))
 
 
 def judged_channels(
@@ -148,14 +150,14 @@ def _loops(
     place_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
     across_mps = speed_mps * heading_rad
     along_m, across_m = math.hypot(place_m, late_s * along_mps), math.hypot(place_m, late_s * across_mps)
-    forward = [weights.k_x * each.speed / s for each in vehicles]
-    right = [(weights.k_psi + weights.k_y * speed_mps / s) * each.heading for each in vehicles]
-    up = [weights.k_z * each.height for each in vehicles]
-    across = math.hypot(weights.k_y * across_m, weights.k_psi * heading_rad)
+    forward = [weights["k_x"] * each.speed / s for each in vehicles]
+    right = [(weights["k_psi"] + weights["k_y"] * speed_mps / s) * each.heading for each in vehicles]
+    up = [weights["k_z"] * each.height for each in vehicles]
+    across = math.hypot(weights["k_y"] * across_m, weights["k_psi"] * heading_rad)
     return {
-        "speed": _Loops(forward, weights.k_x, False, weights.k_x * along_m, weights.k_x * along_mps),
-        "heading": _Loops(right, weights.k_y * speed_mps, False, across, weights.k_y * across_mps),
-        "height": _Loops(up, weights.k_z, True, weights.k_z * place_m, 0.0),
+        "speed": _Loops(forward, weights["k_x"], False, weights["k_x"] * along_m, weights["k_x"] * along_mps),
+        "heading": _Loops(right, weights["k_y"] * speed_mps, False, across, weights["k_y"] * across_mps),
+        "height": _Loops(up, weights["k_z"], True, weights["k_z"] * place_m, 0.0),
     }
 
 
@@ -207,7 +209,7 @@ def _observer_stands(
     """
     s = 1j * FREQUENCIES
     plant = vehicle.speed * _late(telemetry.delay_s + UNKNOWN_DELAY_S)
-    position = weights.k_x * _controller((channel.kp, channel.ki, channel.kd)) / s
+    position = weights["k_x"] * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
     enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)
     return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
@@ -232,7 +234,7 @@ def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
 def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry) -> Channel:
     """Return the figures of a channel with these gains."""
     loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
-    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s, MISMATCH)]
+    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s)]
     return Channel(
         *gains,
         bandwidth,
@@ -253,15 +255,15 @@ def _late(delay_s: float) -> Complex:
     return np.exp(-1j * FREQUENCIES * delay_s)
 
 
-def _mismatched(gains: Gains, plant: Complex, delay_s: float, share: float) -> Iterator[Complex]:
+def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
     log_w = np.log(FREQUENCIES)
     size: Array = np.log(np.abs(plant))
     angle: Array = np.unwrap(np.angle(plant))
     controller = _controller(gains) * _late(delay_s)
-    for scale in (1.0 - share, 1.0 + share):
+    for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
         moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
-        for strength in (1.0 - share, 1.0 + share):
+        for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
 
 
@@ -287,3 +289,34 @@ def _delay_margin_s(loop: Complex) -> float:
         return float("inf")
     phase = np.mod(np.angle(-loop[crossings]), 2.0 * np.pi)
     return float(np.min(phase / FREQUENCIES[crossings]))
+
+
+def left_by_filter(
+    sample: tuple[float, float, float], walk_mps: float, lag_s: float, period_s: float
+) -> tuple[float, float]:
+    """Return the noise along one axis that the station's filter leaves of position (m) and airspeed (m/s).
+
+    The law sees states that went through a Kalman filter by model (7), which averages noise over many samples: what it
+    moves them by from tick to tick is a small part of a sample's. Returned are the standard deviations of white noise
+    that would move them as much from one sample to the next. Source: Gelb, "Applied Optimal Estimation" (1974), 4.4.
+
+    Args:
+        sample: standard deviations of a sample's position (m), velocity over ground and airspeed (m/s), all above 0.
+        walk_mps: how far the airspeed strays from its model in a square root of a second.
+        lag_s: the airspeed's time constant.
+        period_s: from one sample to the next.
+    """
+    kept = math.exp(-period_s / lag_s)
+    carry = np.array(((1.0, lag_s * (1.0 - kept), period_s), (0.0, kept, 0.0), (0.0, 0.0, 1.0)))
+    variances: Array = np.square(sample)
+    covariance, gain = np.diag(variances), np.zeros((3, 3))
+    for _ in range(SAMPLES):
+        covariance = carry @ covariance @ carry.T + period_s * np.diag((0.0, walk_mps**2, WIND_WALK**2))
+        gain = np.linalg.solve(SEEN @ covariance @ SEEN.T + np.diag(variances), SEEN @ covariance).T
+        covariance -= gain @ SEEN @ covariance
+    answer, before, squares = gain, np.zeros((3, 3)), np.zeros((3, 3))
+    for _ in range(SAMPLES):
+        squares += np.square(answer - before)
+        before, answer = answer, carry @ answer - gain @ (SEEN @ (carry @ answer))
+    position_m, airspeed_mps, _ = np.sqrt(squares @ variances / 2.0).tolist()
+    return position_m, airspeed_mps

@@ -86,14 +86,10 @@ class GeodeticOrigin:
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""
-        lat_rad = self._latitudes(north_m)
-        return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
-
-    def _latitudes(self, north_m: Array) -> Array:
         lat_rad = np.full_like(north_m, self.lat_rad)
         for _ in range(INVERSION_STEPS):
             lat_rad = self.lat_rad + north_m / _radii_at((lat_rad + self.lat_rad) / 2)[0]
-        return lat_rad
+        return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
 
 
 def _radii(lat_rad: float) -> tuple[float, float]:

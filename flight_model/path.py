@@ -114,7 +114,6 @@ class PathError(ValueError):
     """Waypoints that no vehicle can fly through; `waypoint` is the index of the first of them."""
 
     def __init__(self, message: str, waypoint: int) -> None:
-        """Take the message and the waypoint's index."""
         super().__init__(message)
         self.waypoint = waypoint
 
@@ -161,7 +160,9 @@ class SplinePath:
         """
         waypoints = np.asarray(waypoints_m, dtype=np.float64)
         chords = np.hypot(*np.diff(waypoints[:, :2], axis=0).T)
-        _refuse_short_legs(chords)
+        short = np.flatnonzero(chords < MIN_LEG_M)
+        if short.size:
+            raise PathError(f"found a waypoint {chords[short[0]]:.3g} m from the one before it", int(short[0]) + 1)
         spline, parameters, derivatives = _spline_values(waypoints, chords)
         lengths = _piece_lengths(spline, parameters)
         self.nodes_m: Array = np.concatenate(([0.0], np.cumsum(lengths)))
@@ -178,15 +179,10 @@ class SplinePath:
     def at(self, s: Array) -> PathPoints: ...
     def at(self, s: float | Array) -> PathPoint | PathPoints:
         """Return the path at an arc length in m, or at an array of them."""
-        if isinstance(s, np.ndarray):
-            return self._many(s)
-        if s < 0.0:
-            return self._ends[0].straight_on(s)
-        if s > self.length_m:
-            return self._ends[1].straight_on(s - self.length_m)
-        return self._curve.at(s)
-
-    def _many(self, s: Array) -> PathPoints:
+        if not isinstance(s, np.ndarray):
+            if s < 0.0:
+                return self._ends[0].straight_on(s)
+            return self._ends[1].straight_on(s - self.length_m) if s > self.length_m else self._curve.at(s)
         inside = np.clip(s, 0.0, self.length_m)
         index = np.clip(np.searchsorted(self.nodes_m, inside, side="right") - 1, 0, len(self._coefficients) - 1)
         pieces = self._coefficients[index]
@@ -197,20 +193,8 @@ class SplinePath:
         beyond = s - inside
         on_path = beyond == 0.0
         curves = (n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
-        return PathPoints(
-            n + beyond * n1,
-            e + beyond * e1,
-            h,
-            np.arctan2(e1, n1),
-            *(np.where(on_path, c, 0.0) for c in curves),
-        )
-
-
-def _refuse_short_legs(chords: Array) -> None:
-    short = np.flatnonzero(chords < MIN_LEG_M)
-    if short.size:
-        index = int(short[0]) + 1
-        raise PathError(f"found a waypoint {chords[index - 1]:.3g} m from the one before it", index)
+        course, changes = np.arctan2(e1, n1), (np.where(on_path, each, 0.0) for each in curves)
+        return PathPoints(n + beyond * n1, e + beyond * e1, h, course, *changes)
 
 
 def _spline_values(waypoints: Array, chords: Array) -> tuple[CubicSpline, Array, Array]:
@@ -249,17 +233,8 @@ def _by_arc_length(derivatives: Array) -> tuple[Array, Array, Array]:
 def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) -> Array:
     """Return quintics (m, 3 axes, 6 powers of the distance into the piece) that match both ends."""
     scale = lengths[:, None]
-    ends = np.stack(
-        [
-            values[:-1],
-            first[:-1] * scale,
-            second[:-1] * scale**2,
-            values[1:],
-            first[1:] * scale,
-            second[1:] * scale**2,
-        ],
-        axis=-1,
-    )
+    begins, ends = ((values[at], first[at] * scale, second[at] * scale**2) for at in (slice(-1), slice(1, None)))
+    ends = np.stack((*begins, *ends), axis=-1)
     return np.asarray(ends @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
 
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from flight_model.curve import PathPoint
     from flight_model.path import SplinePath
     from formation_scenario.begin_and_end import start_states
-    from formation_scenario.errors import Problem, ScenarioError
+    from formation_scenario.fields import Problem, ScenarioError
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
     from formation_scenario.slot_assignment import slot_schedule, slot_table
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 _HOME = {
     "Ground": "formation_scenario.terrain",
     "PathPoint": "flight_model.curve",
-    "Problem": "formation_scenario.errors",
+    "Problem": "formation_scenario.fields",
     "Scenario": "formation_scenario.model",
-    "ScenarioError": "formation_scenario.errors",
+    "ScenarioError": "formation_scenario.fields",
     "SplinePath": "flight_model.path",
     "Vehicle": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",

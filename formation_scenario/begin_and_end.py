@@ -37,16 +37,16 @@ def start_states(scenario: Scenario) -> list[StartState]:
     the ground they stand in a row if the scenario says so; otherwise those that would be nearer to others than
     `safety.separation_m` are placed farther back.
     """
-    path = scenario.path.written
-    leader = path.at(-scenario.start.run_in_s * scenario.path.speed_mps)
-    in_air = scenario.start.in_air
-    slots = slot_table(scenario)
+    leader = scenario.path.written.at(-scenario.start.run_in_s * scenario.path.speed_mps)
+    in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
-    places = _with_leader(scenario, slots)
+    places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
     cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
     north_m = leader.north_m + cosine * places[:, 0] - sine * places[:, 1]
     east_m = leader.east_m + sine * places[:, 0] + cosine * places[:, 1]
-    height_m = _clear(scenario, north_m, east_m, leader.height_m + places[:, 2]) if in_air else np.zeros_like(north_m)
+    height_m = leader.height_m + places[:, 2] if in_air else np.zeros_like(north_m)
+    if in_air and scenario.terrain is not None:
+        height_m = np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)
     speed_mps = scenario.path.speed_mps if in_air else 0.0
     each = zip(north_m.tolist(), east_m.tolist(), height_m.tolist(), strict=True)
     return [StartState(*place, leader.course_rad, speed_mps, in_air) for place in each]
@@ -57,20 +57,6 @@ def _on_ground(scenario: Scenario, slots: Array) -> Array:
         return _spread(slots, scenario.safety.separation_m)
     aside_m = scenario.start.row_m * np.arange(1.0, len(slots) + 1.0)
     return np.column_stack((np.zeros(len(slots)), aside_m, np.zeros(len(slots))))
-
-
-def _clear(scenario: Scenario, north_m: Array, east_m: Array, height_m: Array) -> Array:
-    """Return the heights (V,), raised to the terrain's clearance where there is terrain."""
-    if scenario.terrain is None:
-        return height_m
-    return np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)
-
-
-def _with_leader(scenario: Scenario, slots: Array) -> Array:
-    """Return the places (V, 3) of all vehicles, the leader's at the origin."""
-    places = np.zeros((len(scenario.vehicles), 3))
-    places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
-    return places
 
 
 def _spread(slots: Array, separation_m: float) -> Array:
@@ -96,8 +82,7 @@ def path_end_s(scenario: Scenario) -> float:
     Raises:
         PathError: no path leads through the waypoints.
     """
-    _, times_s = _progress(scenario)
-    return float(times_s[-1])
+    return float(_progress(scenario)[1][-1])
 
 
 def planned_end_m(scenario: Scenario) -> float:

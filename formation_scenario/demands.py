@@ -12,12 +12,11 @@ from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.environment import Terrain
-from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
 from formation_scenario.reconfiguration import column_names
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
-from formation_scenario.source import KeyPath, Source
+from formation_scenario.source import Finding, KeyPath
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
@@ -59,10 +58,10 @@ class SampledPath(NamedTuple):
         for run in np.split(indices, breaks) if indices.size else []:
             yield slice(int(run[0]), int(run[-1]) + 1)
 
-    def problem(self, source: Source, index: int, found: str, allowed: str) -> Problem:
-        """Return a problem at a sample, with the nearest waypoint as its key."""
+    def finding(self, index: int, found: str, allowed: str) -> Finding:
+        """Return what was found at a sample, with the nearest waypoint as its key."""
         where = f"path at {self.places_m[index]:.0f} m ({_place(self.points, index)})"
-        return source.problem((*WAYPOINTS, int(self.waypoints[index])), f"{where}: {found}", allowed)
+        return (*WAYPOINTS, int(self.waypoints[index])), f"{where}: {found}", allowed
 
 
 class _Demand(NamedTuple):
@@ -75,13 +74,17 @@ class _Demand(NamedTuple):
     step: SlotStep | None
 
 
-def excesses(scenario: Scenario, source: Source, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Problem]:
-    """Return what is outside some vehicle's limits: the path's speed, or else one problem for each place."""
-    speed = list(_speed(scenario, source))
-    return speed or _first([*climbs(scenario, source, sampled), *_bends(scenario, source, sampled, steps)], source)
+def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
+    """Return what is outside some vehicle's limits: the path's speed, or else up to `MOST_PLACES` places."""
+    speed = list(_speed(scenario))
+    if speed:
+        return speed
+    places = [*climbs(scenario, sampled), *_bends(scenario, sampled, steps)]
+    rest = len(places) - MOST_PLACES
+    return [*places[:MOST_PLACES], *([(WAYPOINTS, f"found {rest} more places like these", "")] if rest > 0 else [])]
 
 
-def climbs(scenario: Scenario, source: Source, sampled: SampledPath) -> Iterator[Problem]:
+def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
     """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
@@ -90,21 +93,21 @@ def climbs(scenario: Scenario, source: Source, sampled: SampledPath) -> Iterator
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {abs(climb_mps[index]):.3g} m/s"
         allowed = f"up to {most_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        yield sampled.problem(source, index, found, allowed)
+        yield sampled.finding(index, found, allowed)
 
 
-def _speed(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def _speed(scenario: Scenario) -> Iterator[Finding]:
     """Yield the path's speed if some vehicle can't fly it, the leader first."""
     speed = scenario.path.speed_mps
     for vehicle in (each for each in columns(scenario) if each is not None):
         if not vehicle.model.speed_min_mps <= speed <= vehicle.model.speed_max_mps:
             who = "leader" if vehicle is scenario.leader else "vehicle"
             allowed = f"{_speeds(vehicle.model)}, {who} {vehicle.vehicle_id}'s limits"
-            yield source.problem(("path", "speed_mps"), f"found {speed:g} m/s", allowed)
+            yield ("path", "speed_mps"), f"found {speed:g} m/s", allowed
             return
 
 
-def _bends(scenario: Scenario, source: Source, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> Iterator[Problem]:
+def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> Iterator[Finding]:
     """Yield the worst demand of each stretch that is too tight: the leader's if it is too tight for the leader."""
     everyone = columns(scenario)
     leading = [_leaders(scenario, sampled, everyone, steps)]
@@ -125,7 +128,7 @@ def _bends(scenario: Scenario, source: Source, sampled: SampledPath, steps: tupl
         whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
         more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
         found = f"{whose} would need {worst.figure[index, column]:.3g} {worst.unit}{more}"
-        yield sampled.problem(source, index, found, _allowed(worst.limit, who.model, scenario.path.speed_mps))
+        yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.speed_mps))
 
 
 def _leaders(
@@ -133,7 +136,8 @@ def _leaders(
 ) -> _Demand:
     """Return the turn rates of those that lead; slots at rest climb as their leader does."""
     leads = {step.arrangement.leader for step in steps}
-    most = _limits(everyone, "turn_rate_max_rps", [column not in leads for column in range(len(everyone))])
+    models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
+    most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
     turn = np.abs(scenario.path.speed_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
     return _Demand("turn", "rad/s of turn", turn / most, turn, None)
 
@@ -144,25 +148,16 @@ def _followers(
     """Yield what a formation's slots ask of each limit."""
     course = Course.along(sampled.points, scenario.path.speed_mps)
     needs = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
-    free = [column == step.arrangement.leader for column in range(len(everyone))]
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
-    soon = [
-        (0.0, np.inf) if who is None or exempt else who.model.soon_mps(scenario.path.speed_mps)
-        for who, exempt in zip(everyone, free, strict=True)
-    ]
-    slowest, fastest = np.array(soon).T
+    leader, at_mps = step.arrangement.leader, scenario.path.speed_mps
+    models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]
+    slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
+    turn_most = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
+    accel_most = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])
     yield _Demand("speed", "m/s", speed / fastest, speed, step)
     yield _Demand("speed", "m/s", slowest / np.maximum(speed, TOLERANCE), speed, step)
-    turns = [exempt or (who is not None and who.model.hovers) for who, exempt in zip(everyone, free, strict=True)]
-    yield _Demand("turn", "rad/s of turn", turn / _limits(everyone, "turn_rate_max_rps", turns), turn, step)
-    yield _Demand("accel", "m/s² of acceleration", accel / _limits(everyone, "accel_max_mps2", free), accel, step)
-
-
-def _limits(everyone: Sequence[Vehicle | None], name: str, free: Sequence[bool]) -> Array:
-    """Return a limit of each column, (N,); none for a virtual leader and for who is `free` of it."""
-    each = zip(everyone, free, strict=True)
-    bound = [np.inf if who is None or exempt else getattr(who.model, name) for who, exempt in each]
-    return np.array(bound, dtype=np.float64)
+    yield _Demand("turn", "rad/s of turn", turn / turn_most, turn, step)
+    yield _Demand("accel", "m/s² of acceleration", accel / accel_most, accel, step)
 
 
 def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:
@@ -179,31 +174,24 @@ def _speeds(model: VehicleModel) -> str:
     return f"{model.speed_min_mps:g} to {model.speed_max_mps:g} m/s"
 
 
-def _first(problems: list[Problem], source: Source) -> list[Problem]:
-    """Return the first `MOST_PLACES` problems, and how many more there are."""
-    rest = len(problems) - MOST_PLACES
-    more = [source.problem(WAYPOINTS, f"found {rest} more places like these")] if rest > 0 else []
-    return [*problems[:MOST_PLACES], *more]
-
-
-def check_terrain(scenario: Scenario, source: Source) -> list[Problem]:
+def check_terrain(scenario: Scenario) -> list[Finding]:
     """Return the reasons why the formation can't clear the ground, each with the place where it is worst."""
     terrain = scenario.terrain
     if terrain is None:
-        return list(_over_plain(scenario, source))
+        return list(_over_plain(scenario))
     ground, flat = scenario.ground, scenario.path.written
     begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
     places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
-    unknown = list(_unknown(scenario, source, ground, places, points))
+    unknown = list(_unknown(scenario, ground, places, points))
     if unknown:
         return unknown
     height_m = ground.height(points.north_m, points.east_m)
-    begun = [*_take_off(scenario, source, ground), *_run_in(terrain, source, places, points, height_m)]
-    return begun or list(_path(scenario, terrain, source, ground))
+    begun = [*_take_off(scenario, ground), *_run_in(terrain, places, points, height_m)]
+    return begun or list(_path(scenario, terrain, ground))
 
 
-def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def _over_plain(scenario: Scenario) -> Iterator[Finding]:
     """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
     path, least_m = scenario.path.written, scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
@@ -213,19 +201,16 @@ def _over_plain(scenario: Scenario, source: Source) -> Iterator[Problem]:
     if height_m < least_m - SHORT_M:
         whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
         found = f"{_place(points, worst)}: {whose} is {height_m:.1f} m above the ground"
-        yield source.problem(WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)")
+        yield WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)"
 
 
-def _unknown(
-    scenario: Scenario, source: Source, ground: Ground, places: Array, points: PathPoints
-) -> Iterator[Problem]:
+def _unknown(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
     """Yield the first point of the path below which, or below a slot at which, the file has no value."""
     cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
-        for column in step.following:
-            forward, right, up = step.places_m[column].tolist()
-            slots.setdefault((forward, right, up), f"{everyone[column]} in shape {step.shape}")
+        for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
+            slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
     for slot, who in slots.items():
         north = points.north_m + slot[0] * cosine - slot[1] * sine
         east = points.east_m + slot[0] * sine + slot[1] * cosine
@@ -234,11 +219,11 @@ def _unknown(
             first = int(void[0])
             place = f"north {north[first]:.0f}, east {east[first]:.0f}"
             found = f"found no elevation under {who} at {places[first]:.0f} m of the path ({place})"
-            yield source.problem(FILE, found, "a file that covers the path and every slot, without voids")
+            yield FILE, found, "a file that covers the path and every slot, without voids"
             return
 
 
-def _take_off(scenario: Scenario, source: Source, ground: Ground) -> Iterator[Problem]:
+def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
     if scenario.start.in_air:
         return
     places = np.array([(each.north_m, each.east_m) for each in start_states(scenario)])
@@ -246,11 +231,11 @@ def _take_off(scenario: Scenario, source: Source, ground: Ground) -> Iterator[Pr
     for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
         if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
             found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
-            yield source.problem(("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true")
+            yield ("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true"
             return
 
 
-def _run_in(terrain: Terrain, source: Source, places: Array, points: PathPoints, height_m: Array) -> Iterator[Problem]:
+def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:
     """Yield the lowest clearance on the level run-in, which isn't lifted, and at the path's start."""
     before = np.flatnonzero(places <= 0.0)
     clearance = points.height_m[before] - height_m[before]
@@ -258,10 +243,10 @@ def _run_in(terrain: Terrain, source: Source, places: Array, points: PathPoints,
     if clearance[worst] < terrain.clearance_m - SHORT_M:
         where = "the path's start" if places[worst] == 0.0 else f"{-places[worst]:.0f} m before the path's start"
         found = f"{_place(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
-        yield source.problem((*WAYPOINTS, 0), found, _least(terrain))
+        yield (*WAYPOINTS, 0), found, _least(terrain)
 
 
-def _path(scenario: Scenario, terrain: Terrain, source: Source, ground: Ground) -> Iterator[Problem]:
+def _path(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Finding]:
     path = scenario.leader_path
     assert isinstance(path, LiftedPath)
     if path.lift.short_m <= SHORT_M:
@@ -275,7 +260,7 @@ def _path(scenario: Scenario, terrain: Terrain, source: Source, ground: Ground) 
         f"path at {places[worst]:.0f} m ({_place(points, worst)}): {clearance[worst]:.1f} m above the ground, "
         f"{terrain.clearance_m - clearance[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
     )
-    yield source.problem(WAYPOINTS, found, f"{_least(terrain)}, or a higher start")
+    yield WAYPOINTS, found, f"{_least(terrain)}, or a higher start"
 
 
 def _place(points: PathPoints, index: int) -> str:

@@ -9,8 +9,7 @@ from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, cast, get_a
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
-from formation_scenario.errors import Problem, did_you_mean
-from formation_scenario.fields import CHOICE, Allowed
+from formation_scenario.fields import CHOICE, Allowed, Problem, did_you_mean
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
 MAPPING_KEY = "[key]"
@@ -41,38 +40,29 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     if error in UNKNOWN_KEY:
         parent = _expected(model, loc[:-1])
         keys = _keys(parent.type) if is_group(parent.type) else []
-        return _unknown_key((*above, *parent.path, loc[-1]), keys, source)
+        near = did_you_mean(str(loc[-1]), keys)
+        path = (*above, *parent.path, loc[-1])
+        return source.problem(path, f"found an unknown key '{loc[-1]}'", ", ".join(keys) + near)
     if MAPPING_KEY in loc:
-        return _wrong_id(loc[: loc.index(MAPPING_KEY)], model, source, above)
+        loc = loc[: loc.index(MAPPING_KEY)]
+        allowed = describe(*bare(get_args(_expected(model, loc[:-1]).type)[0]))
+        return source.problem((*above, *loc), f"found key {show(loc[-1])}", allowed)
     expected = _expected(model, loc)
     path = (*above, *expected.path)
     if error.startswith(CHOICE):
-        return _wrong_choice(
-            (*path, error.removeprefix(CHOICE)), [str(word) for word in members(expected.type)], source
-        )
+        path, words = (*path, error.removeprefix(CHOICE)), [str(word) for word in members(expected.type)]
+        word = _value_at(source.data, path)
+        near = did_you_mean(word, words) if isinstance(word, str) else ""
+        return source.problem(path, f"found {show(word)}", ", ".join(words) + near)
     allowed = describe(expected.type, expected.constraints)
     if error == "missing" and not expected.rest:
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
     found = f"found {kind(value) if is_group(expected.type) else show(value)}"
-    near = did_you_mean(value, _choices(expected)) if isinstance(value, str) else ""
+    named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
+    choices = named or [str(each) for each in get_args(expected.type) if get_origin(expected.type) is Literal]
+    near = did_you_mean(value, choices) if isinstance(value, str) else ""
     return Problem(*source.place((*path, *expected.rest)), dotted(path), found, allowed + near)
-
-
-def _wrong_choice(path: KeyPath, words: list[str], source: Source) -> Problem:
-    word = _value_at(source.data, path)
-    near = did_you_mean(word, words) if isinstance(word, str) else ""
-    return source.problem(path, f"found {show(word)}", ", ".join(words) + near)
-
-
-def _wrong_id(loc: tuple[Key, ...], model: type[BaseModel], source: Source, above: KeyPath) -> Problem:
-    key_type, constraints = bare(get_args(_expected(model, loc[:-1]).type)[0])
-    return source.problem((*above, *loc), f"found key {show(loc[-1])}", describe(key_type, constraints))
-
-
-def _unknown_key(path: KeyPath, keys: Sequence[str], source: Source) -> Problem:
-    near = did_you_mean(str(path[-1]), keys)
-    return source.problem(path, f"found an unknown key '{path[-1]}'", ", ".join(keys) + near)
 
 
 def _keys(model: type[BaseModel]) -> list[str]:
@@ -106,9 +96,13 @@ def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
 
 def members(annotation: object) -> dict[Key, object]:
     """Return the groups of keys of a tagged union by their tags; empty for any other type."""
-    groups = get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
-    tagged = [(item, group) for group in groups if get_origin(group) is Annotated for item in get_args(group)[1:]]
-    return {item.tag: group for item, group in tagged if isinstance(item, Tag)}
+    groups = [group for group in _union(annotation) if get_origin(group) is Annotated]
+    return {item.tag: group for group in groups for item in get_args(group)[1:] if isinstance(item, Tag)}
+
+
+def _union(annotation: object) -> tuple[object, ...]:
+    """Return the members of a union; none of any other type."""
+    return get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
 
 
 def _inner(annotation: object, key: Key) -> object:
@@ -130,21 +124,12 @@ def bare(annotation: object) -> tuple[object, tuple[object, ...]]:
             annotation = annotation.annotation
         elif get_origin(annotation) is Annotated:
             annotation, *metadata = get_args(annotation)
-            constraints = (*constraints, *_flat(metadata))
-        elif len(rest := _not_none(annotation)) == 1:
+            for entry in metadata:
+                constraints = (*constraints, *(entry.metadata if isinstance(entry, FieldInfo) else [entry]))
+        elif len(rest := [each for each in _union(annotation) if each is not types.NoneType]) == 1:
             annotation = rest[0]
         else:
             return annotation, constraints
-
-
-def _flat(metadata: Sequence[object]) -> list[object]:
-    return [item for entry in metadata for item in (entry.metadata if isinstance(entry, FieldInfo) else [entry])]
-
-
-def _not_none(annotation: object) -> list[object]:
-    if get_origin(annotation) not in {Union, types.UnionType}:
-        return []
-    return [argument for argument in get_args(annotation) if argument is not types.NoneType]
 
 
 def allowed(annotation: object) -> str:
@@ -180,11 +165,6 @@ def _range(constraints: Sequence[object]) -> str:
 
 _BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 _UNBOUNDED = 1e9
-
-
-def _choices(expected: _Expected) -> list[str]:
-    named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
-    return named or [str(choice) for choice in get_args(expected.type) if get_origin(expected.type) is Literal]
 
 
 def is_group(annotation: object) -> TypeGuard[type[BaseModel]]:

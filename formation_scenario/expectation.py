@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
-
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, VehicleSelection, key
+from formation_scenario.fields import Keys, NonNegative, Number, OneOf, VehicleSelection, key
 
 SETTLED_M = 0.5
 """Within so much of its slot on every axis a vehicle is in it."""
@@ -68,18 +65,7 @@ METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
 """Metrics and what they are."""
 
 
-def _known_metric(value: object) -> object:
-    if value not in METRICS:
-        raise PydanticCustomError("metric", "unknown metric")
-    return value
-
-
-Metric = Annotated[
-    str,
-    BeforeValidator(_known_metric),
-    WithJsonSchema({"type": "string", "enum": list(METRICS)}),
-    Allowed(", ".join(METRICS), tuple(METRICS)),
-]
+Metric = Annotated[str, OneOf(", ".join(METRICS), tuple(METRICS))]
 
 
 def keeps(value: float, below: float | None, above: float | None) -> bool:

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
-from formation_scenario.demands import SampledPath, check_terrain, climbs, excesses
+from formation_scenario.demands import TOLERANCE, SampledPath, check_terrain, climbs, excesses
 from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
-from formation_scenario.errors import Problem
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
 from formation_scenario.slot_assignment import SlotStep, assigned, columns, first_arrangement, slot_schedule
 from formation_scenario.slot_motion import Transition
-from formation_scenario.source import KeyPath, Source
+from formation_scenario.source import Finding, KeyPath
 from formation_scenario.transition_plan import NotFlyableError
 from formation_scenario.vehicles import Vehicle
 
@@ -26,29 +25,26 @@ OFF_M = 0.01
 """By how much heights may exceed a limit."""
 
 Place = tuple[float, float, float]
-TOLERANCE = 1e-6
+Flyers = dict[Place, tuple[str, Vehicle]]
+"""Who flies at each place of the formations: forward, right and up of the leader."""
 
 
-def check_fence(
-    scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float
-) -> Iterator[Problem]:
+def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
     """Yield the worst place of each limit of the fence, from `from_m` on the path; from its start: with the run-in."""
     fence = scenario.safety.fence
     if fence is None:
         return
     begin_m = -scenario.start.run_in_s * scenario.path.speed_mps if from_m <= 0.0 else from_m
     sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
-    yield from _heights(fence, source, sampled, flyers)
+    yield from _heights(fence, sampled, flyers)
     if fence.corners_m is not None:
-        yield from _sides(np.array(fence.corners_m), scenario, source, sampled, flyers)
+        yield from _sides(np.array(fence.corners_m), scenario, sampled, flyers)
 
 
-def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> dict[Place, tuple[str, Vehicle]]:
-    """Return who flies at each place of the formations: forward, right and up of the leader."""
-    found: dict[Place, tuple[str, Vehicle]] = {}
-    everyone = columns(scenario)
+def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Flyers:
+    found: Flyers = {}
     for step in steps:
-        for column, vehicle in enumerate(everyone):
+        for column, vehicle in enumerate(columns(scenario)):
             if vehicle is not None:
                 leads = column == step.arrangement.leader
                 who = "the leader" if leads else f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape}"
@@ -57,9 +53,7 @@ def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> dict[Place, tupl
     return found
 
 
-def _heights(
-    fence: Fence, source: Source, sampled: SampledPath, flyers: Mapping[Place, tuple[str, Vehicle]]
-) -> Iterator[Problem]:
+def _heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
     lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
     height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
     for place, index, limit, key in (
@@ -69,16 +63,10 @@ def _heights(
         found_m = float(height_m[index]) + place[2]
         if found_m < limit - OFF_M if key == "height_min_m" else found_m > limit + OFF_M:
             allowed = f"{limit:g} m or {'more' if key == 'height_min_m' else 'less'} (safety.fence.{key})"
-            yield sampled.problem(source, index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
+            yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
 
 
-def _sides(
-    corners_m: Array,
-    scenario: Scenario,
-    source: Source,
-    sampled: SampledPath,
-    flyers: Mapping[Place, tuple[str, Vehicle]],
-) -> Iterator[Problem]:
+def _sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
     """Yield the place farthest outside; if none is, the one with the least room."""
     course, speed = sampled.points.course_rad, scenario.path.speed_mps
     along = np.stack((np.cos(course), np.sin(course)), axis=-1)
@@ -89,7 +77,7 @@ def _sides(
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
         found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
-        yield sampled.problem(source, int(index), found, "inside it (safety.fence.corners_m)")
+        yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
         return
     through_air = speed + math.hypot(*scenario.wind.velocity_mps[:2])
     turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
@@ -98,28 +86,27 @@ def _sides(
         who, index = np.unravel_index(int(room.argmin()), room.shape)
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
-        yield sampled.problem(source, int(index), found, allowed)
+        yield sampled.finding(int(index), found, allowed)
 
 
-def check(scenario: Scenario, source: Source) -> list[Problem]:
+def check(scenario: Scenario) -> list[Finding]:
     """Return what can't be flown: one problem for each place of the path, or for each formation.
 
     A leg too steep makes the spline swing far below and above its ends: it is what is wrong then, not the ground.
     """
-    over_ground = check_terrain(scenario, source)
+    over_ground = check_terrain(scenario)
     if over_ground:
-        steep = list(climbs(scenario, source, SampledPath.along(scenario.path.written)))
+        steep = list(climbs(scenario, SampledPath.along(scenario.path.written)))
         return steep or over_ground
     path, steps = scenario.leader_path, slot_schedule(scenario)
-    standing = _standing(scenario, source, path, steps, _keys(scenario), 0.0)
-    return standing or _transitions(scenario, source, path, steps)
+    standing = _standing(scenario, path, steps, _keys(scenario), 0.0)
+    return standing or _transitions(scenario, path, steps)
 
 
 def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: float) -> list[str]:
     """Return, in words, what of a formation can't be flown on the path from `from_m` on."""
-    source, keys = Source(None, {}, {}), [("formation",)]
-    problems = _standing(scenario, source, path, (step,), keys, min(max(from_m, 0.0), path.length_m))
-    return [f"{problem.found}; allowed: {problem.allowed}" for problem in problems]
+    problems = _standing(scenario, path, (step,), [("formation",)], min(max(from_m, 0.0), path.length_m))
+    return [f"{found}; allowed: {allowed}" for _, found, allowed in problems]
 
 
 def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
@@ -160,30 +147,27 @@ def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
 
 
 def _standing(
-    scenario: Scenario,
-    source: Source,
-    path: SplinePath,
-    steps: tuple[SlotStep, ...],
-    keys: Sequence[KeyPath],
-    from_m: float,
-) -> list[Problem]:
+    scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], from_m: float
+) -> list[Finding]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
+    least_m = scenario.safety.separation_m
+    near, allowed = _near(scenario, steps, keys, least_m * (1.0 - TOLERANCE)), f"{least_m:g} m or more"
     return [
-        *excesses(scenario, source, SampledPath.along(path, from_m), steps),
-        *_separation(scenario, source, steps, keys),
-        *_ahead_of_leader(scenario, source, steps, keys),
-        *check_fence(scenario, source, path, steps, from_m),
+        *excesses(scenario, SampledPath.along(path, from_m), steps),
+        *((key, found, f"{allowed} (safety.separation_m)") for key, found in near),
+        *_ahead_of_leader(scenario, steps, keys),
+        *check_fence(scenario, path, steps, from_m),
     ]
 
 
-def _transitions(scenario: Scenario, source: Source, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Problem]:
+def _transitions(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Finding]:
     """Return the first change that can't be flown: the start of the later ones isn't known then."""
     for key, at_m, way in _ways(scenario, path, steps):
         if isinstance(way, NotFlyableError):
             missed_m = at_m + way.elapsed_s * scenario.path.speed_mps
             place = path.at(missed_m)
             where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
-            return [source.problem(key, f"path at {missed_m:.0f} m ({where}): {way.found}", way.allowed)]
+            return [(key, f"path at {missed_m:.0f} m ({where}): {way.found}", way.allowed)]
     return []
 
 
@@ -224,14 +208,6 @@ def _ways(
         yield key, at_m, way
 
 
-def _separation(
-    scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
-) -> Iterator[Problem]:
-    allowed = f"{scenario.safety.separation_m:g} m or more (safety.separation_m)"
-    for path, found in _near(scenario, steps, keys, scenario.safety.separation_m * (1.0 - TOLERANCE)):
-        yield source.problem(path, found, allowed)
-
-
 def _near(
     scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], least_m: float
 ) -> Iterator[tuple[KeyPath, str]]:
@@ -244,14 +220,13 @@ def _near(
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
         if nearest < least_m:
-            pair = " and ".join(_who(step, column, everyone) for column in (one, other))
+            leader = step.arrangement.leader
+            pair = " and ".join("the leader" if each == leader else everyone[each] for each in (one, other))
             key = "slots_m" if step.shape == "custom" else "spacing_m"
             yield (*path, key), f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
 
 
-def _ahead_of_leader(
-    scenario: Scenario, source: Source, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]
-) -> Iterator[Problem]:
+def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]) -> Iterator[Finding]:
     if scenario.formation.frame != "follower_heading":
         return
     for path, step in zip(keys, steps, strict=True):
@@ -262,11 +237,7 @@ def _ahead_of_leader(
                 f"found shape {step.shape} with {column_names(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"
             )
-            yield source.problem((*path, "shape"), found, "slots behind, or frame: leader_heading")
-
-
-def _who(step: SlotStep, column: int | np.intp, everyone: tuple[str, ...]) -> str:
-    return "the leader" if column == step.arrangement.leader else everyone[column]
+            yield (*path, "shape"), found, "slots behind, or frame: leader_heading"
 
 
 def _keys(scenario: Scenario) -> list[KeyPath]:

@@ -1,14 +1,16 @@
-"""Types of the values of scenario keys, with descriptions of what is allowed."""
+"""Types of the values of scenario keys, with descriptions of what is allowed, and problems of values in such terms."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, TypeAlias, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
 from pydantic.config import JsonDict
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import literal_schema
 
 MAX_SYSTEM_ID = 254
 MAX_NETWORK = 1000
@@ -43,6 +45,13 @@ class Allowed:
 
     text: str
     choices: tuple[str, ...] = ()
+
+
+class OneOf(Allowed):
+    """Allows its choices alone, which a Literal would have to name one by one."""
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+        return literal_schema(list(self.choices))
 
 
 DERIVED = "x-default"
@@ -126,3 +135,56 @@ class Timed(Keys):
 
     at_s: NonNegative = key(..., "when it happens, s", 40)
     vehicles: VehicleSelection = key("all", "to whom: all, or a list of ids", [2, 3])
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One problem of a scenario.
+
+    `file` is the scenario's file or the override that it came from, None for a mapping; `line` and `column` count from
+    1. `found` is a phrase ("found 'diamnd'"), and `allowed` says what is allowed instead.
+    """
+
+    file: str | None
+    line: int | None
+    column: int | None
+    key: str
+    found: str
+    allowed: str = ""
+
+    def __str__(self) -> str:
+        """Return `file:line:column: key: found; allowed: ...`, without the parts that aren't known."""
+        place = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
+        what = f"{self.found}; allowed: {self.allowed}" if self.allowed else self.found
+        return ": ".join(part for part in (place, self.key, what) if part)
+
+
+class ScenarioError(Exception):
+    """A scenario that can't be flown as written; `problems` are all that was found, in the order of lines."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        files = list(dict.fromkeys(problem.file for problem in problems))
+        self.problems = tuple(
+            sorted(problems, key=lambda each: (files.index(each.file), each.line or 0, each.column or 0))
+        )
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+def refused(key: str, found: str, allowed: str = "", file: str | None = None) -> ScenarioError:
+    """Return the error of a single problem without a line."""
+    return ScenarioError([Problem(file, None, None, key, found, allowed)])
+
+
+class FileError(Exception):
+    """A file that a key names can't be used; the message says what was found, and where."""
+
+
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
+    """Return " (did you mean 'x'?)" for the choice nearest to a word, "" when none is near.
+
+    A choice that is the word with a unit (`speed_mps` for `speed`) takes precedence.
+    """
+    known = list(choices)
+    with_unit = [choice for choice in known if choice.startswith(f"{word}_")]
+    near = with_unit or difflib.get_close_matches(word, known, n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""

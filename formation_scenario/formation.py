@@ -1,20 +1,46 @@
-"""Keys of the formation: shape, frame of the slots, changes in flight; steps for identification."""
+"""Keys of the formation: shape, frame of the slots, changes in flight; and of the law that keeps it.
+
+The consensus has a communication graph, a weighted adjacency matrix: entry (p, q) is positive when p hears q.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
-from formation_scenario.fields import MAX_NEAR_M, Keys, NonNegative, Number, Offset, Positive, VehicleRef, key
+from flight_model.arrays import Array, Indices
+from formation_scenario.fields import (
+    MAX_NEAR_M,
+    Allowed,
+    Flag,
+    Keys,
+    NonNegative,
+    Number,
+    Offset,
+    Positive,
+    Rate,
+    VehicleRef,
+    key,
+)
 
 Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle", "custom"]
 Frame = Literal["leader_heading", "follower_heading"]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
 MOST_MPS, MOST_DEG, MOST_M = 5.0, 45.0, 50.0
+GraphWeights = tuple[tuple[NonNegative, ...], ...]
+Graph = Annotated[
+    Literal["star", "path", "ring", "complete"] | GraphWeights,
+    Allowed("star, path, ring, complete, or a square list of weights >= 0", ("star", "path", "ring", "complete")),
+]
+LawType = Literal["fuzzy_pid", "pid", "consensus"]
+"""`gcs_formation.control.laws` says what each is."""
+OF_THE_SET = "of the set that law.gains names"
 
 
 class FormationChange(Keys):
@@ -81,3 +107,162 @@ def _share(step: Step, since_s: float) -> float:
     if step.ramp_s == 0.0:
         return 1.0
     return min(1.0, since_s / step.ramp_s, (step.for_s - since_s) / step.ramp_s)
+
+
+def _of_the_set(description: str, example: float) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
+    """Return the field of a key that the set of gains fills."""
+    return key(..., description, example, derived=OF_THE_SET)
+
+
+class Mixer(Keys):
+    """Weights of the mixed errors (equation 13)."""
+
+    k_v: NonNegative = _of_the_set("weight of the speed difference, m/s, in the mixed speed error", 0.5)
+    k_x: NonNegative = _of_the_set("weight of the forward error, m, in the mixed speed error", 0.5)
+    k_psi: NonNegative = _of_the_set("weight of the heading difference, rad, in the mixed heading error", 0.2)
+    k_y: NonNegative = _of_the_set("weight of the lateral error, m, in the mixed heading error", 0.02)
+    k_z: NonNegative = _of_the_set("weight of the height error, m, in the mixed height error", 0.8)
+
+
+class PidGains(Keys):
+    """Nominal gains of one channel and the ranges of the fuzzy scheduler's inputs."""
+
+    kp: NonNegative = _of_the_set("proportional gain", 1.5)
+    ki: NonNegative = _of_the_set("integral gain, 1/s", 0.2)
+    kd: NonNegative = _of_the_set("derivative gain, s", 1)
+    error_scale: Positive = _of_the_set("mixed error that counts as 1", 2)
+    rate_scale: Positive = _of_the_set("rate of the mixed error that counts as 1, 1/s", 2)
+
+
+class Fuzzy(Keys):
+    """Range of the fuzzy scheduler: gain = (base + span·F)·nominal, F in [0, 1]."""
+
+    base: NonNegative = key(0.7, "share of the nominal gain at F = 0", 0.8)
+    span: NonNegative = key(0.6, "share of the nominal gain that F = 1 adds", 0.4)
+    tables: Literal["printed", "symmetric"] = key(
+        "printed", "the rule tables: as the paper prints them, or made symmetric"
+    )
+
+
+class Consensus(Keys):
+    """Gains and graph of the consensus protocol (equation 3)."""
+
+    k1: NonNegative = key(0.1, "gain on positions, 1/s²", 0.05)
+    k2: NonNegative = key(0.6, "gain on velocities, 1/s", 0.5)
+    k3: NonNegative = key(0.25, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
+    graph: Graph = key("star", "who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q", "ring")
+
+
+class Law(Keys):
+    """The control law and its parameters."""
+
+    type: LawType = key("fuzzy_pid", "the law", "consensus")
+    rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
+    delay_compensation: Flag = key(True, "predict the states over the links' delays")
+    lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
+    on_delay: Literal["degrade", "hold", "warn"] = key(
+        "warn", "when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn"
+    )
+    gains: Literal["auto", "clean", "noise"] = key(
+        ...,
+        "set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "
+        "and disturbance_observer_radps; auto: by design, from the vehicles' models, links and noise",
+        "noise",
+        derived="auto if any vehicle's model has an airframe or is a file's, else noise if any vehicle's navigation is "
+        "noisy, else clean",
+    )
+    design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = key(
+        0.0,
+        "delay of the links each way that gains: auto are designed for where `links`, which emulates "
+        "links, has less, ms; where longer ones are measured, they are designed anew",
+        300,
+    )
+    derivative_filter_s: NonNegative = _of_the_set("time constant of the derivative's filter, s", 0.5)
+    anti_windup_s: Positive = key(1.0, "time constant of the back-calculation, s", 20)
+    max_age_s: Positive = key(
+        5.0, "oldest telemetry that is predicted from, s; beyond, the vehicle is told to loiter", 3
+    )
+    disturbance_observer_radps: NonNegative = _of_the_set(
+        "bandwidth of the disturbance observer, rad/s; 0 switches it off", 0.5
+    )
+    mixer: Mixer = key(..., "weights of the mixed errors", derived=OF_THE_SET)
+    speed: PidGains = key(..., "forward channel", derived=OF_THE_SET)
+    heading: PidGains = key(..., "lateral channel; defaults depend on formation.frame too", derived=OF_THE_SET)
+    height: PidGains = key(..., "height channel", derived=OF_THE_SET)
+    fuzzy: Fuzzy = Fuzzy()
+    consensus: Consensus = Consensus()
+
+
+def graph_adjacency(name: str, count: int) -> Array:
+    """Return the unit-weight undirected graph (count, count) of a name: star, path, ring or complete.
+
+    Vehicle 0 is the centre of the star and an end of the path.
+    """
+    p, q = np.indices((count, count))
+    distance = np.abs(p - q)
+    edges = {
+        "star": np.minimum(p, q) == 0,
+        "path": distance == 1,
+        "ring": (distance == 1) | (distance == count - 1),
+        "complete": np.full((count, count), True),
+    }
+    return (edges[name] & (distance > 0)).astype(np.float64)
+
+
+def as_adjacency(graph: npt.ArrayLike) -> Array:
+    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p hears q.
+
+    Raises:
+        ValueError: not square, a weight negative or not finite.
+    """
+    weights = np.asarray(graph, dtype=np.float64)
+    if weights.size == 0 or weights.shape != (len(weights), len(weights)):
+        raise ValueError(f"adjacency of shape {weights.shape}: a square matrix is needed")
+    if not np.all(np.isfinite(weights) & (weights >= 0.0)):
+        raise ValueError("adjacency weights must be finite and not negative")
+    return weights
+
+
+class Component(NamedTuple):
+    """A strongly connected part of a graph."""
+
+    members: Indices
+    hears_nobody_outside: bool
+
+
+def laplacian(adjacency: Array) -> Array:
+    """Graph Laplacian: row sums on the diagonal less the adjacency (own loops cancel)."""
+    return np.diag(adjacency.sum(axis=1)) - adjacency
+
+
+def components(adjacency: Array) -> list[Component]:
+    """Strongly connected components: the Laplacian is block triangular over them.
+
+    Its spectrum, and that of the consensus protocol, is the union over the components, also where the
+    whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
+    """
+    import scipy  # noqa: PLC0415 - only mutual laws have such a graph
+
+    linked = adjacency > 0
+    count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
+    parts: list[Component] = []
+    for label in range(int(count)):
+        inside = labels == label
+        parts.append(Component(np.flatnonzero(inside), not bool(linked[np.ix_(inside, ~inside)].any())))
+    return parts
+
+
+def spanning_components(adjacency: Array) -> list[Component]:
+    """`components` of a graph with a spanning tree: exactly one of them hears nobody outside.
+
+    Raises:
+        ValueError: no spanning tree; the message names a vehicle of each group that hears nobody outside.
+    """
+    parts = components(adjacency)
+    roots = [int(part.members[0]) for part in parts if part.hears_nobody_outside]
+    if len(roots) > 1:
+        raise ValueError(
+            "the graph has no spanning tree: one vehicle must be heard, directly or through others, by all, "
+            f"but the vehicles at rows {', '.join(map(str, roots))} hear nobody outside their own groups"
+        )
+    return parts

@@ -6,9 +6,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flight_model.design import FREQUENCIES, Channel, Telemetry, Weights, design, judged_channels
+from flight_model.design import (
+    FREQUENCIES,
+    UNMODELLED,
+    Channel,
+    Telemetry,
+    design,
+    judged_channels,
+    left_by_filter,
+)
 from flight_model.energy import AirframeParameters
-from flight_model.filtered_noise import UNMODELLED, left_by_filter
 from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
@@ -38,10 +45,7 @@ HEADING: dict[str, dict[str, Group]] = {
         LEADER: {"kp": 1.2, "ki": 0.5, "kd": 1.8, "error_scale": 0.1, "rate_scale": 0.1},
         FOLLOWER: {"kp": 1.0, "ki": 0.6, "kd": 0.1, "error_scale": 0.1, "rate_scale": 0.1},
     },
-    NOISE: {
-        LEADER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1},
-        FOLLOWER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1},
-    },
+    NOISE: {LEADER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1}},
 }
 FILTERS: dict[str, Group] = {
     CLEAN: {"derivative_filter_s": 0.1, "disturbance_observer_radps": 2.0},
@@ -59,25 +63,19 @@ LEAST = 0.001
 """Declared noise counts as no less, m, m/s and rad."""
 
 
-def gain_groups(gains: str, frame: str) -> dict[str, Group]:
-    """Return the groups of keys that a set of gains fills, for a slot frame; those of `clean` for an unknown set."""
+def gain_set(gains: str, frame: str) -> tuple[dict[str, Group], Group]:
+    """Return the groups and the single keys that a set of gains fills, for a slot frame; `clean` for an unknown set."""
     known = gains if gains in GROUPS else CLEAN
     heading = HEADING[known].get(frame, HEADING[known][LEADER])
-    return GROUPS[known] | {"heading": heading}
-
-
-def filters(gains: str) -> Group:
-    """Return the single keys that a set of gains fills."""
-    return FILTERS.get(gains, FILTERS[CLEAN])
+    return GROUPS[known] | {"heading": heading}, FILTERS[known]
 
 
 def designed(scenario: Scenario, given: Plain) -> Scenario:
     """Return a scenario with the law's gains by design, but those that are `given`, its `law` as it was written."""
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
-    found = design(*_known(scenario), _weights(weights), _telemetry(scenario))
-    filters = found.derivative_filter_s, found.observer_radps, found.anti_windup_s
-    filled = zip(DESIGNED_FILTERS, filters, strict=True)
+    found = design(*_known(scenario), weights, _telemetry(scenario))
+    filled = zip(DESIGNED_FILTERS, found.filters, strict=True)
     keys: dict[str, Any] = {name: value for name, value in filled if written.get(name) is None}
     keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
     for name, channel in found.channels.items():
@@ -111,7 +109,7 @@ def figures(scenario: Scenario) -> Mapping[str, Channel]:
     law = scenario.law
     vehicles, speed_mps = _known(scenario)
     gains = {name: (each.kp, each.ki, each.kd) for name in CHANNELS if (each := getattr(law, name))}
-    return judged_channels(gains, vehicles, speed_mps, _weights(law.mixer.model_dump()), _telemetry(scenario))
+    return judged_channels(gains, vehicles, speed_mps, law.mixer.model_dump(), _telemetry(scenario))
 
 
 def by_design(scenario: Scenario) -> bool:
@@ -129,10 +127,6 @@ def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
         return lag_responses(FREQUENCIES, model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, AirframeParameters.of(model.airframe.parameters()), speed_mps)
-
-
-def _weights(mixer: Mapping[str, float]) -> Weights:
-    return Weights(mixer["k_x"], mixer["k_psi"], mixer["k_y"], mixer["k_z"])
 
 
 def _telemetry(scenario: Scenario) -> Telemetry:

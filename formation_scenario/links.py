@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from formation_scenario.errors import FileError
-from formation_scenario.fields import Flag, Fraction, Keys, NonNegative, Number, Text, Timed, key
+from formation_scenario.fields import FileError, Flag, Fraction, Keys, NonNegative, Number, Text, Timed, key
 
 MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"

@@ -12,11 +12,11 @@ import yaml
 from pydantic import ValidationError
 
 from formation_scenario.describe import problems_of
-from formation_scenario.errors import Problem, ScenarioError
 from formation_scenario.feasibility import check
+from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
-from formation_scenario.resolve import resolve
+from formation_scenario.resolve import resolve, with_models
 from formation_scenario.rules import inconsistencies
 from formation_scenario.source import (
     MOST_DIGITS,
@@ -33,7 +33,6 @@ from formation_scenario.source import (
     read_value,
     show,
 )
-from formation_scenario.vehicle_file import with_models
 from formation_scenario.vehicles import VehicleGroup
 
 LONGEST = 10**6
@@ -83,19 +82,23 @@ def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
     name, equals, text = override.partition("=")
     path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
     if not equals or "" in path:
-        raise _refused("", f"found '{override}'", "dotted.key=value")
+        raise refused("", f"found '{override}'", "dotted.key=value")
     try:
         value = read_value(text)
     except ScenarioError as error:
         first = error.problems[0]
-        raise _refused(dotted(path), first.found, first.allowed) from error
+        raise refused(dotted(path), first.found, first.allowed) from error
     parent: Plain = data
     made: list[KeyPath] = []
     for depth, key in enumerate(path[:-1]):
         if isinstance(parent, dict) and parent.get(key) is None:
             made.append(path[: depth + 1])
-        parent = _step(parent, key, path[:depth])
-    _assign(parent, path, value)
+            parent[key] = {}
+        parent = parent[key] if isinstance(parent, dict) else _items(parent, path[: depth + 1])[int(key)]
+    if isinstance(parent, dict):
+        parent[path[-1]] = value
+    else:
+        _items(parent, path)[int(path[-1])] = value
     return [*made, path]
 
 
@@ -103,33 +106,15 @@ def _key(text: str) -> Key:
     return int(text) if text.isdecimal() and len(text) <= MOST_DIGITS else text
 
 
-def _step(parent: Plain, key: Key, above: KeyPath) -> Plain:
-    if isinstance(parent, dict):
-        if parent.get(key) is None:
-            parent[key] = {}
-        return parent[key]
-    return _items(parent, key, above)[int(key)]
-
-
-def _assign(parent: Plain, path: KeyPath, value: Plain) -> None:
-    if isinstance(parent, dict):
-        parent[path[-1]] = value
-    else:
-        _items(parent, path[-1], path[:-1])[int(path[-1])] = value
-
-
-def _items(parent: Plain, key: Key, above: KeyPath) -> list[Plain]:
+def _items(parent: Plain, path: KeyPath) -> list[Plain]:
+    """Return the list that a path's last key is an index of."""
+    above, key = dotted(path[:-1]), path[-1]
     if not isinstance(parent, list):
-        found = f"found {kind(parent)}, which has no '{key}' in it"
-        raise _refused(dotted(above), found, "a mapping or a list")
+        raise refused(above, f"found {kind(parent)}, which has no '{key}' in it", "a mapping or a list")
     if not isinstance(key, int) or key >= len(parent):
         allowed = f"0 to {len(parent) - 1}" if parent else "nothing, the list is empty"
-        raise _refused(dotted(above), f"found index '{key}'", allowed)
+        raise refused(above, f"found index '{key}'", allowed)
     return parent
-
-
-def _refused(key: str, found: str, allowed: str = "") -> ScenarioError:
-    return ScenarioError([Problem(None, None, None, key, found, allowed)])
 
 
 def load_scenario(
@@ -149,21 +134,16 @@ def load_scenario(
     scenario, resolved = _typed(read)
     if scenario.law.gains == AUTO:
         scenario = designed(scenario, read.data.get("law"))
-    problems = inconsistencies(scenario, resolved) or check(scenario, resolved)
-    if problems:
-        raise ScenarioError(problems)
+    found = inconsistencies(scenario) or check(scenario)
+    if found:
+        raise ScenarioError([resolved.problem(*each) for each in found])
     return scenario
 
 
 def dump_scenario(scenario: Scenario) -> str:
     """Return a scenario as YAML; loading it gives an equal scenario."""
     return yaml.dump(
-        _plain(scenario),
-        Dumper=Dumper,
-        sort_keys=False,
-        allow_unicode=True,
-        default_flow_style=None,
-        width=110,
+        _plain(scenario), Dumper=Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
 
 
@@ -178,29 +158,19 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
 
 
 def _typed(source: Source) -> tuple[Scenario, Source]:
-    problems = _group_problems(source)
-    if problems:
+    problems, group = list[Problem](), source.data.get("vehicles")
+    try:
+        if isinstance(group, dict):
+            VehicleGroup.model_validate(group)
+    except ValidationError as error:
+        problems = problems_of(error, VehicleGroup, source, ("vehicles",))
         # Check the rest as well, with a valid list in place of the group.
-        data = dict(source.data)
-        data["vehicles"] = [dict(ONE_VEHICLE)]
-        source = Source(source.file, data, source.places)
-    resolved = resolve(source)
+        source = replace(source, data=source.data | {"vehicles": [dict(ONE_VEHICLE)]})
+    resolved, scenario = resolve(source), None
     try:
         scenario = Scenario.model_validate(resolved.data)
     except ValidationError as error:
-        scenario = None
-        problems = [*problems, *problems_of(error, Scenario, resolved)]
+        problems += problems_of(error, Scenario, resolved)
     if problems or scenario is None:
         raise ScenarioError(list(dict.fromkeys(problems)))
     return scenario, resolved
-
-
-def _group_problems(source: Source) -> list[Problem]:
-    group = source.data.get("vehicles")
-    if not isinstance(group, dict):
-        return []
-    try:
-        VehicleGroup.model_validate(group)
-    except ValidationError as error:
-        return problems_of(error, VehicleGroup, source, ("vehicles",))
-    return []

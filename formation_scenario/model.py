@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from flight_model.arrays import Array
 from flight_model.displacement import Bounds
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import SplinePath
@@ -29,8 +30,7 @@ from formation_scenario.fields import (
     VehicleSelection,
     key,
 )
-from formation_scenario.formation import Formation, Step
-from formation_scenario.law import Law
+from formation_scenario.formation import Formation, Law, Step, as_adjacency, graph_adjacency
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
@@ -252,6 +252,12 @@ class Scenario(Keys):
     def leader(self) -> Vehicle | None:
         """The vehicle that leads at the start, None if a virtual leader does."""
         return next((vehicle for vehicle in self.vehicles if vehicle.role == "leader"), None)
+
+    @property
+    def adjacency(self) -> Array:
+        """The weights of the consensus graph, (N, N) in the order of the vehicles."""
+        graph = self.law.consensus.graph
+        return graph_adjacency(graph, len(self.vehicles)) if isinstance(graph, str) else as_adjacency(graph)
 
     @property
     def hovers(self) -> bool:

@@ -8,8 +8,7 @@ from typing import Annotated, Literal, NamedTuple, get_args
 from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from formation_scenario.errors import did_you_mean
-from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef, key
+from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef, did_you_mean, key
 from formation_scenario.formation import FormationChange, Shape
 
 End = Literal["loiter", "rtl", "land"]

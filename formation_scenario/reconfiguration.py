@@ -18,6 +18,7 @@ from flight_model.displacement import (
     STEP_M,
     DisplacedPath,
     Rise,
+    least_lift,
     sample_places,
 )
 from flight_model.path import PathPoints, Route, SplinePath
@@ -164,16 +165,16 @@ def take_over(
         + sqrt(SLOPE_JERK * abs(right_slope) * reach_m / slot_mps2),
         PEAK_RATE * abs(above.height_m) / climb_mps,
     )
-    way = DisplacedPath(path, from_m, over_s * speed, right_m, above, right_slope=right_slope)
+    begin = path, from_m, over_s * speed, right_m, above
+    way = DisplacedPath(*begin, right_slope=right_slope)
     if scenario.terrain is None or ground is None:
         return way
-    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
-
     places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)
-    return way.lifted(least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3)))
+    lift = least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3))
+    return DisplacedPath(*begin, lift, right_slope=right_slope)
 
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:

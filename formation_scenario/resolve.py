@@ -1,18 +1,26 @@
-"""Fills defaults that depend on other keys into the plain scenario, before it is typed."""
+"""Fills defaults that depend on other keys into the plain scenario, and vehicle files' models, before it is typed.
+
+A vehicle file has the model of one kind of aircraft: shipped by name, or written by `gcs-formation identify`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
+from typing import Literal
 
-from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID
+from pydantic import Field, ValidationError
+
+from formation_scenario.describe import problems_of
+from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID, Keys, Name, Number, ScenarioError, did_you_mean, key
 from formation_scenario.formation import Formation
-from formation_scenario.gains import CLEAN, NOISE, filters, gain_groups
+from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
-from formation_scenario.source import Key, Plain, Source
-from formation_scenario.vehicle_file import MODELS, SUFFIXES, with_models
-from formation_scenario.vehicles import BASE_PORT
+from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
+from formation_scenario.vehicles import BASE_PORT, VehicleModel
 
 DURATION_S: float = Scenario.model_fields["duration_s"].default
 SEPARATION_M: float = Safety.model_fields["separation_m"].default
@@ -25,6 +33,13 @@ FILES = {"links": "trace_file", "terrain": "file"}
 """Groups of keys that name files, and by which key; beside them models of `vehicles`."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
+SUFFIXES = (".yaml", ".yml")
+MODELS = ("model", "true_model")
+FAMILIES = ("arduplane", "arducopter", "px4")
+"""Autopilot families with a shipped vehicle file of their name, for a vehicle without `model`."""
+SHIPPED = "aircraft"
+"""Folder of the shipped files, inside this package."""
+SHIPPED_FILES = resources.files("formation_scenario") / SHIPPED
 
 
 def resolve(source: Source) -> Source:
@@ -32,20 +47,23 @@ def resolve(source: Source) -> Source:
 
     Values of a wrong type are left as they are; typing reports them afterwards.
     """
-    data = {key: value for key, value in source.data.items() if value is not None or key not in MAY_BE_EMPTY}
+    data = {name: value for name, value in source.data.items() if value is not None or name not in MAY_BE_EMPTY}
     data.setdefault("name", Path(source.file).stem if source.file else "scenario")
-    data["vehicles"] = _vehicles(data.get("vehicles"))
-    if data["vehicles"] is None:
-        del data["vehicles"]
-    start = _group(data, "start")
-    default_run_in = RUN_IN_AIR_S if start.get("in_air") is True else RUN_IN_GROUND_S
-    data["start"] = _filled(data.get("start"), {"run_in_s": default_run_in})
-    gains = NOISE if _any_noisy(data.get("vehicles")) else CLEAN
-    data["law"] = _law(_filled(data.get("law"), {"gains": gains}), _group(data, "formation").get("frame"))
-    data["formation"] = _formation(data.get("formation"))
-    data["safety"] = _safety(data.get("safety"))
+    vehicles = data.pop("vehicles", None)
+    if vehicles is not None:
+        data["vehicles"] = vehicles = _each(_counted(vehicles), _vehicle)
+    in_air = _group(data, "start").get("in_air") is True
+    data["start"] = _filled(data.get("start"), {"run_in_s": RUN_IN_AIR_S if in_air else RUN_IN_GROUND_S})
+    each = vehicles if isinstance(vehicles, list) else []
+    noisy = any(_group(one, "navigation").get("source") == "noisy" for one in each)
+    law = _filled(data.get("law"), {"gains": NOISE if noisy else CLEAN})
+    data["law"] = _law(law, str(_group(data, "formation").get("frame"))) if isinstance(law, dict) else law
+    formation, safety = _filled(data.get("formation"), {}), _filled(data.get("safety"), {})
+    data["formation"] = _formation(formation) if isinstance(formation, dict) else formation
+    data["safety"] = _safety(safety) if isinstance(safety, dict) else safety
     data |= _with_absolute_files(data, source)
-    data["expect"] = _each(data.get("expect", []), {"to_s": _usable(data.get("duration_s"), DURATION_S)})
+    to: dict[Key, Plain] = {"to_s": _usable(data.get("duration_s"), DURATION_S)}
+    data["expect"] = _each(data.get("expect", []), lambda expectation: _filled(expectation, to))
     return Source(source.file, data, source.places)
 
 
@@ -62,24 +80,38 @@ def standalone(source: Source) -> Source:
 def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
     """Return the value of a dotted key with the files that it names, relative to `directory`, as absolute paths."""
     group, *below = name.split(".")
-    for key in reversed(below):
-        value = {key: value}
+    for inner in reversed(below):
+        value = {inner: value}
     for names in (FILES.get(group), *(MODELS if group == "vehicles" else ())):
         value = value if names is None else _with_absolute(value, names, directory)
-    for key in below:
-        value = value[key] if isinstance(value, dict) else value
+    for inner in below:
+        value = value[inner] if isinstance(value, dict) else value
     return value
 
 
 def _with_absolute_files(data: dict[Key, Plain], source: Source) -> dict[Key, Plain]:
     """Return the groups that name files, relative to the scenario's own, with absolute paths."""
     directory = Path(source.file).parent if source.file else Path()
-    return {key: _with_absolute(data[key], name, directory) for key, name in FILES.items() if key in data}
+    return {group: _with_absolute(data[group], name, directory) for group, name in FILES.items() if group in data}
 
 
-def _group(data: dict[Key, Plain], key: str) -> dict[Key, Plain]:
-    value = data.get(key)
-    return value if isinstance(value, dict) else {}
+def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
+    """Return a group of keys with every file under `name` as an absolute path, so that run.yaml finds it as well."""
+    if isinstance(value, list):
+        return [_with_absolute(item, name, directory) for item in value]
+    if not isinstance(value, dict):
+        return value
+    group = {inner: _with_absolute(item, name, directory) for inner, item in value.items()}
+    file = group.get(name)
+    if not isinstance(file, str) or (name in MODELS and not file.endswith(SUFFIXES)):
+        return group
+    return group | {name: str((directory / file).absolute())}
+
+
+def _group(value: Plain, name: str) -> dict[Key, Plain]:
+    """Return the mapping under a name; an empty one where there is none."""
+    inner = value.get(name) if isinstance(value, dict) else None
+    return inner if isinstance(inner, dict) else {}
 
 
 def _usable(value: Plain, default: float) -> float:
@@ -95,100 +127,152 @@ def _filled(value: Plain, defaults: dict[Key, Plain]) -> Plain:
         return dict(defaults)
     if not isinstance(value, dict):
         return value
-    return value | {key: default for key, default in defaults.items() if value.get(key) is None}
+    return value | {name: default for name, default in defaults.items() if value.get(name) is None}
 
 
-def _each(values: Plain, defaults: dict[Key, Plain]) -> Plain:
+def _each(values: Plain, changed: Callable[[dict[Key, Plain]], Plain]) -> Plain:
+    """Return a list with each of its mappings changed."""
     if not isinstance(values, list):
         return values
-    return [_filled(value, defaults) if isinstance(value, dict) else value for value in values]
+    return [changed(value) if isinstance(value, dict) else value for value in values]
 
 
-def _law(law: Plain, frame: Plain) -> Plain:
-    if not isinstance(law, dict):
-        return law
-    gains = str(law["gains"])
-    groups = {name: _filled(law.get(name), group) for name, group in gain_groups(gains, str(frame)).items()}
-    return _filled({**law, **groups}, filters(gains))
+def _law(law: dict[Key, Plain], frame: str) -> Plain:
+    groups, filters = gain_set(str(law["gains"]), frame)
+    return _filled(law | {name: _filled(law.get(name), group) for name, group in groups.items()}, filters)
 
 
-def _any_noisy(vehicles: Plain) -> bool:
-    each = vehicles if isinstance(vehicles, list) else []
-    return any(_group(_group({"": one}, ""), "navigation").get("source") == "noisy" for one in each)
-
-
-def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
-    """Return a group of keys with every file under `name` as an absolute path, so that run.yaml finds it as well."""
-    if isinstance(value, list):
-        return [_with_absolute(item, name, directory) for item in value]
-    if not isinstance(value, dict):
-        return value
-    group = {key: _with_absolute(item, name, directory) for key, item in value.items()}
-    file = group.get(name)
-    if not isinstance(file, str) or (name in MODELS and not file.endswith(SUFFIXES)):
-        return group
-    return group | {name: str((directory / file).absolute())}
-
-
-def _formation(formation: Plain) -> Plain:
-    if not isinstance(formation, dict):
-        return {} if formation is None else formation
-    spacing = formation.get("spacing_m", SPACING_M)
+def _formation(formation: dict[Key, Plain]) -> Plain:
+    spacing: dict[Key, Plain] = {"spacing_m": formation.get("spacing_m", SPACING_M)}
     changes = formation.get("changes", [])
-    if isinstance(changes, list):
-        changes = [_filled(each, {"spacing_m": spacing}) if _has_shape(each) else each for each in changes]
-    resolved: dict[Key, Plain] = {"changes": changes}
-    return formation | resolved
+    return formation | {
+        "changes": _each(changes, lambda each: each if each.get("shape") is None else _filled(each, spacing))
+    }
 
 
-def _has_shape(change: Plain) -> bool:
-    return isinstance(change, dict) and change.get("shape") is not None
-
-
-def _safety(safety: Plain) -> Plain:
-    if safety is not None and not isinstance(safety, dict):
-        return safety
-    given = safety or {}
-    kept: dict[Key, Plain] = {"distance_m": _usable(given.get("separation_m"), SEPARATION_M) + BUFFER_M}
-    return given | {"avoidance": _filled(given.get("avoidance"), kept)}
-
-
-def _vehicles(vehicles: Plain) -> Plain:
-    if isinstance(vehicles, dict):
-        vehicles = _counted(vehicles)
-    if not isinstance(vehicles, list):
-        return vehicles
-    return [_vehicle(each) if isinstance(each, dict) else each for each in vehicles]
+def _safety(safety: dict[Key, Plain]) -> Plain:
+    kept: dict[Key, Plain] = {"distance_m": _usable(safety.get("separation_m"), SEPARATION_M) + BUFFER_M}
+    return safety | {"avoidance": _filled(safety.get("avoidance"), kept)}
 
 
 def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
-    navigation = _group(vehicle, "navigation")
-    inertial = {"navigation": _with_sensors(navigation)} if navigation.get("source") == "ins" else {}
-    differs = vehicle.get("true_model")
-    true = dict[Key, Plain]()
+    filled, navigation = dict(vehicle), _group(vehicle, "navigation")
+    if navigation.get("source") == "ins":
+        of_grade = GRADES.get(str(navigation.get("grade", GRADE)), ())
+        sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, of_grade, strict=False))
+        filled["navigation"] = navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
+    differs, network = vehicle.get("true_model"), vehicle.get("network")
     if isinstance(differs, dict):
-        true["true_model"] = _group(vehicle, "model") | differs
-    return _filled(vehicle | inertial | true, {"endpoint": _default_endpoint(vehicle.get("network"))})
-
-
-def _with_sensors(navigation: dict[Key, Plain]) -> Plain:
-    """Return the keys of inertial navigation with the sensors of its grade."""
-    grade = str(navigation.get("grade", GRADE))
-    sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, GRADES.get(grade, ()), strict=False))
-    return navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
-
-
-def _counted(group: dict[Key, Plain]) -> Plain:
-    """Return the list that a valid {count: N, ...} stands for; any other mapping as it is."""
-    count = group.get("count")
-    if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= MAX_SYSTEM_ID:
-        return group
-    shared = {key: value for key, value in group.items() if key != "count"}
-    ids: list[dict[Key, Plain]] = [{"id": number, "role": "follower"} for number in range(1, count + 1)]
-    ids[0]["role"] = "leader"
-    return [own | shared for own in ids]
-
-
-def _default_endpoint(network: Plain) -> str:
+        filled["true_model"] = _group(vehicle, "model") | differs
     number = network if isinstance(network, int) and not isinstance(network, bool) else 1
-    return f"udpin:127.0.0.1:{BASE_PORT + number - 1}"
+    return _filled(filled, {"endpoint": f"udpin:127.0.0.1:{BASE_PORT + number - 1}"})
+
+
+def _counted(vehicles: Plain) -> Plain:
+    """Return the list that a valid {count: N, ...} stands for; anything else as it is."""
+    count = vehicles.get("count") if isinstance(vehicles, dict) else None
+    if not isinstance(vehicles, dict) or not isinstance(count, int) or isinstance(count, bool):
+        return vehicles
+    if not 1 <= count <= MAX_SYSTEM_ID:
+        return vehicles
+    shared = {name: value for name, value in vehicles.items() if name != "count"}
+    roles = ("leader", *("follower",) * (count - 1))
+    return [{"id": number, "role": role} | shared for number, role in enumerate(roles, 1)]
+
+
+class VehicleFile(Keys):
+    """What a vehicle file holds: the model of one kind of aircraft, and where it comes from."""
+
+    schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
+    name: Name = key("vehicle", "of the kind of aircraft", "skywalker")
+    source: str = key("", "where the model comes from", "runs/steps, vehicle 2")
+    model: VehicleModel = key(..., "its autopilot's lags, its limits and its airframe")
+    fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
+
+
+def with_models(source: Source) -> Source:
+    """Return the scenario with the models of vehicle files in place of the files' names.
+
+    Vehicles that fly otherwise than by the keys' own model, or whose written one its gains don't suit, have gains by
+    design, unless others are named.
+
+    Raises:
+        ScenarioError: no such file, or one with values that aren't allowed.
+    """
+    vehicles, directory = source.data.get("vehicles"), Path(source.file).parent if source.file else Path()
+    read = dict[str, Plain]()
+    if isinstance(vehicles, list):
+        whole: Plain = [_whole(each, directory, source, ("vehicles", i), read) for i, each in enumerate(vehicles)]
+    else:
+        whole = _whole(vehicles, directory, source, ("vehicles",), read)
+    law, models = source.data.get("law") or {}, _models(whole)
+    changed: dict[Key, Plain] = {"vehicles": whole}
+    written = (each for each in models if isinstance(each, dict))
+    other = models != _models(vehicles) or any("airframe" in each or each.get("hovers") is True for each in written)
+    if other and isinstance(law, dict):
+        changed["law"] = law | {"gains": law.get("gains") or AUTO}
+    return Source(source.file, source.data | changed, source.places)
+
+
+def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read: dict[str, Plain]) -> Plain:
+    """Return a vehicle, or a group, with its models; `read` are those that have been read already."""
+    if not isinstance(vehicle, dict):
+        return vehicle
+    names = {which: name for which in MODELS if isinstance(name := vehicle.get(which), str)}
+    if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
+        names["model"] = str(vehicle["autopilot"])
+    for which, name in names.items():
+        if name not in read:
+            read[name] = read_model(name, directory, source, (*path, which))
+    return vehicle | {which: read[name] for which, name in names.items()}
+
+
+def _models(vehicles: Plain) -> list[Plain]:
+    """Return what the station believes of each vehicle, as it is written."""
+    each = vehicles if isinstance(vehicles, list) else [vehicles]
+    return [one.get("model") for one in each if isinstance(one, dict)]
+
+
+def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
+    """Return the model in a vehicle file, or in a shipped one, as it is written there.
+
+    Args:
+        name: a shipped name, or a file relative to `directory`.
+        directory: of the scenario.
+        at: the scenario, for the place of problems.
+        path: the key that names the file.
+
+    Raises:
+        ScenarioError: no such file, or one with values that aren't allowed.
+    """
+    source = _read(name, directory, at, path)
+    try:
+        VehicleFile.model_validate(source.data)
+    except ValidationError as error:
+        raise ScenarioError(problems_of(error, VehicleFile, source)) from error
+    model = source.data["model"]
+    return plain_mapping(model) if isinstance(model, dict) else {}
+
+
+def shipped_names() -> list[str]:
+    """Return the names of the shipped vehicle files."""
+    files = [each.name for each in SHIPPED_FILES.iterdir()]
+    return sorted(name.removesuffix(SUFFIXES[0]) for name in files if name.endswith(SUFFIXES[0]))
+
+
+def _read(name: str, directory: Path, at: Source, path: KeyPath) -> Source:
+    if not name.endswith(SUFFIXES):
+        names = shipped_names()
+        if name not in names:
+            allowed = f"a vehicle file (*.yaml), or one that is shipped: {', '.join(names)}{did_you_mean(name, names)}"
+            raise ScenarioError([at.problem(path, f"found '{name}'", allowed)])
+        file = f"{name}{SUFFIXES[0]}"
+        return read_text((SHIPPED_FILES / file).read_text(encoding="utf-8"), f"{SHIPPED}/{file}")
+    try:
+        return read_file(directory / name)
+    except ScenarioError as error:
+        if any(each.line is not None for each in error.problems):
+            raise
+        said = "; ".join(each.found for each in error.problems)
+        found = f"found '{directory / name}': {said}"
+        raise ScenarioError([at.problem(path, found, "a vehicle file that can be read")]) from error

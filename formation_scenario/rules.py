@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from flight_model.earth import SEMI_MAJOR_M
@@ -11,9 +11,8 @@ from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
 from formation_scenario.environment import PASSING, DrydenTurbulence
-from formation_scenario.errors import FileError, Problem
 from formation_scenario.expectation import RUN_METRICS
-from formation_scenario.fields import VehicleSelection
+from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,
@@ -25,7 +24,7 @@ from formation_scenario.links import (
     read_trace_ms,
 )
 from formation_scenario.model import Scenario
-from formation_scenario.source import KeyPath, Source
+from formation_scenario.source import Finding, KeyPath
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
@@ -36,97 +35,100 @@ MAX_DISTANCE_M = 1e6
 MAX_LATITUDE_DEG = 89.0
 """Beyond it a degree of longitude is less than 2 km long, and shrinks to nothing."""
 MAX_HEIGHT_M = 30_000.0
+WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
-def places(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def places(scenario: Scenario) -> Iterator[Finding]:
     """Yield the first waypoint too far from the origin, too near to a pole, or too high."""
     origin = scenario.origin
     for index, (north_m, east_m, height_m) in enumerate(scenario.path.waypoints_m):
         distance_m = math.hypot(north_m, east_m)
         latitude_deg = origin.lat_deg + math.degrees(north_m / SEMI_MAJOR_M)
-        found = allowed = ""
-        if distance_m > MAX_DISTANCE_M:
-            found, allowed = f"a waypoint {distance_m:.3g} m from the origin", f"up to {MAX_DISTANCE_M:g} m"
-        elif abs(latitude_deg) > MAX_LATITUDE_DEG:
-            found, allowed = f"a waypoint at latitude {latitude_deg:.1f}°", f"up to {MAX_LATITUDE_DEG:g}°"
-        elif abs(height_m + origin.alt_m) > MAX_HEIGHT_M:
-            found, allowed = f"a waypoint {height_m:.3g} m high", f"up to {MAX_HEIGHT_M:g} m above sea level"
-        if found:
-            yield source.problem(("path", "waypoints_m", index), f"found {found}", allowed)
-            return
+        sea_m = abs(height_m + origin.alt_m)
+        for size, most, found, allowed in (
+            (distance_m, MAX_DISTANCE_M, f"{distance_m:.3g} m from the origin", f"{MAX_DISTANCE_M:g} m"),
+            (abs(latitude_deg), MAX_LATITUDE_DEG, f"at latitude {latitude_deg:.1f}°", f"{MAX_LATITUDE_DEG:g}°"),
+            (sea_m, MAX_HEIGHT_M, f"{height_m:.3g} m high", f"{MAX_HEIGHT_M:g} m above sea level"),
+        ):
+            if size > most:
+                yield (*WAYPOINTS, index), f"found a waypoint {found}", f"up to {allowed}"
+                return
 
 
-def row(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def row(scenario: Scenario) -> Iterator[Finding]:
     """Yield a row in the air, or one in which vehicles stand nearer than they may fly."""
-    row_m, least_m = scenario.start.row_m, scenario.safety.separation_m
-    if row_m is None:
-        return
-    if scenario.start.in_air:
-        yield source.problem(
-            ("start", "row_m"), "found a row of vehicles that begin in the air", "none with in_air: true"
-        )
-    elif row_m < least_m:
-        yield source.problem(("start", "row_m"), f"found {row_m:g} m", f"safety.separation_m, {least_m:g} m, or more")
+    row_m, least_m, path = scenario.start.row_m, scenario.safety.separation_m, ("start", "row_m")
+    if row_m is not None and scenario.start.in_air:
+        yield path, "found a row of vehicles that begin in the air", "none with in_air: true"
+    elif row_m is not None and row_m < least_m:
+        yield path, f"found {row_m:g} m", f"safety.separation_m, {least_m:g} m, or more"
 
 
-def fence(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def fence(scenario: Scenario) -> Iterator[Finding]:
     """Yield a fence whose lowest height is above its highest."""
     lowest_m, highest_m = scenario.safety.fence.heights_m if scenario.safety.fence else (0.0, 1.0)
     if lowest_m > highest_m:
-        path: KeyPath = ("safety", "fence", "height_min_m")
-        yield source.problem(path, f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m")
+        yield ("safety", "fence", "height_min_m"), f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m"
 
 
-def wind(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def wind(scenario: Scenario) -> Iterator[Finding]:
     """Yield a wind at least as fast as the slowest vehicle's highest airspeed."""
     speed_mps = math.hypot(*scenario.wind.velocity_mps[:2])
     slowest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.speed_max_mps)
     if speed_mps >= slowest.model.speed_max_mps:
         allowed = f"less than {slowest.model.speed_max_mps:g} m/s, vehicle {slowest.vehicle_id}'s speed_max_mps"
-        yield source.problem(("wind", "velocity_mps"), f"found a wind of {speed_mps:.3g} m/s", allowed)
+        yield ("wind", "velocity_mps"), f"found a wind of {speed_mps:.3g} m/s", allowed
 
 
-def path(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def path(scenario: Scenario) -> Iterator[Finding]:
     """Yield waypoints that no spline can be flown through, and paths that are too long."""
-    path: KeyPath = ("path", "waypoints_m")
     try:
         length_m = scenario.path.written.length_m
     except PathError as error:
         allowed = "waypoints 1 m or more apart, without turning straight back"
-        yield source.problem((*path, error.waypoint), str(error), allowed)
+        yield (*WAYPOINTS, error.waypoint), str(error), allowed
     else:
         if length_m > MAX_PATH_M:
-            yield source.problem(path, f"found a path of {length_m:.3g} m", f"up to {MAX_PATH_M:g} m")
+            yield WAYPOINTS, f"found a path of {length_m:.3g} m", f"up to {MAX_PATH_M:g} m"
 
 
-def terrain(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def terrain(scenario: Scenario) -> Iterator[Finding]:
     """Yield a ground given twice, a clearance that contradicts another, and a file that can't be read."""
-    terrain = scenario.terrain
+    terrain, clearance_m = scenario.terrain, scenario.safety.clearance_m
     if terrain is None:
         return
     if terrain.file is not None and terrain.hills:
-        yield source.problem(("terrain", "hills"), "found hills beside a file", "one of them")
-    if scenario.safety.clearance_m > terrain.clearance_m:
-        found = f"found {scenario.safety.clearance_m:g}"
+        yield ("terrain", "hills"), "found hills beside a file", "one of them"
+    if clearance_m > terrain.clearance_m:
         allowed = f"at most terrain.clearance_m, {terrain.clearance_m:g}"
-        yield source.problem(("safety", "clearance_m"), found, allowed)
+        yield ("safety", "clearance_m"), f"found {clearance_m:g}", allowed
     try:
         _ = scenario.ground
     except FileError as error:
-        yield source.problem(("terrain", "file"), str(error), ELEVATION_FILES)
+        yield ("terrain", "file"), str(error), ELEVATION_FILES
 
 
-def traces(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def traces(scenario: Scenario) -> Iterator[Finding]:
     """Yield files of recorded delays that can't be read."""
     for path, patch in _link_groups(scenario):
         if patch.trace_file is not None:
             try:
                 read_trace_ms(Path(patch.trace_file))
             except FileError as error:
-                yield source.problem((*path, "trace_file"), str(error), ALLOWED)
+                yield (*path, "trace_file"), str(error), ALLOWED
 
 
-def bursts(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
+    """Yield every group of keys that says what a link is like, and its place."""
+    links = scenario.links
+    groups: dict[KeyPath, DefaultLink | Links | LinkChange] = {("links", "default"): links.default, ("links",): links}
+    groups |= {("links", "changes", index): change for index, change in enumerate(links.changes)}
+    for path, group in groups.items():
+        each = {path: group, (*path, "uplink"): group.uplink, (*path, "downlink"): group.downlink}
+        yield from ((at, patch) for at, patch in each.items() if isinstance(patch, Impairment | ImpairmentPatch))
+
+
+def bursts(scenario: Scenario) -> Iterator[Finding]:
     """Yield bursts of losses too short for the share that is lost."""
     refused: set[KeyPath] = set()
     for vehicle in scenario.vehicles:
@@ -138,30 +140,7 @@ def bursts(scenario: Scenario, source: Source) -> Iterator[Problem]:
                     whose = f"{way} of vehicle {vehicle.vehicle_id}"
                     found = f"found {link.mean_burst:g} with a loss of {link.loss:g} ({whose})"
                     allowed = f"{least:g} or more with that loss" if least < math.inf else "a loss below 1 beside it"
-                    yield source.problem((*path, "mean_burst"), found, allowed)
-
-
-def link_changes(scenario: Scenario, source: Source) -> Iterator[Problem]:
-    """Yield changes of links that change nothing."""
-    for index, change in enumerate(scenario.links.changes):
-        given = change.model_dump(exclude={"at_s", "vehicles"}, exclude_none=True)
-        if all(value == {} for value in given.values()):
-            keys = ", ".join(key for key in LinkChange.model_fields if key not in {"at_s", "vehicles"})
-            yield source.problem(("links", "changes", index), "found a change of nothing", f"one or more of {keys}")
-
-
-def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
-    """Yield every group of keys that says what a link is like, and its place."""
-    links = scenario.links
-    above: list[tuple[KeyPath, DefaultLink | Links | LinkChange]] = [(("links", "default"), links.default)]
-    above += [(("links",), links)]
-    above += [(("links", "changes", index), change) for index, change in enumerate(links.changes)]
-    for path, group in above:
-        if not isinstance(group, Links):
-            yield path, group
-        for direction, patch in (("uplink", group.uplink), ("downlink", group.downlink)):
-            if patch is not None:
-                yield (*path, direction), patch
+                    yield (*path, "mean_burst"), found, allowed
 
 
 def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
@@ -173,68 +152,76 @@ def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
     return [places[at_s] for at_s in sorted(places)]
 
 
-def references(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def link_changes(scenario: Scenario) -> Iterator[Finding]:
+    """Yield changes of links that change nothing."""
+    for index, change in enumerate(scenario.links.changes):
+        given = change.model_dump(exclude={"at_s", "vehicles"}, exclude_none=True)
+        if all(value == {} for value in given.values()):
+            keys = ", ".join(key for key in LinkChange.model_fields if key not in Timed.model_fields)
+            yield ("links", "changes", index), "found a change of nothing", f"one or more of {keys}"
+
+
+def references(scenario: Scenario) -> Iterator[Finding]:
     """Yield vehicles that links, disturbances, faults and expectations name and that don't exist."""
-    groups: tuple[tuple[KeyPath, Iterable[VehicleSelection]], ...] = (
-        (("links", "changes"), (change.vehicles for change in scenario.links.changes)),
-        (("disturbances",), (entry.vehicles for entry in scenario.disturbances)),
-        (("faults",), (entry.vehicles for entry in scenario.faults)),
+    groups: tuple[tuple[KeyPath, Sequence[Timed]], ...] = (
+        (("links", "changes"), scenario.links.changes),
+        (("disturbances",), scenario.disturbances),
+        (("faults",), scenario.faults),
     )
-    for path, selections in groups:
-        for index, selection in enumerate(selections):
-            yield from _unknown(selection, scenario.vehicles, (*path, index, "vehicles"), source)
+    for path, entries in groups:
+        for index, entry in enumerate(entries):
+            yield from _unknown(entry.vehicles, scenario.vehicles, (*path, index, "vehicles"))
     for index, entry in enumerate(scenario.expect):
-        path = ("expect", index, "followers")
-        yield from _unknown(entry.followers, scenario.followers, path, source)
+        yield from _unknown(entry.followers, scenario.followers, ("expect", index, "followers"))
 
 
-def disturbances(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def _unknown(selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath) -> Iterator[Finding]:
+    for index, ref in enumerate(() if selection == "all" else selection):
+        yield from one_vehicle(ref, vehicles, (*path, index))
+
+
+def disturbances(scenario: Scenario) -> Iterator[Finding]:
     """Yield disturbances that end before they begin, and turbulence without its intensity."""
     for index, entry in enumerate(scenario.disturbances):
         path: KeyPath = ("disturbances", index)
         if entry.end_s <= entry.at_s:
-            yield source.problem((*path, "until_s"), f"found {entry.end_s:g}", f"more than at_s, {entry.at_s:g}")
+            yield (*path, "until_s"), f"found {entry.end_s:g}", f"more than at_s, {entry.at_s:g}"
         if isinstance(entry, DrydenTurbulence):
             given = {name for name in ("wind_6m_mps", "sigma_mps", "length_m") if getattr(entry, name) is not None}
             if given not in ({"wind_6m_mps"}, {"sigma_mps", "length_m"}):
                 found = f"found {', '.join(sorted(given)) or 'neither'}"
-                yield source.problem(path, found, "wind_6m_mps, or sigma_mps and length_m")
+                yield path, found, "wind_6m_mps, or sigma_mps and length_m"
 
 
-def faults(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def faults(scenario: Scenario) -> Iterator[Finding]:
     """Yield faults with an end or a mode that their kind doesn't have."""
     for index, fault in enumerate(scenario.faults):
         path: KeyPath = ("faults", index)
         if fault.until_s is not None and fault.kind not in PASSING:
-            yield source.problem(
-                (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
-            )
+            yield (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
         elif fault.until_s is not None and fault.until_s <= fault.at_s:
-            yield source.problem((*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}")
+            yield (*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}"
         if fault.mode is not None and fault.kind != "pilot":
-            yield source.problem((*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot")
+            yield (*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot"
 
 
-def expectations(scenario: Scenario, source: Source) -> Iterator[Problem]:
+def expectations(scenario: Scenario) -> Iterator[Finding]:
     """Yield expectations without a bound, with a window that is empty or never flown, or that nothing could meet."""
     end_s = _latest_end_s(scenario)
     for index, entry in enumerate(scenario.expect):
+        path: KeyPath = ("expect", index)
         if entry.below is None and entry.above is None:
-            yield source.problem(("expect", index), "found no bound", "below, above or both")
+            yield path, "found no bound", "below, above or both"
         if entry.from_s >= entry.to_s:
             found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
-            yield source.problem(("expect", index, "from_s"), found, "from_s before to_s")
+            yield (*path, "from_s"), found, "from_s before to_s"
         elif entry.from_s >= end_s:
             allowed = f"less than {end_s:.1f} s, when the flight is over at the latest"
-            yield source.problem(("expect", index, "from_s"), f"found {entry.from_s:g}", allowed)
+            yield (*path, "from_s"), f"found {entry.from_s:g}", allowed
         if entry.metric in RUN_METRICS and entry.followers != "all":
-            found = f"found followers for {entry.metric}, a figure of the whole run"
-            yield source.problem(("expect", index, "followers"), found, "all")
-        if (entry.below if entry.below is not None else math.inf) <= (
-            entry.above if entry.above is not None else -math.inf
-        ):
-            found = f"found above {entry.above:g} and below {entry.below:g}"
-            yield source.problem(("expect", index, "below"), found, "more than above")
+            yield (*path, "followers"), f"found followers for {entry.metric}, a figure of the whole run", "all"
+        if entry.below is not None and entry.above is not None and entry.below <= entry.above:
+            yield (*path, "below"), f"found above {entry.above:g} and below {entry.below:g}", "more than above"
 
 
 def _latest_end_s(scenario: Scenario) -> float:
@@ -244,14 +231,6 @@ def _latest_end_s(scenario: Scenario) -> float:
         return latest_end_s(scenario)
     except PathError:  # which the path's own rule reports
         return math.inf
-
-
-def _unknown(
-    selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath, source: Source
-) -> Iterator[Problem]:
-    if selection != "all":
-        for index, ref in enumerate(selection):
-            yield from one_vehicle(ref, vehicles, (*path, index), source)
 
 
 RULES = (
@@ -279,9 +258,9 @@ RULES = (
     fence,
     expectations,
 )
-"""Each yields the problems that it finds, in the order of the scenario's keys."""
+"""Each yields what it finds, in the order of the scenario's keys."""
 
 
-def inconsistencies(scenario: Scenario, source: Source) -> list[Problem]:
+def inconsistencies(scenario: Scenario) -> list[Finding]:
     """Return every violation of a rule between keys."""
-    return [problem for rule in RULES for problem in rule(scenario, source)]
+    return [found for rule in RULES for found in rule(scenario)]

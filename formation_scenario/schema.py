@@ -19,13 +19,14 @@ from formation_scenario.describe import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario
-from formation_scenario.resolve import MAY_BE_EMPTY
+from formation_scenario.resolve import MAY_BE_EMPTY, MODELS
 from formation_scenario.source import Dumper, Plain, show
 from formation_scenario.vehicles import VehicleGroup
 
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
 """Keywords that allow or refuse nothing."""
+NULL = {"type": "null"}
 METRICS_HEAD = """
 ## Metrics
 
@@ -69,48 +70,29 @@ def scenario_schema() -> Schema:
     be flown, only `load_scenario` knows.
     """
     generated = written_model().model_json_schema()
-    for group in _groups(generated):
-        for value in group["properties"].values():
-            value.pop("title", None)  # which only repeats the key
-        _name_models(group)
-        _release_derived(group)
+    groups = (group for group in generated["$defs"].values() if "properties" in group)
+    for group in (generated, *groups):
+        _release(group)
     properties: Schema = generated["properties"]
-    properties |= {key: _or_null(properties[key]) for key in MAY_BE_EMPTY}
+    properties |= {key: _or(properties[key], NULL) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
 
 
-def _groups(schema: Schema) -> Iterator[Schema]:
-    """Yield the groups of keys: the scenario's, and all inside it."""
-    yield schema
-    yield from (group for group in schema["$defs"].values() if "properties" in group)
-
-
-def _name_models(group: Schema) -> None:
-    """Let a vehicle's model be named: `resolve` reads its file."""
+def _release(group: Schema) -> None:
+    """Let keys that `resolve` fills in be left out, or empty, and a vehicle's model be named."""
     properties: Schema = group["properties"]
-    for key in ("model", "true_model"):
-        if key in properties:
-            properties[key] = _or(properties[key], {"type": "string", "minLength": 1})
-
-
-def _release_derived(group: Schema) -> None:
-    """Let keys that `resolve` fills in be left out, or empty."""
-    properties: Schema = group["properties"]
-    derived = [key for key, value in properties.items() if DERIVED in value]
-    for key in derived:
-        value = {name: each for name, each in _or_null(properties[key]).items() if name != "default"}
-        said = [*([value["description"]] if "description" in value else []), f"default: {value[DERIVED]}"]
-        properties[key] = value | {"description": "; ".join(said)}
-    required = [key for key in group.get("required", []) if key not in derived]
-    group.pop("required", None)
+    for key, value in properties.items():
+        value.pop("title", None)  # which only repeats the key
+        written = _or(value, {"type": "string", "minLength": 1}) if key in MODELS else value
+        if DERIVED in value:
+            said = [*([value["description"]] if "description" in value else []), f"default: {value[DERIVED]}"]
+            written = _or(written, NULL) | {"description": "; ".join(said)}
+            written.pop("default", None)
+        properties[key] = written
+    required = [key for key in group.pop("required", []) if DERIVED not in properties[key]]
     if required:
         group["required"] = required
-
-
-def _or_null(value: Schema) -> Schema:
-    """Return the schema of a value that may be null too."""
-    return _or(value, {"type": "null"})
 
 
 def _or(value: Schema, other: Schema) -> Schema:

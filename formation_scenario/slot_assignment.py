@@ -1,4 +1,4 @@
-"""Which vehicle has which slot, at the start and after each change of the formation.
+"""The slots of each shape, and which vehicle has which, at the start and after each change of the formation.
 
 Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
 scenario's order.
@@ -6,7 +6,9 @@ scenario's order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain, count, islice
+from math import cos, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +18,63 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 from formation_scenario.model import Scenario, long_ref
-from formation_scenario.shapes import slots
 from formation_scenario.vehicles import Vehicle
+
+Place = tuple[float, float]
+"""Forward and right of the leader, in units of the spacing."""
+ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
+
+
+def _diamond(k: int) -> Iterator[Place]:
+    """A lattice on its corner, (i, j) at (-(i + j), i - j), grown by whole diamonds of (k + 1)²."""
+    for i in range(k):
+        yield from ((-(i + k), i - k), (-(i + k), k - i))
+    yield -2 * k, 0.0
+
+
+def _triangle(k: int) -> Iterator[Place]:
+    """Equilateral: row k has k + 1 places, the middle ones first."""
+    for right in sorted((j - k / 2.0 for j in range(k + 1)), key=lambda right: (abs(right), right)):
+        yield -k * ROW_OF_TRIANGLE, right
+
+
+def _square(k: int) -> Iterator[Place]:
+    """Columns are added right and left in turn, with a row at the back each time."""
+    left, right = -(k // 2), (k + 1) // 2
+    side = right if k % 2 else left
+    yield from ((-row, side) for row in range(k))
+    yield from ((-k, column) for column in range(left, right + 1))
+
+
+RINGS: dict[str, Callable[[int], Iterable[Place]]] = {
+    "follower": lambda k: [(-k, 0.0)],
+    "diamond": _diamond,
+    "triangle": _triangle,
+    "square": _square,
+    "plus": lambda k: [(-k, 0.0), (0.0, -k), (0.0, k), (k, 0.0)],
+    "arrow": lambda k: [(-k, -k), (-k, k)],
+    "line": lambda k: [(0.0, -k), (0.0, k)],
+    "echelon": lambda k: [(-k, k)],
+}
+"""The k-th places, k from 1, of each shape but the circle, nearest to the leader first."""
+
+
+def _circle(followers: int) -> Iterator[Place]:
+    radius = max(1.0, 0.5 / sin(pi / followers)) if followers > 1 else 1.0
+    for k in range(followers):
+        angle = pi + 2.0 * pi * k / followers
+        yield radius * cos(angle), radius * sin(angle)
+
+
+def slots(shape: str, followers: int, spacing_m: float) -> Array:
+    """Return the slots (followers, 3) of a shape, in m forward, right and up of the leader.
+
+    No two vehicles, the leader included, are nearer to each other than the spacing. Only circle and plus, which have
+    the leader in their middle, have slots ahead of it. In all but the circle, more vehicles don't move the slots.
+    """
+    each = _circle(followers) if shape == "circle" else chain.from_iterable(map(RINGS[shape], count(1)))
+    places = np.array(list(islice(each, followers)), dtype=np.float64).reshape(followers, 2)
+    return np.column_stack((spacing_m * places, np.zeros(followers)))
 
 
 class Arrangement(NamedTuple):
@@ -49,11 +106,6 @@ class SlotStep(NamedTuple):
     def shape(self) -> Shape:
         """The shape."""
         return self.arrangement.shape
-
-    @property
-    def following(self) -> tuple[int, ...]:
-        """Return the columns that follow: all but the one that leads."""
-        return tuple(column for column in range(len(self.places_m)) if column != self.arrangement.leader)
 
 
 def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
@@ -137,13 +189,13 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
 
 def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
     """Return the places (C, 3) with the shape's slots in the order of the columns, 0 for the leader."""
-    count, leader = len(scenario.followers), arrangement.leader
-    places = np.zeros((1 + count, 3))
+    followers, leader = len(scenario.followers), arrangement.leader
+    places = np.zeros((1 + followers, 3))
     if arrangement.shape != "custom":
-        places[np.arange(1 + count) != leader] = slots(arrangement.shape, count, arrangement.spacing_m)
+        places[np.arange(1 + followers) != leader] = slots(arrangement.shape, followers, arrangement.spacing_m)
         return places
     table = arrangement.slots_m or {}
-    places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(count, 3)
+    places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(followers, 3)
     places[0], places[leader] = places[leader].copy(), 0.0
     return places
 

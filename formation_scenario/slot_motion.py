@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import minimum_jerk
@@ -40,17 +39,10 @@ class SlotMotion:
         places, velocities = self.position_m.tolist(), self.velocity_mps.tolist()
         return list(map(Slot, places, velocities, self.acceleration_mps2.tolist()))
 
-    def take(self, which: npt.NDArray[np.intp]) -> SlotMotion:
-        """Return the slots at `which`, repeated as often as named."""
-        return SlotMotion(
-            self.position_m[..., which, :], self.velocity_mps[..., which, :], self.acceleration_mps2[..., which, :]
-        )
-
     def standing(self, which: Mask, place_m: Array) -> SlotMotion:
         """Return these slots (N, 3), with those in the mask `which` (N,) at rest at `place_m` (N, 3)."""
-        still = which[:, None]
-        velocity, acceleration = (np.where(still, 0.0, each) for each in (self.velocity_mps, self.acceleration_mps2))
-        return SlotMotion(np.where(still, place_m, self.position_m), velocity, acceleration)
+        moving = ((place_m, self.position_m), (0.0, self.velocity_mps), (0.0, self.acceleration_mps2))
+        return SlotMotion(*(np.where(which[:, None], still, each) for still, each in moving))
 
     def after(self, seconds: Array) -> SlotMotion:
         """Return slots (N, 3) a short time later, each by its own time (N,), at constant acceleration."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 import yaml
 
-from formation_scenario.errors import Problem, ScenarioError
+from formation_scenario.fields import Problem, ScenarioError, refused
 
 Key: TypeAlias = str | int
 KeyPath: TypeAlias = tuple[Key, ...]
@@ -34,6 +34,10 @@ MOST_VALUES = 500_000
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
 
+Finding: TypeAlias = tuple[KeyPath, str, str]
+"""What is wrong in a scenario: the key, what was found, and what is allowed instead."""
+
+
 class Place(NamedTuple):
     """Where a value came from; `line` and `column` count from 1."""
 
@@ -52,10 +56,8 @@ class Source:
 
     def place(self, path: KeyPath) -> Place:
         """Return the place of a key, or else of the nearest enclosing key that has one."""
-        for length in range(len(path), 0, -1):
-            if path[:length] in self.places:
-                return self.places[path[:length]]
-        return Place(self.file)
+        enclosing = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
+        return next(filter(None, enclosing), Place(self.file))
 
     def problem(self, path: KeyPath, found: str, allowed: str = "") -> Problem:
         """Return a problem at a key's place."""
@@ -102,10 +104,10 @@ def read_file(path: Path) -> Source:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ScenarioError([Problem(str(path), None, None, "", error.strerror or str(error))]) from error
+        raise refused("", error.strerror or str(error), file=str(path)) from error
     except UnicodeDecodeError as error:
         found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start}"
-        raise ScenarioError([Problem(str(path), None, None, "", found, "text in UTF-8")]) from error
+        raise refused("", found, "text in UTF-8", str(path)) from error
     return read_text(text, str(path))
 
 
@@ -121,13 +123,14 @@ def read_text(text: str, file: str | None = None) -> Source:
     return Source(file, data, places)
 
 
-def plain_mapping(mapping: Mapping[Any, object]) -> dict[Key, Plain]:
-    """Return a mapping in plain values; numpy's numbers and arrays become numbers and lists.
+def plain_mapping(mapping: Mapping[Any, object], above: KeyPath = ()) -> dict[Key, Plain]:
+    """Return a mapping at a key path in plain values; numpy's numbers and arrays become numbers and lists.
 
     Raises:
         ScenarioError: a value that is neither number, text, list nor mapping.
     """
-    return _plain_mapping(mapping, ())
+    keys: dict[Key, object] = {name if isinstance(name, int) else str(name): item for name, item in mapping.items()}
+    return {key: _plain(item, (*above, key)) for key, item in keys.items()}
 
 
 def read_value(text: str) -> Plain:
@@ -158,28 +161,18 @@ def show(value: Plain, width: int = 60) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-def _plain_mapping(mapping: Mapping[Any, object], path: KeyPath) -> dict[Key, Plain]:
-    result: dict[Key, Plain] = {}
-    for name, item in mapping.items():
-        key: Key = name if isinstance(name, int) else str(name)
-        result[key] = _plain(item, (*path, key))
-    return result
-
-
 def _plain(value: object, path: KeyPath) -> Plain:
     if isinstance(value, np.ndarray | np.generic):
         value = cast("object", value.tolist())
     if isinstance(value, int) and abs(value) >= 10**MOST_DIGITS:
-        found = f"found a number of more than {MOST_DIGITS} digits"
-        raise ScenarioError([Problem(None, None, None, dotted(path), found, ALLOWED_VALUES)])
+        raise refused(dotted(path), f"found a number of more than {MOST_DIGITS} digits", ALLOWED_VALUES)
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
-        return _plain_mapping(cast("Mapping[Any, object]", value), path)
+        return plain_mapping(cast("Mapping[Any, object]", value), path)
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
         return [_plain(item, (*path, index)) for index, item in enumerate(cast("Sequence[object]", value))]
-    found = f"found a {type(value).__name__}"
-    raise ScenarioError([Problem(None, None, None, dotted(path), found, "number, text, list, mapping")])
+    raise refused(dotted(path), f"found a {type(value).__name__}", "number, text, list, mapping")
 
 
 class _Reader:
@@ -201,8 +194,7 @@ class _Reader:
             self._problems.append(self._broken(error))
             data = None
         except RecursionError as error:
-            deep = Problem(self._file, None, None, "", "found lists or mappings nested too deeply")
-            raise ScenarioError([deep]) from error
+            raise refused("", "found lists or mappings nested too deeply", file=self._file) from error
         if self._problems:
             raise ScenarioError(self._problems)
         return data, self._places
@@ -219,18 +211,17 @@ class _Reader:
                 self._places[(*path, index)] = self._place(item)
             return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
         value = _constructed(loader, cast("yaml.ScalarNode", node))
-        if value is not None and not isinstance(value, bool | int | float | str):
-            found = f"found {show(cast('str', node.value))}"
-            self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
-            return None
-        return value
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        found = f"found {show(cast('str', node.value))}"
+        self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
+        return None
 
     def _mapping(self, loader: Loader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
         self._refuse_duplicates(node, path)
         loader.flatten_mapping(node)
-        pairs = cast("list[tuple[yaml.Node, yaml.Node]]", node.value)
         result: dict[Key, Plain] = {}
-        for key_node, value_node in pairs:
+        for key_node, value_node in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
             key = _key(key_node)
             self._places[(*path, key)] = self._place(key_node)
             result[key] = self._value(loader, value_node, (*path, key))

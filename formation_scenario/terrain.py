@@ -13,11 +13,11 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
-from flight_model.displacement import STEP_M, Bounds, Lift, blend, sample_places
+from flight_model.displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.environment import Hill, Terrain
-from formation_scenario.errors import FileError
+from formation_scenario.fields import FileError
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
@@ -57,10 +57,8 @@ class ElevationGrid(NamedTuple):
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
         """Return what no height within `around_m` of each place (n,) exceeds: the highest value there."""
         rows, columns = self.elevation_m.shape
-        (up, left), (down, right) = (
-            self._at(north_m + around_m, east_m - around_m),
-            self._at(north_m - around_m, east_m + around_m),
-        )
+        up, left = self._at(north_m + around_m, east_m - around_m)
+        down, right = self._at(north_m - around_m, east_m + around_m)
         first_row, last_row = np.clip(np.floor(up), 0, rows), np.clip(np.ceil(down) + 1, 0, rows)
         first, last = np.clip(np.floor(left), 0, columns), np.clip(np.ceil(right) + 1, 0, columns)
         windows = np.stack((first_row, last_row, first, last), axis=1).astype(np.intp).tolist()
@@ -151,11 +149,9 @@ class Hills:
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
         self._base_m = base_m
-        self._north_m = np.array([hill.north_m for hill in hills])
-        self._east_m = np.array([hill.east_m for hill in hills])
-        self._height_m = np.array([hill.height_m for hill in hills])
-        self._radius_m = np.array([hill.radius_m for hill in hills])
-        self._half_m = np.array([hill.length_m / 2.0 for hill in hills])
+        rows = [(each.north_m, each.east_m, each.height_m, each.radius_m, each.length_m / 2.0) for each in hills]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T.copy()
+        self._north_m, self._east_m, self._height_m, self._radius_m, self._half_m = columns
         self._gaussian = np.array([hill.shape == "gaussian" for hill in hills], dtype=bool)
         bearing = np.array([radians(hill.bearing_deg) for hill in hills])
         self._cosine, self._sine = np.cos(bearing), np.sin(bearing)
@@ -211,7 +207,6 @@ class LiftedPath(SplinePath):
         """Take the path as it is written, and the lift from 0 to its length."""
         vars(self).update(vars(written))  # the same curve, which isn't fitted again
         self.lift = lift
-        self._control_m: list[float] = lift.control_m.tolist()
 
     @overload
     def at(self, s: float) -> PathPoint: ...
@@ -219,18 +214,10 @@ class LiftedPath(SplinePath):
     def at(self, s: Array) -> PathPoints: ...
     def at(self, s: float | Array) -> PathPoint | PathPoints:
         """Return the lifted path at an arc length in m, or at an array of them."""
-        if isinstance(s, np.ndarray):
-            return self._raised(s, super().at(s))
-        point = super().at(s)
-        steps = min(max(s, 0.0), self.length_m) / STEP_M
-        index = min(int(steps), len(self._control_m) - 4)
-        lift_m, slope, curvature = blend(self._control_m[index : index + 4], steps - index)
-        if s < 0.0 or s > self.length_m:
-            return point.lifted(lift_m, 0.0, 0.0)
-        return point.lifted(lift_m, slope, curvature)
-
-    def _raised(self, s: Array, points: PathPoints) -> PathPoints:
-        inside = np.clip(s, 0.0, self.length_m)
+        if not isinstance(s, np.ndarray):
+            lift_m, *changes = self.lift.at_one(min(max(s, 0.0), self.length_m))
+            return super().at(s).lifted(lift_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
+        inside, points = np.clip(s, 0.0, self.length_m), super().at(s)
         lift_m, slope, curvature = self.lift.at(inside)
         on_path = s == inside
         return points._replace(
@@ -242,8 +229,6 @@ class LiftedPath(SplinePath):
 
 def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
-    from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
-
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m

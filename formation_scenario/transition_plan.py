@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -41,20 +42,15 @@ class NotFlyableError(Exception):
     """A transition that can't be flown: what was found, what is allowed, and how long after its beginning, s."""
 
     def __init__(self, found: str, allowed: str, elapsed_s: float) -> None:
-        """Take the texts and the time since the beginning."""
         super().__init__(f"{found}; allowed: {allowed}")
         self.found, self.allowed, self.elapsed_s = found, allowed, elapsed_s
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of flight and lags of N vehicles, (N,) each."""
+class Limits(NamedTuple):
+    """What a transition may ask of N vehicles, and their lags, (N,) each."""
 
-    speed_min_mps: Array
-    speed_max_mps: Array
-    accel_max_mps2: Array
-    turn_rate_max_rps: Array
-    climb_max_mps: Array
+    ceilings: tuple[Array, Array, Array, Array, Array]
+    """Of speed, minus speed, acceleration, turn rate and climb, as `_asked` returns them."""
     tau_v_s: Array
     climb_lead_s: Array
     """tau_ha tau_hb / (tau_ha + tau_hb): how far height setpoints lead a change of climb."""
@@ -62,13 +58,13 @@ class Limits:
     @classmethod
     def of(cls, models: tuple[VehicleModel, ...], speed_mps: float) -> Limits:
         """Return the limits of vehicles of these models behind a leader of this speed."""
-        names = ("accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "tau_v_s")
-        columns: list[Array] = [np.array([getattr(model, name) for model in models]) for name in names]
-        columns = [*np.array([model.soon_mps(speed_mps) for model in models]).T, *columns]
+        slowest, fastest = np.array([model.soon_mps(speed_mps) for model in models]).T
+        accel = np.array([model.accel_max_mps2 for model in models])
+        turn = np.array([np.inf if model.hovers else model.turn_rate_max_rps for model in models])
+        climb = np.array([model.climb_max_mps for model in models])
         lead = [model.tau_ha_s * model.tau_hb_s / (model.tau_ha_s + model.tau_hb_s) for model in models]
-        limits = cls(*columns, climb_lead_s=np.array(lead))
-        limits.turn_rate_max_rps[[model.hovers for model in models]] = np.inf
-        return limits
+        ceilings = fastest, -slowest, RESERVE * accel, RESERVE * turn, RESERVE * climb
+        return cls(ceilings, np.array([model.tau_v_s for model in models]), np.array(lead))
 
 
 @dataclass(frozen=True)
@@ -132,29 +128,21 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     """
     moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
     course = conditions.course(moments_s)
-    needs = _within_limits(level, level.sample(moments_s), course, moments_s, conditions)
-    distances = _distances_m(level.sample(moments_s), needs, conditions)
-    near = np.flatnonzero(distances.min(axis=0) < apart_m)
+    near = np.flatnonzero(_distances_m(level, course, moments_s, conditions).min(axis=0) < apart_m)
     if not near.size:
         return level
-    lifted = _lift(
-        level, _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m)), course, conditions
-    )
-    slots = lifted.sample(moments_s)
-    needs = _within_limits(lifted, slots, course, moments_s, conditions)
-    _refuse_near(_distances_m(slots, needs, conditions), apart_m, moments_s, conditions)
+    lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
+    lifted = _lift(level, lift_m, course, conditions)
+    _refuse_near(_distances_m(lifted, course, moments_s, conditions), apart_m, moments_s, conditions)
     return lifted
 
 
-def _within_limits(
-    way: Transition, slots: SlotMotion, course: Course, moments_s: Array, conditions: Conditions
-) -> SlotNeeds:
-    """Return the flight that the slots require, which must be inside the limits.
+def _refuse_beyond(way: Transition, needs: SlotNeeds, course: Course, moments_s: Array, conditions: Conditions) -> None:
+    """Refuse what the slots require where it's beyond the limits.
 
     The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. Where a slot at rest
     already requires more than a transition may use, that much is allowed.
     """
-    needs = slot_needs(course, slots, conditions.frame)
     still = [
         slot_needs(course, SlotMotion.at_rest(places), conditions.frame)
         for places in (way.start.position_m, way.goal_m)
@@ -165,7 +153,7 @@ def _within_limits(
         _asked(needs, conditions.limits),
         zip(*(_asked(each, conditions.limits) for each in still), strict=True),
         ("m/s", "m/s", "m/s² of acceleration", "rad/s of turn", "m/s of climb"),
-        _ceilings(conditions.limits),
+        conditions.limits.ceilings,
         strict=True,
     ):
         excess = np.where(flies, found - np.maximum(limit, np.maximum(*allowed)) - 1e-6, -1.0)
@@ -174,7 +162,6 @@ def _within_limits(
             figure = f"{conditions.names[who]}'s slot would need {abs(found[moment, who]):.3g} {unit} on the way"
             bound = "at least" if limit[who] < 0 else "up to"
             raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
-    return needs
 
 
 def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
@@ -184,25 +171,16 @@ def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
     return speed, -speed, np.abs(needs.accel_mps2), np.abs(needs.turn_rate_rps), climb
 
 
-def _ceilings(limits: Limits) -> tuple[Array, ...]:
-    return (
-        limits.speed_max_mps,
-        -limits.speed_min_mps,
-        RESERVE * limits.accel_max_mps2,
-        RESERVE * limits.turn_rate_max_rps,
-        RESERVE * limits.climb_max_mps,
-    )
-
-
-def _distances_m(slots: SlotMotion, needs: SlotNeeds, conditions: Conditions) -> Array:
-    """Return the distances (K, pairs) of all vehicles that are present."""
-    places = slots.position_m
+def _distances_m(way: Transition, course: Course, moments_s: Array, conditions: Conditions) -> Array:
+    """Return the distances (K, pairs) of all vehicles that are present, on a way inside the limits."""
+    slots = way.sample(moments_s)
+    needs, places = slot_needs(course, slots, conditions.frame), slots.position_m
+    _refuse_beyond(way, needs, course, moments_s, conditions)
     if conditions.frame == "follower_heading":
         cos, sin = np.cos(needs.aside_rad), np.sin(needs.aside_rad)
         forward, right = places[..., 0], places[..., 1]
         places = np.stack((forward * cos - right * sin, forward * sin + right * cos, places[..., 2]), axis=-1)
-    there = places[:, conditions.present]
-    return _pair_distances_m(there)
+    return _pair_distances_m(places[:, conditions.present])
 
 
 def _pair_distances_m(places_m: Array) -> Array:
@@ -257,18 +235,15 @@ def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
 
 def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:
     """Return the transition with lifts, as fast as the climb limits allow in addition to the leader's climb."""
-    room_mps = RESERVE * conditions.limits.climb_max_mps - float(np.abs(course.climb_mps).max())
+    room_mps = conditions.limits.ceilings[4] - float(np.abs(course.climb_mps).max())
     rises = lift_m > 0
     if (room_mps[rises] <= 0).any():
         raise NotFlyableError("no climb is left for some to pass over others", "a path less steep there", 0.0)
     # Setpoints also lead the change of climb, so their peak is higher than PEAK_RATE.
     rise_s = 1.3 * PEAK_RATE * float((lift_m[rises] / room_mps[rises]).max())
     if rise_s > level.duration_s / 2:
-        raise NotFlyableError(
-            "no time is left for some to pass over others",
-            "slots less far apart in height, or a path less steep there",
-            0.0,
-        )
+        allowed = "slots less far apart in height, or a path less steep there"
+        raise NotFlyableError("no time is left for some to pass over others", allowed, 0.0)
     return replace(level, lift_m=lift_m, rise_s=rise_s)
 
 

@@ -102,11 +102,9 @@ class EnergyAirframe(Keys):
     def parameters(self) -> dict[str, float]:
         """Return the constants of motion and autopilot by the names of `flight_model.energy`, SI."""
         keys: dict[str, float] = self.model_dump()
-        return {_si(name): math.radians(value) if name.endswith("_deg") else value for name, value in keys.items()}
-
-
-def _si(name: str) -> str:
-    return name.removesuffix("_deg") + "_rad" if name.endswith("_deg") else name
+        for name in [name for name in keys if name.endswith("_deg")]:
+            keys[f"{name.removesuffix('_deg')}_rad"] = math.radians(keys.pop(name))
+        return keys
 
 
 class VehicleModel(Keys):
@@ -143,17 +141,8 @@ class VehicleModel(Keys):
 
     def autopilot(self) -> AutopilotModel:
         """Return equation (7) with these lags and limits, as an object of its own: its lags may be learnt in flight."""
-        return AutopilotModel(
-            self.tau_v_s,
-            self.tau_psi_s,
-            self.tau_ha_s,
-            self.tau_hb_s,
-            self.speed_min_mps,
-            self.speed_max_mps,
-            self.accel_max_mps2,
-            self.turn_rate_max_rps,
-            self.climb_max_mps,
-        )
+        limits = self.speed_min_mps, self.speed_max_mps, self.accel_max_mps2, self.turn_rate_max_rps, self.climb_max_mps
+        return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 
     def soon_mps(self, speed_mps: float) -> tuple[float, float]:
         """Return the lowest and the highest airspeed that one that flies at `speed_mps` comes to within its lag.

@@ -14,7 +14,6 @@ from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.expectation import SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
-from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_end import final_circles
 from gcs_formation.app.check_speed import little_left
@@ -192,7 +191,7 @@ def _followers_text(scenario: Scenario) -> Iterator[str]:
 def _consensus_text(scenario: Scenario) -> Iterator[str]:
     graph = scenario.law.consensus.graph
     yield f"# communication graph: {graph if isinstance(graph, str) else 'by its weights'}"
-    for vehicle, row in zip(scenario.vehicles, scenario_adjacency(scenario), strict=True):
+    for vehicle, row in zip(scenario.vehicles, scenario.adjacency, strict=True):
         heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
         yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
     along_s, across_s = consensus_margins(scenario)

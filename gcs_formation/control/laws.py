@@ -9,8 +9,7 @@ import numpy as np
 
 from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
 from formation_scenario import Scenario
-from formation_scenario import law as keys
-from formation_scenario.graph import scenario_adjacency
+from formation_scenario import formation as keys
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
@@ -161,7 +160,7 @@ def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> Consensus
     law, followers = scenario.law.consensus, {each.vehicle_id: 1 + i for i, each in enumerate(scenario.followers)}
     columns = np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
     weights = np.zeros((1 + len(followers),) * 2)
-    weights[np.ix_(columns, columns)] = scenario_adjacency(scenario)
+    weights[np.ix_(columns, columns)] = scenario.adjacency
     frame = scenario.formation.frame
     return ConsensusLaw((law.k1, law.k2, law.k3), weights, sorted(columns.tolist()), frame, models)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask
 from flight_model.autopilot import FlightState
-from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, sample_places
+from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from flight_model.path import Route
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
 from formation_scenario.formation import FormationChange, Frame
@@ -201,8 +201,6 @@ class SlotClearance:
         places = sample_places(first * STEP_M, AHEAD_STEPS)
         points = [outlook.route.at(distance) for distance in places.tolist()]
         slope = np.array([point.slope for point in points])
-        from flight_model.path_lift import least_lift  # noqa: PLC0415 - scipy is for those with ground to clear
-
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0
         made = (

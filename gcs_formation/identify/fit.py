@@ -87,9 +87,8 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     windows = [_Windows.of(each) for each in recordings]
 
     def errors_by(values: Array) -> Array:
-        cut = (
-            windows if names_fitted == LAGS else [_Windows.of(_aimed(each, begin, *values[4:])) for each in recordings]
-        )
+        aims = values.size > len(LAGS)
+        cut = [_Windows.of(_aimed(each, begin, *values[4:])) for each in recordings] if aims else windows
         return np.concatenate([each.errors(values[:4], begin) for each in cut], axis=2)
 
     def errors_of(tried: Sequence[Array]) -> Array:
@@ -180,11 +179,8 @@ class _Windows:
 
 
 def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
-    rest = (
-        *(limits.speed_min_mps, limits.speed_max_mps),
-        *(limits.accel_max_mps2, limits.turn_rate_max_rps, limits.climb_max_mps),
-    )
-    return AutopilotModels.of(np.repeat(np.array([*lags, *rest])[:, None], count, axis=1))
+    constants = np.array([*lags, *limits.autopilot().values()[len(LAGS) :]])
+    return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
 
 
 def _weighed(errors: Array) -> Array:
@@ -243,12 +239,12 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
     start = np.log([getattr(begin, name) for name in AIRFRAME_KEYS])
 
     def errors_of(tried: Sequence[Array]) -> Array:
-        flown = _flown(recording, [_with(begin, each) for each in tried], turn_rate_max_rps)
-        return np.stack([_weighed(each - recording.seen[:3]) for each in np.moveaxis(flown, 2, 0)])
+        flown = (_flown_by(recording, _with(begin, each), turn_rate_max_rps) for each in tried)
+        return np.stack([_weighed(each - recording.seen[:3]) for each in flown])
 
     logs, _ = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
     best = _with(begin, logs)
-    return best, _flown(recording, [best], turn_rate_max_rps)[:, :, 0]
+    return best, _flown_by(recording, best, turn_rate_max_rps)
 
 
 def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
@@ -269,19 +265,12 @@ def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
     return begin.model_copy(update=values)
 
 
-def _flown(recording: Recording, airframes: Sequence[EnergyAirframe], turn_rate_max_rps: float) -> Array:
-    """Return airspeed as sensed, heading and height, (3, K, N), of N aircraft under the recorded setpoints."""
-    return np.stack([_flown_by(recording, each, turn_rate_max_rps) for each in airframes], axis=-1)
-
-
 def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
-    """Return the same of one aircraft, (3, K)."""
+    """Return airspeed as sensed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
     p = AirframeParameters.of(airframe.parameters())
     airspeed, heading, height, climb = recording.seen[:, 0].tolist()
-    aircraft, late = (
-        energy.Aircraft(height, climb, airspeed, heading),
-        round((recording.delay_s + p.dead_time_s) / STEP_S),
-    )
+    aircraft = energy.Aircraft(height, climb, airspeed, heading)
+    late = round((recording.delay_s + p.dead_time_s) / STEP_S)
     energy.trim(aircraft, p)
     setpoints, flown = recording.commanded.T.tolist(), list[tuple[float, float, float]]()
     for point in range(len(setpoints)):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,16 +87,17 @@ class Recording:
         return self.seen.shape[1] * STEP_S
 
 
-@dataclass
 class _Samples:
     """A vehicle's values with the time at which each passed the ground station, s."""
 
-    seen: tuple[str, str, str, str] = SEEN
-    """What of it follows the setpoints of speed, heading and height, and its climb rate."""
-    of: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
+    def __init__(self) -> None:
+        self.seen: tuple[str, str, str, str] = SEEN
+        """What of it follows the setpoints of speed, heading and height, and its climb rate."""
+        self.of: dict[str, list[tuple[float, float]]] = {}
 
-    def add(self, name: str, at_s: float, value: float) -> None:
-        self.of.setdefault(name, []).append((at_s, value))
+    def add(self, at_s: float, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            self.of.setdefault(name, []).append((at_s, value))
 
 
 def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[Recording]:
@@ -127,7 +129,7 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
 
 
 def _of_telemetry(log: Path) -> dict[int, _Samples]:
-    vehicles, parser, begin_us = dict[int, _Samples](), StreamParser(), None
+    vehicles, parser, begin_us = defaultdict[int, _Samples](_Samples), StreamParser(), None
     for time_us, raw in read_tlog(log):
         begin_us = time_us if begin_us is None else begin_us
         for frame in parser.feed(raw):
@@ -142,29 +144,28 @@ def _of_dataflash(log: Path) -> dict[int, _Samples]:
         if kind == "PARM":
             system = int(fields["Value"]) if fields["Name"] in SYSTEM_PARAMETERS else system
             continue
-        for name, key, scale in DATAFLASH_FIELDS[kind]:
-            samples.add(name, float(fields["TimeUS"]) * 1e-6, scale * float(fields[key]))
+        values = {name: scale * float(fields[key]) for name, key, scale in DATAFLASH_FIELDS[kind]}
+        samples.add(float(fields["TimeUS"]) * 1e-6, values)
     return {system: samples}
 
 
-def _take(vehicles: dict[int, _Samples], at_s: float, frame: Frame) -> None:
+def _take(vehicles: defaultdict[int, _Samples], at_s: float, frame: Frame) -> None:
     match frame.message:
         case CommandInt(target_system=system, command=command, param2=value, z=height_m) if command in COMMANDS:
             values = {"speed": value, "heading": math.radians(value), "height": height_m}
-            vehicles.setdefault(system, _Samples()).add(COMMANDS[command], at_s, values[COMMANDS[command]])
+            vehicles[system].add(at_s, {COMMANDS[command]: values[COMMANDS[command]]})
         case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as place:
-            _take_place(vehicles.setdefault(place.target_system, _Samples()), at_s, place)
+            _take_place(vehicles[place.target_system], at_s, place)
         case SetPositionTargetLocalNed() as velocity:
-            _take_velocity(vehicles.setdefault(velocity.target_system, _Samples()), at_s, velocity)
+            _take_velocity(vehicles[velocity.target_system], at_s, velocity)
         case VfrHud(airspeed_mps=airspeed):
-            vehicles.setdefault(frame.system, _Samples()).add("airspeed", at_s, airspeed)
+            vehicles[frame.system].add(at_s, {"airspeed": airspeed})
         case Attitude(yaw_rad=yaw):
-            vehicles.setdefault(frame.system, _Samples()).add("yaw", at_s, yaw)
+            vehicles[frame.system].add(at_s, {"yaw": yaw})
         case GlobalPositionInt(vx_mps=north, vy_mps=east) as seen:
             values = {"alt": seen.alt_m, "climb": -seen.vz_mps, "speed seen": math.hypot(north, east)}
             values |= {"course": math.atan2(east, north), "lat": seen.lat_rad, "lon": seen.lon_rad}
-            for name, value in values.items():
-                vehicles.setdefault(frame.system, _Samples()).add(name, at_s, value)
+            vehicles[frame.system].add(at_s, values)
         case _:
             pass
 
@@ -177,18 +178,15 @@ def _take_place(samples: _Samples, at_s: float, place: CommandInt) -> None:
         (_, lat_rad), (_, lon_rad) = samples.of["lat"][-1], samples.of["lon"][-1]
         north_rad, east_rad = math.radians(place.x * 1e-7) - lat_rad, math.radians(place.y * 1e-7) - lon_rad
         course_rad = math.atan2(east_rad * math.cos(lat_rad), north_rad)
-        for name, value in zip(CHANNELS, (place.param1, course_rad, place.z), strict=True):
-            samples.add(name, at_s, value)
+        samples.add(at_s, {"speed": place.param1, "heading": course_rad, "height": place.z})
 
 
 def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLocalNed) -> None:
     """Take the velocity that a multirotor is commanded; its height setpoint is what the vertical velocity leads to."""
     samples.seen = HOVERING_SEEN
     if "alt" in samples.of:
-        height_m = samples.of["alt"][-1][1] - HEIGHT_S * velocity.vz_mps
-        values = math.hypot(velocity.vx_mps, velocity.vy_mps), math.atan2(velocity.vy_mps, velocity.vx_mps), height_m
-        for name, value in zip(CHANNELS, values, strict=True):
-            samples.add(name, at_s, value)
+        north, east, height_m = velocity.vx_mps, velocity.vy_mps, samples.of["alt"][-1][1] - HEIGHT_S * velocity.vz_mps
+        samples.add(at_s, {"speed": math.hypot(north, east), "heading": math.atan2(east, north), "height": height_m})
 
 
 def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None:
@@ -203,10 +201,11 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         return None
     for angle in ("heading", names[1]):
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
-    commanded = np.array([_held(every[name], at_s) for name in CHANNELS])
+    newest = {name: _newest(each, at_s) for name, each in every.items()}
+    commanded = np.array([newest[name][:, 1] for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     limits_s = {name: UNTOLD_S if name in CHANNELS else SILENT_S for name in every}
-    fresh = np.all([_age_s(each, at_s) < limits_s[name] for name, each in every.items()], axis=0)
+    fresh = np.all([at_s - each[:, 0] < limits_s[name] for name, each in newest.items()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if names == HOVERING_SEEN:
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
@@ -218,14 +217,9 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
     return Recording(system, seen, commanded, delay_s, names)
 
 
-def _held(samples: Array, at_s: Array) -> Array:
-    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
-    return samples[np.maximum(newest, 0), 1]
-
-
-def _age_s(samples: Array, at_s: Array) -> Array:
-    newest = np.searchsorted(samples[:, 0], at_s, side="right") - 1
-    return at_s - samples[np.maximum(newest, 0), 0]
+def _newest(samples: Array, at_s: Array) -> Array:
+    """Return the newest time and value (K, 2) at each moment (K,)."""
+    return samples[np.maximum(np.searchsorted(samples[:, 0], at_s, side="right") - 1, 0)]
 
 
 def _longest(flags: Array) -> slice:

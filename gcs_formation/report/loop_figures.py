@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from formation_scenario.law import PidGains
+from formation_scenario.formation import PidGains
 from gcs_formation.control.laws import gain_range
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 
 from airlink.endpoint import VehicleId
-from formation_scenario.graph import scenario_adjacency
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
@@ -150,6 +149,6 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
 
 def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
     """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
-    keys, weights = scenario.law.consensus, scenario_adjacency(scenario)
+    keys, weights = scenario.law.consensus, scenario.adjacency
     dampings = sorted({1.0 / float(getattr(vehicle.model, lag)) for vehicle in scenario.vehicles})
     return [loop for c in dampings for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)]

@@ -16,7 +16,7 @@ import numpy as np
 from airlink.cli.commands import refusal
 from airlink.cli.exit_status import raised
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
-from formation_scenario.errors import did_you_mean
+from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
 from gcs_formation.app.result_text import WIDE, Group
 from gcs_formation.app.result_text import table as text_table

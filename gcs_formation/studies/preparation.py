@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.describe import problems_of
-from formation_scenario.errors import did_you_mean
+from formation_scenario.fields import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies.flight import Task

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
@@ -211,13 +212,10 @@ class Formation:
 
         `keys` replace the scenario's own, `__` standing for a dot: `law__rate_hz=5`.
         """
-        return Plan(self._found(scenario), self.directory).with_keys(**keys)
-
-    def _found(self, scenario: str | Path | Mapping[str, Any] | Scenario) -> Path | Mapping[str, Any] | Scenario:
-        if not isinstance(scenario, str | Path):
-            return scenario
-        candidates = [place / scenario for place in self.places]
-        return next((path for path in candidates if path.is_file()), Path(scenario))
+        if isinstance(scenario, str | Path):
+            candidates = [place / scenario for place in self.places]
+            scenario = next((path for path in candidates if path.is_file()), Path(scenario))
+        return Plan(scenario, self.directory).with_keys(**keys)
 
 
 @dataclass(frozen=True)
@@ -284,7 +282,8 @@ class Plan:
         for at_s in (change["at_s"] for change in self.link_changes if not _ends_outage(change)):
             if at_s >= end_s:
                 raise ValueError(f"found a link that changes at {at_s:g} s; the flight is over at {end_s:.4g} s")
-        directory = self._free_directory()
+        numbered = (self.directory / f"flight-{number}" for number in count(1))
+        directory = next(path for path in numbered if not path.exists())
         options = RunOptions(directory, self.clock, self.speedup, until)
         flown = run if self.opponent == "emulators" else fly
         with Interrupts() as interrupts:
@@ -314,12 +313,6 @@ class Plan:
         if until is not None:
             words += ["--until", f"{until:g}"]
         return shlex.join(words)
-
-    def _free_directory(self) -> Path:
-        number = 1
-        while (self.directory / f"flight-{number}").exists():
-            number += 1
-        return self.directory / f"flight-{number}"
 
 
 def _ends_outage(change: Mapping[str, Any]) -> bool:

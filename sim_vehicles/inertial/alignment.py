@@ -29,8 +29,7 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
-from sim_vehicles.inertial.rotation import misalignment
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, misalignment
 from sim_vehicles.inertial.strapdown import Strapdown
 
 COARSE_S: Final = 60.0
@@ -151,7 +150,7 @@ def align(
         sway_mps = VELOCITY_SIGMA_MPS * random.standard_normal(2)
         innovation, found = _at_rest(navigator, truth, fine, sway_mps)
         bias += found
-        navigator.set_biases(bias[:3], bias[3:])
+        navigator.set_biases(bias)
         innovations.append(innovation)
         sigma.append(fine.sigma_rad)
         error.append(misalignment(navigator.state().attitude, truth.attitude))

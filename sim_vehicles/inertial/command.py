@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -23,6 +22,7 @@ from flight_model.earth import radii_m
 from formation_scenario import Scenario, ScenarioError, Vehicle, dump_scenario, load_scenario
 from sim_vehicles.inertial.experiment import (
     ANGLES,
+    AXES,
     UNITS,
     DivergedError,
     Experiment,
@@ -51,14 +51,8 @@ STYLE: Final[dict[Any, Any]] = {
     "lines.linewidth": 0.9,
     "axes.linewidth": 0.6,
 }
-SCENARIO, SUMMARY, ALIGNMENT, FLIGHT, FIGURES = (
-    "run.yaml",
-    "summary.json",
-    "alignment.parquet",
-    "flight.parquet",
-    "figures",
-)
-LENGTHS: Final = tuple(f"{axis}_{unit}" for unit in ("m", "mps") for axis in ("east", "north", "up"))
+LENGTHS: Final = tuple(f"{axis}_{unit}" for unit in ("m", "mps") for axis in AXES)
+ANGLE_LABELS: Final = ("about east, arcsec", "about north, arcsec", "heading, arcmin")
 SHARPEST_LIMIT_RAD = math.radians(5.0)
 """Beyond it the heading of the alignment is useless, as its error is no small angle any more."""
 EXAMPLES = """\b
@@ -85,17 +79,15 @@ def _figure(height_cm: float) -> Figure:
     return Figure(figsize=(WIDTH_CM * CM, height_cm * CM), dpi=DPI, layout="constrained")
 
 
-def _grid(figure: Figure, rows: int) -> list[list[Axes]]:
-    axes = figure.subplots(rows, 3, squeeze=False, sharex=True)
-    return cast("list[list[Axes]]", axes.tolist())
+def _grid(figure: Figure, rows: int) -> list[Axes]:
+    return cast("list[Axes]", figure.subplots(rows, 3, squeeze=False, sharex=True).ravel().tolist())
 
 
 def _alignment_figure(done: Experiment) -> Figure:
     """Draw the misalignment, its standard deviation and the alignment's limits on logarithmic axes."""
     figure, aligned = _figure(6.5), done.alignment
-    labels = ("about east, arcsec", "about north, arcsec", "heading, arcmin")
     limits = done.limit_rad / UNITS
-    for i, (axes, label) in enumerate(zip(_grid(figure, 1)[0], labels, strict=True)):
+    for i, (axes, label) in enumerate(zip(_grid(figure, 1), ANGLE_LABELS, strict=True)):
         axes.loglog(aligned.times_s, np.abs(aligned.error_rad[:, i]) / UNITS[i], color=BLUE, label="error")
         axes.loglog(aligned.times_s, aligned.sigma_rad[:, i] / UNITS[i], color=ORANGE, label="σ of the filter")
         if limits[i] > 0.0:
@@ -108,21 +100,13 @@ def _alignment_figure(done: Experiment) -> Figure:
 def _navigation(done: Experiment) -> Figure:
     """Draw the errors of position, velocity and attitude, with plus and minus one standard deviation."""
     figure, flight = _figure(13.0), done.flight
-    labels = (
-        ("east, m", "north, m", "up, m"),
-        ("east, m/s", "north, m/s", "up, m/s"),
-        ("about east, arcsec", "about north, arcsec", "heading, arcmin"),
-    )
-    units = np.concatenate((np.ones(6), UNITS))
-    grid = _grid(figure, 3)
-    for i in range(9):
-        axes = grid[i // 3][i % 3]
+    labels = (*(f"{axis}, {unit}" for unit in ("m", "m/s") for axis in AXES), *ANGLE_LABELS)
+    units, of_filter = np.concatenate((np.ones(6), UNITS)), "±σ of the filter"
+    for i, axes in enumerate(_grid(figure, 3)):
         sigma = flight.sigmas[:, i] / units[i]
-        axes.fill_between(
-            flight.times_s, -sigma, sigma, color=ORANGE, alpha=0.2, linewidth=0.0, label="±σ of the filter"
-        )
+        axes.fill_between(flight.times_s, -sigma, sigma, color=ORANGE, alpha=0.2, linewidth=0.0, label=of_filter)
         axes.plot(flight.times_s, flight.errors[:, i] / units[i], color=BLUE, label="error")
-        axes.set_ylabel(labels[i // 3][i % 3])
+        axes.set_ylabel(labels[i])
         if i >= 6:
             axes.set_xlabel("time, s")
     _legend(figure)
@@ -158,13 +142,13 @@ def write(directory: Path, done: Experiment) -> None:
     Raises:
         OSError: the directory can't be written.
     """
-    figures = directory / FIGURES
+    figures = directory / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    (directory / SCENARIO).write_text(dump_scenario(done.scenario), encoding="utf-8")
+    (directory / "run.yaml").write_text(dump_scenario(done.scenario), encoding="utf-8")
     text = json.dumps(summary(done), indent=2, ensure_ascii=False, allow_nan=False)
-    (directory / SUMMARY).write_text(text + "\n", encoding="utf-8")
-    _write_table(directory / ALIGNMENT, _alignment(done))
-    _write_table(directory / FLIGHT, _flight(done))
+    (directory / "summary.json").write_text(text + "\n", encoding="utf-8")
+    for name, columns in (("alignment", _alignment(done)), ("flight", _flight(done))):
+        pq.write_table(pa.table(dict(columns)), directory / f"{name}.parquet")
     draw(done, figures)
 
 
@@ -184,10 +168,6 @@ def _flight(done: Experiment) -> dict[str, Array]:
     tables = {"error": flight.errors / units, "sigma": flight.sigmas / units}
     columns = {f"{what}_{name}": table[:, i] for what, table in tables.items() for i, name in enumerate(names)}
     return {"t_s": flight.times_s} | place | columns
-
-
-def _write_table(path: Path, columns: Mapping[str, Array]) -> None:
-    pq.write_table(pa.table(dict(columns)), path)
 
 
 @click.command(epilog=EXAMPLES)
@@ -265,10 +245,7 @@ def _in_words(figures: dict[str, Any], directory: Path) -> str:
             ("least possible σ", alignment["limit"]),
         )
     ]
-    rows += [f"flight, {flight['duration_s']:g} s, {_aided(figures['aiding'])}      max, m   at the end, m"]
+    aided = {"none": "by inertia alone", "baro": "height by barometer", "gnss": "with GNSS"}[figures["aiding"]]
+    rows += [f"flight, {flight['duration_s']:g} s, {aided}      max, m   at the end, m"]
     rows += [f"  {axis:<20}{row['max']:>11.2f}{row['final']:>16.2f}" for axis, row in flight["error_m"].items()]
     return "\n".join([*rows, f"figures and summary.json: {directory}"])
-
-
-def _aided(aiding: str) -> str:
-    return {"none": "by inertia alone", "baro": "height by barometer", "gnss": "with GNSS"}[aiding]

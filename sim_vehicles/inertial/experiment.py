@@ -28,9 +28,8 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured
-from sim_vehicles.inertial.rotation import displaced, misalignment
-from sim_vehicles.inertial.strapdown import Strapdown
+from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, misalignment
+from sim_vehicles.inertial.strapdown import Strapdown, displaced
 
 STEP_S: Final = 0.1
 """Step of the covariance propagation, and of the grid on which aids measure."""
@@ -128,7 +127,6 @@ class DivergedError(Exception):
     """The computed height diverged: inertial navigation is unstable in the vertical."""
 
     def __init__(self, time_s: float, height_m: float) -> None:
-        """Take the time and the computed height."""
         super().__init__(
             f"by inertia the computed height diverges: {height_m:.3g} m after {time_s:.0f} s; "
             "allowed: a shorter flight, or aiding: baro or gnss"
@@ -140,7 +138,7 @@ class _Computer:
 
     def __init__(self, start: Start, sensors: InertialSensors, aid: Aid | None, random: np.random.Generator) -> None:
         self._navigator = Strapdown.at(start.state)
-        self._navigator.set_biases(start.bias[:3], start.bias[3:])
+        self._navigator.set_biases(start.bias)
         self._bias = start.bias.copy()
         self._filter = ErrorFilter(start.covariance)
         self._density = noise_density(sensors)
@@ -184,7 +182,7 @@ class _Computer:
         estimate, _ = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas)
         self._navigator.correct(estimate[PLACE], estimate[VELOCITY], estimate[TILT])
         self._bias += np.concatenate((estimate[ACCEL_BIAS], estimate[GYRO_BIAS]))
-        self._navigator.set_biases(self._bias[:3], self._bias[3:])
+        self._navigator.set_biases(self._bias)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Inertial sensors: what ideal ones measure along a true motion, and the errors of real ones.
 
 Source: Groves (2013), sections 2.2 and 5.3 to 5.5, inverted: specific force and angular rate from the derivatives of
-position and attitude.
+position and attitude. Angles: heading clockwise from north, pitch upwards, bank to the right. A matrix rotates body
+components (right, forward, up) into navigation components (east, north, up).
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
-from sim_vehicles.inertial.rotation import attitude
 
 KNOT_S = 1.0
 """Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
@@ -46,6 +46,25 @@ class Increments(NamedTuple):
     def part(self, first: int, end: int) -> Increments:
         """Return the increments of intervals `first` to `end` - 1."""
         return Increments(self.angle_rad[first:end], self.velocity_mps[first:end])
+
+
+def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
+    """Return body to navigation matrices (..., 3, 3) of angles (...)."""
+    sin_h, cos_h, sin_p, cos_p = np.sin(heading_rad), np.cos(heading_rad), np.sin(pitch_rad), np.cos(pitch_rad)
+    sin_b, cos_b = np.sin(bank_rad), np.cos(bank_rad)
+    rows = (
+        (cos_h * cos_b + sin_h * sin_p * sin_b, sin_h * cos_p, cos_h * sin_b - sin_h * sin_p * cos_b),
+        (-sin_h * cos_b + cos_h * sin_p * sin_b, cos_h * cos_p, -sin_h * sin_b - cos_h * sin_p * cos_b),
+        (-cos_p * sin_b, sin_p, cos_p * cos_b),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def misalignment(computed: Array, true: Array) -> Array:
+    """Return the small rotation phi (..., 3) by which a computed matrix is off: computed = (I - [phi x]) true."""
+    off = computed @ np.swapaxes(true, -1, -2)
+    skew = (np.swapaxes(off, -1, -2) - off) / 2.0
+    return np.stack((skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]), axis=-1)
 
 
 class Trajectory:
@@ -84,10 +103,8 @@ class Trajectory:
     def state(self, times_s: Array) -> NavigationState:
         """Return the truth at times (...)."""
         values, rates = self._values(times_s), self._spline(times_s, 1)
-        north_m, east_m, _ = _metres_per_radian(values)
-        velocity = np.stack((east_m * rates[..., LON], north_m * rates[..., LAT], rates[..., HEIGHT]), axis=-1)
-        matrices = attitude(values[..., HEADING], values[..., PITCH], values[..., BANK])
-        return NavigationState(values[..., LAT], values[..., LON], values[..., HEIGHT], velocity, matrices)
+        lat_rad, lon_rad, height_m, *angles = np.moveaxis(values, -1, 0)
+        return NavigationState(lat_rad, lon_rad, height_m, _velocity(values, rates), attitude(*angles))
 
     def increments(self, period_s: float, first: int, end: int) -> Increments:
         """Return increments of ideal sensors over intervals `first` to `end` - 1 of `period_s`, by Gauss quadrature."""
@@ -103,9 +120,11 @@ class Trajectory:
     def _sensed(self, times_s: Array) -> tuple[Array, Array]:
         """Return the angular rate against inertial space and the specific force, body components (..., 3)."""
         values, rates, changes = self._values(times_s), self._spline(times_s, 1), self._spline(times_s, 2)
-        to_body = np.swapaxes(attitude(values[..., HEADING], values[..., PITCH], values[..., BANK]), -1, -2)
-        velocity, acceleration = _motion(values, rates, changes)
-        earth, transport = _earth_rate(values[..., LAT]), _transport_rate(values, velocity)
+        to_body = np.swapaxes(attitude(*np.moveaxis(values[..., HEADING:], -1, 0)), -1, -2)
+        velocity, acceleration = _velocity(values, rates), _acceleration(values, rates, changes)
+        lat_rad = values[..., LAT]
+        earth = RATE_RADPS * np.stack((np.zeros_like(lat_rad), np.cos(lat_rad), np.sin(lat_rad)), axis=-1)
+        transport = _transport_rate(values, velocity)
         rate = _body_rate(values, rates) + _apply(to_body, earth + transport)
         force = acceleration + np.cross(2.0 * earth + transport, velocity)
         force[..., 2] += gravity_mps2(values[..., LAT], values[..., HEIGHT])
@@ -127,31 +146,23 @@ def _metres_per_radian(values: Array) -> tuple[Array, Array, Array]:
     return meridian_m + values[..., HEIGHT], (across_m + values[..., HEIGHT]) * cosine, cosine
 
 
-def _motion(values: Array, rates: Array, changes: Array) -> tuple[Array, Array]:
-    """Return velocity and its rate of change, east, north and up (..., 3)."""
+def _velocity(values: Array, rates: Array) -> Array:
+    """Return the velocity east, north and up (..., 3)."""
+    north_m, east_m, _ = _metres_per_radian(values)
+    return np.stack((east_m * rates[..., LON], north_m * rates[..., LAT], rates[..., HEIGHT]), axis=-1)
+
+
+def _acceleration(values: Array, rates: Array, changes: Array) -> Array:
+    """Return the velocity's rate of change, east, north and up (..., 3)."""
     north_m, east_m, cosine = _metres_per_radian(values)
     sine = np.sin(values[..., LAT])
-    squeeze = 1.0 - ECCENTRICITY_SQUARED * sine**2
     meridian_m, across_m = radii_m(values[..., LAT])
-    bend = ECCENTRICITY_SQUARED * sine * cosine / squeeze * rates[..., LAT]
-    north_rate = 3.0 * meridian_m * bend + rates[..., HEIGHT]
-    east_rate = (across_m * bend + rates[..., HEIGHT]) * cosine - (across_m + values[..., HEIGHT]) * sine * rates[
-        ..., LAT
-    ]
-    velocity = np.stack((east_m * rates[..., LON], north_m * rates[..., LAT], rates[..., HEIGHT]), axis=-1)
-    acceleration = np.stack(
-        (
-            east_m * changes[..., LON] + east_rate * rates[..., LON],
-            north_m * changes[..., LAT] + north_rate * rates[..., LAT],
-            changes[..., HEIGHT],
-        ),
-        axis=-1,
-    )
-    return velocity, acceleration
-
-
-def _earth_rate(lat_rad: Array) -> Array:
-    return RATE_RADPS * np.stack((np.zeros_like(lat_rad), np.cos(lat_rad), np.sin(lat_rad)), axis=-1)
+    turn, spin, climb = np.moveaxis(rates[..., :HEADING], -1, 0)
+    bend = ECCENTRICITY_SQUARED * sine * cosine / (1.0 - ECCENTRICITY_SQUARED * sine**2) * turn
+    north_rate = 3.0 * meridian_m * bend + climb
+    east_rate = (across_m * bend + climb) * cosine - (across_m + values[..., HEIGHT]) * sine * turn
+    north, east = north_m * changes[..., LAT] + north_rate * turn, east_m * changes[..., LON] + east_rate * spin
+    return np.stack((east, north, changes[..., HEIGHT]), axis=-1)
 
 
 def _transport_rate(values: Array, velocity: Array) -> Array:
@@ -164,15 +175,9 @@ def _body_rate(values: Array, rates: Array) -> Array:
     """Return the body's rate against east, north and up, body components (..., 3)."""
     sin_p, cos_p = np.sin(values[..., PITCH]), np.cos(values[..., PITCH])
     sin_b, cos_b = np.sin(values[..., BANK]), np.cos(values[..., BANK])
-    heading, pitch, bank = rates[..., HEADING], rates[..., PITCH], rates[..., BANK]
-    return np.stack(
-        (
-            pitch * cos_b + heading * cos_p * sin_b,
-            bank - heading * sin_p,
-            pitch * sin_b - heading * cos_p * cos_b,
-        ),
-        axis=-1,
-    )
+    heading, pitch, bank = np.moveaxis(rates[..., HEADING:], -1, 0)
+    right, forward = pitch * cos_b + heading * cos_p * sin_b, bank - heading * sin_p
+    return np.stack((right, forward, pitch * sin_b - heading * cos_p * cos_b), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -211,9 +216,7 @@ def _root_mean_square(biases: tuple[float, float, float]) -> float:
 
 def measured(ideal: Increments, sensors: InertialSensors, period_s: float, random: np.random.Generator) -> Increments:
     """Return the increments that these sensors measure instead of `ideal`, over intervals of `period_s`."""
-    shape, root_s = ideal.angle_rad.shape, math.sqrt(period_s)
-    angle = np.multiply(sensors.gyro_bias_radps, period_s) + sensors.gyro_noise * root_s * random.standard_normal(shape)
-    change = np.multiply(sensors.accel_bias_mps2, period_s) + sensors.accel_noise * root_s * random.standard_normal(
-        shape
-    )
+    root_s, walks = math.sqrt(period_s), [random.standard_normal(ideal.angle_rad.shape) for _ in range(2)]
+    angle = np.multiply(sensors.gyro_bias_radps, period_s) + sensors.gyro_noise * root_s * walks[0]
+    change = np.multiply(sensors.accel_bias_mps2, period_s) + sensors.accel_noise * root_s * walks[1]
     return Increments(ideal.angle_rad + angle, ideal.velocity_mps + change)

@@ -32,8 +32,7 @@ from sim_vehicles.inertial.error_model import (
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import InertialSensors
-from sim_vehicles.inertial.rotation import attitude
+from sim_vehicles.inertial.imu import InertialSensors, attitude
 
 RATE_HZ: Final = 10
 USEFUL_M: Final = 50.0

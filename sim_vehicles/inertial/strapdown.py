@@ -7,26 +7,18 @@ Sources: Savage, Strapdown Inertial Navigation Integration Algorithm Design, J. 
 from __future__ import annotations
 
 import math
-from typing import Self, cast
+from typing import Self, TypeAlias, cast
 
 import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
 from sim_vehicles.inertial.imu import Increments, NavigationState
-from sim_vehicles.inertial.rotation import (
-    Quaternion,
-    Vector,
-    cross,
-    normalised,
-    of_vector,
-    product,
-    to_matrix,
-    to_quaternion,
-    turned,
-)
 
 TWO_THIRDS = 2.0 / 3.0
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+"""Scalar first; rotates body components into navigation components."""
 
 
 class Strapdown:
@@ -89,12 +81,10 @@ class Strapdown:
         x, y, z = misalignment_rad.tolist()
         self.attitude = normalised(product(of_vector((x, y, z)), self.attitude))
 
-    def set_biases(self, accel_bias_mps2: Array, gyro_bias_radps: Array) -> None:
-        """Subtract these biases (3,), body components, from all later increments."""
-        x, y, z = accel_bias_mps2.tolist()
-        self._accel_bias = x, y, z
-        x, y, z = gyro_bias_radps.tolist()
-        self._gyro_bias = x, y, z
+    def set_biases(self, biases: Array) -> None:
+        """Subtract these biases (6,), accelerometers' and gyroscopes', from all later increments."""
+        a, b, c, x, y, z = biases.tolist()
+        self._accel_bias, self._gyro_bias = (a, b, c), (x, y, z)
 
     def state(self) -> NavigationState:
         """Return the computed state."""
@@ -134,3 +124,82 @@ def _sum(a: Vector, b: Vector, share: float) -> Vector:
 
 def _less(increment: Vector, bias: Vector, period_s: float) -> Vector:
     return _sum(increment, bias, -period_s)
+
+
+def to_matrix(q: Quaternion) -> Array:
+    """Return a quaternion's matrix (3, 3)."""
+    w, x, y, z = q
+    return np.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
+
+
+def to_quaternion(matrix: Array) -> Quaternion:
+    """Return a matrix's quaternion, by its largest component (Shepperd's method)."""
+    m: list[list[float]] = matrix.tolist()
+    squares = (
+        1.0 + m[0][0] + m[1][1] + m[2][2],
+        1.0 + m[0][0] - m[1][1] - m[2][2],
+        1.0 - m[0][0] + m[1][1] - m[2][2],
+        1.0 - m[0][0] - m[1][1] + m[2][2],
+    )
+    largest = max(range(4), key=lambda i: squares[i])
+    root = math.sqrt(squares[largest])
+    x, y, z = m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]
+    xy, xz, yz = m[1][0] + m[0][1], m[2][0] + m[0][2], m[2][1] + m[1][2]
+    parts = ((squares[0], x, y, z), (x, squares[1], xy, xz), (y, xy, squares[2], yz), (z, xz, yz, squares[3]))[largest]
+    return normalised(tuple(part / (2.0 * root) for part in parts))
+
+
+def of_vector(rotation: Vector) -> Quaternion:
+    """Return the quaternion of a rotation vector in rad."""
+    x, y, z = rotation
+    square = x * x + y * y + z * z
+    if square < 1e-8:  # the series is exact to the last bit there
+        scale, w = 0.5 - square / 48.0, 1.0 - square / 8.0 + square * square / 384.0
+    else:
+        size = math.sqrt(square)
+        scale, w = math.sin(size / 2.0) / size, math.cos(size / 2.0)
+    return w, x * scale, y * scale, z * scale
+
+
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return the quaternion of the rotation b followed by a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def normalised(q: tuple[float, ...]) -> Quaternion:
+    """Return a quaternion of length 1."""
+    size = math.sqrt(sum(part * part for part in q))
+    w, x, y, z = (part / size for part in q)
+    return w, x, y, z
+
+
+def turned(q: Quaternion, v: Vector) -> Vector:
+    """Return a body vector in navigation components."""
+    w, x, y, z = q
+    a, b, c = v
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def displaced(true: Array, misalignment_rad: Array) -> Array:
+    """Return the matrix (3, 3) that is off by a misalignment (3,): the inverse of `misalignment`."""
+    x, y, z = (-misalignment_rad).tolist()
+    return to_matrix(of_vector((x, y, z))) @ true

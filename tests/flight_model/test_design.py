@@ -13,7 +13,6 @@ from flight_model.design import (
     PEAK,
     STEPS,
     Telemetry,
-    Weights,
     design,
     judged_channels,
 )
@@ -24,7 +23,7 @@ from formation_scenario.gains import figures
 from formation_scenario.vehicles import EnergyAirframe
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, Pid, PidGains
 
-WEIGHTS = Weights(1.0, 0.1, 0.05, 1.0)
+WEIGHTS = {"k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)
 NOISY = Telemetry(0.1, 0.1, 0.02, 0.03, 0.002)
 AIRCRAFT = AirframeParameters.of(EnergyAirframe().parameters())
@@ -72,7 +71,7 @@ def test_figures_of_a_first_order_loop_are_the_closed_forms():
     """kp/s has its crossover at kp, a phase margin of 90 degrees less the delay's."""
     plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
     gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
-    found = judged_channels(gains, plants, 20.0, Weights(1.0, 0.0, 0.05, 1.0), NOISY)
+    found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, NOISY)
     for name in ("speed", "heading", "height"):
         assert found[name].bandwidth_radps == pytest.approx(0.5)
         assert found[name].delay_margin_s == pytest.approx(math.pi / 2 / 0.5 - 0.1, rel=0.03)
@@ -83,7 +82,7 @@ def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
     """White noise of a position of 0.02 m and a velocity of 0.03 m/s, each of the difference of two vehicles."""
     plants, weights, gains = (
         [lag_responses(FREQUENCIES, 4.0, 1.5, (1.0, 3.0))],
-        Weights(1.0, 0.0, 0.05, 1.0),
+        {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0},
         (0.6, 0.05, 1.2),
     )
     known = Telemetry(0.1, 0.0, 0.02, 0.03, 0.0)
@@ -103,7 +102,7 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
     gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
     for delay_s, stable in ((3.0, True), (3.3, False)):
         late = Telemetry(0.1, delay_s, 0.0, 0.0, 0.0)
-        found = judged_channels(gains, plants, 20.0, Weights(1.0, 0.0, 0.05, 1.0), late)
+        found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, late)
         assert math.isfinite(found["speed"].peak) == stable
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from formation_scenario.law import LawType
+from formation_scenario.formation import LawType
 from gcs_formation.cli import main
 from gcs_formation.control.laws import LAWS
 

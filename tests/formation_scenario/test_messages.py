@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.errors import did_you_mean
+from formation_scenario.fields import did_you_mean
 
 BASE = "vehicles: {count: 4}\npath: {waypoints_m: [[0, 0, 100], [4000, 0, 100]]}\n"
 JARGON = (
@@ -70,6 +70,10 @@ WRONG = [
     ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
     ("schema: 2\n", "schema: found 2; allowed: 1"),
     ("expect: [{metric: error_x.max, below: 1}]\n", "(did you mean 'error_x_m.max'?)"),
+    (
+        "expect: [{metric: [error_x_m.max], below: 1}]\n",
+        "expect.0.metric: found [error_x_m.max]; allowed: error_x_m.rms",
+    ),
     (
         "expect: [{metric: settled_at_s, followers: [], below: 1}]\n",
         "expect.0.followers: found []; allowed: all, or",

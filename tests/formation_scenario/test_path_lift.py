@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.displacement import Bounds, sample_places
-from flight_model.path_lift import least_lift
+from flight_model.displacement import Bounds, least_lift, sample_places
 from formation_scenario.environment import Hill
 from formation_scenario.terrain import Hills
 

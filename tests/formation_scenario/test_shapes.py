@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import slot_schedule, slot_table
-from formation_scenario.shapes import SHAPES, slots
+from formation_scenario.slot_assignment import RINGS, slots
 
+SHAPES = (*RINGS, "circle")
 shapes = st.sampled_from(sorted(SHAPES))
 counts = st.integers(1, 60)
 
@@ -88,11 +89,6 @@ def test_a_circle_is_a_regular_polygon_around_the_leader(count):
     radii = np.hypot(table[:, 0], table[:, 1])
     np.testing.assert_allclose(radii, radii[0])
     np.testing.assert_allclose(table.mean(axis=0), 0.0, atol=1e-9)
-
-
-def test_an_unknown_shape_is_named():
-    with pytest.raises(ValueError, match="found shape 'blob'; allowed: follower, diamond"):
-        slots("blob", 3, 30.0)
 
 
 def test_custom_slots_are_in_the_order_of_the_followers(load):

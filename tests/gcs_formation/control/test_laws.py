@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.law import LawType
+from formation_scenario.formation import LawType
 from gcs_formation.control.laws import LAWS, gain_range
 from gcs_formation.studies import compare
 from tests.flights.conftest import scenario

@@ -8,7 +8,7 @@ import pytest
 from airlink.clock import Instant, after
 from flight_model.arrays import Array
 from flight_model.autopilot import FlightState
-from flight_model.filtered_noise import UNMODELLED, WIND_WALK
+from flight_model.design import UNMODELLED, WIND_WALK
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample, StateEstimator

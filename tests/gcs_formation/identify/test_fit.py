@@ -9,7 +9,7 @@ from flight_model import energy
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.fit import LAGS, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.fit import _flown as flown_by_airframes
+from gcs_formation.identify.fit import _flown_by as flown_by_airframe
 from gcs_formation.identify.recording import STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)
@@ -75,7 +75,7 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     commanded, begin = stepped()[:, 300:700], np.array([[22.0], [0.3], [100.0], [0.0]])
     commanded[0, 250:350] += 2.0
     blank = recording(np.repeat(begin, commanded.shape[1], axis=1), commanded)
-    seen = flown_by_airframes(blank, [true], 0.25)[:, :, 0]
+    seen = flown_by_airframe(blank, true, 0.25)
     airframe, again = fit_airframe(
         recording(np.vstack((seen, np.zeros((1, commanded.shape[1])))), commanded), EnergyAirframe(), 0.25
     )

@@ -13,8 +13,7 @@ from formation_scenario import SplinePath
 from sim_vehicles.inertial.alignment import STATES, TILTS, FineAlignment, align, coarse, limits
 from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS, barometer, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors, Trajectory
-from sim_vehicles.inertial.rotation import attitude
+from sim_vehicles.inertial.imu import InertialSensors, Trajectory, attitude
 
 PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0

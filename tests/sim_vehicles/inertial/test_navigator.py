@@ -19,9 +19,9 @@ from sim_vehicles.config import inertial_sensors
 from sim_vehicles.inertial.alignment import limits
 from sim_vehicles.inertial.error_model import TILT
 from sim_vehicles.inertial.experiment import exact_start, navigate
-from sim_vehicles.inertial.imu import InertialSensors, Trajectory
+from sim_vehicles.inertial.imu import InertialSensors, Trajectory, attitude
 from sim_vehicles.inertial.navigator import InertialNavigator
-from sim_vehicles.inertial.rotation import attitude, displaced
+from sim_vehicles.inertial.strapdown import displaced
 from tests.sim_vehicles.inertial.angles import angles
 from tests.sim_vehicles.inertial.keys import inertial_keys
 

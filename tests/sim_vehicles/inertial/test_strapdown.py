@@ -11,9 +11,8 @@ from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from formation_scenario import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.experiment import Array, Start, exact_start, navigate
-from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory
-from sim_vehicles.inertial.rotation import attitude, displaced, misalignment, to_matrix, to_quaternion
-from sim_vehicles.inertial.strapdown import Strapdown
+from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory, attitude, misalignment
+from sim_vehicles.inertial.strapdown import Strapdown, displaced, to_matrix, to_quaternion
 from tests.sim_vehicles.inertial.angles import angles
 
 PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
