@@ -16,7 +16,7 @@ from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
-from airlink.udp import DRAIN_LIMIT, IDLE_WAIT_S, MAX_DATAGRAM, open_socket, select_for
+from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, select_for
 
 MAX_REMOTES: Final = 256
 """Sockets towards the target. Further remotes are ignored, so strangers can't exhaust the machine's sockets."""
@@ -92,6 +92,7 @@ class Proxy:
         self._remotes: dict[Address, int] = {}
         self._peers: list[Address] = []
         self._sockets: list[socket.socket] = []
+        self._inbox = Inbox()
         self._selector = selectors.PollSelector()  # takes any standard input, which epoll doesn't
         self._listening = open_socket(listen)
         self._selector.register(self._listening, selectors.EVENT_READ, self._from_remotes)
@@ -133,7 +134,7 @@ class Proxy:
                 self._send(passage)
 
     def _from_remotes(self) -> None:
-        for data, peer in _waiting(self._listening):
+        for data, peer in self._inbox.take(self._listening):
             remote = self._remotes.get(peer)
             if remote is None:
                 if len(self._remotes) == MAX_REMOTES:
@@ -158,7 +159,7 @@ class Proxy:
         return remote
 
     def _from_target(self, remote: int) -> None:
-        for data, _ in _waiting(self._sockets[remote]):
+        for data, _ in self._inbox.take(self._sockets[remote]):
             self._relay.accept(Passage(remote, Direction.UPLINK, data), self._clock.now())
 
     def _send(self, passage: Passage) -> None:
@@ -176,16 +177,3 @@ def _resolved(endpoint: Endpoint) -> Address:
         return Address(socket.gethostbyname(endpoint.address.host), endpoint.address.port)
     except OSError as error:
         raise PortError(f"cannot send to {endpoint}: {error.strerror}") from error
-
-
-def _waiting(opened: socket.socket) -> list[tuple[bytes, Address]]:
-    datagrams: list[tuple[bytes, Address]] = []
-    for _ in range(DRAIN_LIMIT):
-        try:
-            data, peer = opened.recvfrom(MAX_DATAGRAM)
-        except BlockingIOError:
-            break
-        except OSError:  # the report that an earlier datagram found nobody
-            continue
-        datagrams.append((data, Address(*peer)))
-    return datagrams

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import selectors
 import socket
+import sys
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
+
+import numpy as np
 
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
@@ -19,6 +23,14 @@ RECEIVE_BUFFER: Final = 4 * 1024 * 1024
 """Bytes: holds a burst of 250 vehicles' telemetry while we are busy, kernel overhead included."""
 DRAIN_LIMIT: Final = 4096
 """Datagrams taken from one socket before timers are handled again."""
+BATCH: Final = 64
+"""Datagrams that the kernel is asked for at once."""
+MAX_KNOWN: Final = 4096
+"""Senders whose addresses are kept, so that strangers can't fill the memory."""
+NAME: Final = 16
+"""Bytes of `struct sockaddr_in`: family, then port and host in the network's order."""
+WORDS: Final = 8
+"""Words of 64 bits of `struct mmsghdr`, its padding included; the last has the length of what has come."""
 IDLE_WAIT_S: Final = 0.1
 IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
@@ -67,6 +79,70 @@ def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[se
     return ready
 
 
+class Inbox:
+    """Takes what has arrived at UDP sockets: on Linux all that waits with one call of the kernel (recvmmsg(2))."""
+
+    def __init__(self) -> None:
+        """Make room for a batch."""
+        self._known = dict[bytes, Address]()
+        """By the kernel's name, who sent before."""
+        self._receive: Any = None
+        if sys.platform == "linux" and sys.maxsize > 2**32 and sys.byteorder == "little":
+            self._receive = getattr(ctypes.CDLL(None, use_errno=True), "recvmmsg", None)
+        if self._receive is not None:
+            self._make_room()
+
+    def _make_room(self) -> None:
+        number = ctypes.c_int
+        self._receive.argtypes = (number, ctypes.c_void_p, ctypes.c_uint, number, ctypes.c_void_p)
+        self._data, self._names = np.empty((BATCH, MAX_DATAGRAM), np.uint8), np.empty((BATCH, NAME), np.uint8)
+        each = np.arange(BATCH, dtype=np.uint64)
+        self._pieces = np.empty((BATCH, 2), np.uint64)  # struct iovec: where, how long
+        self._pieces[:, 0], self._pieces[:, 1] = self._data.ctypes.data + each * MAX_DATAGRAM, MAX_DATAGRAM
+        self._headers = np.zeros((BATCH, WORDS), np.uint64)
+        self._headers[:, 0], self._headers[:, 1] = self._names.ctypes.data + each * NAME, NAME
+        self._headers[:, 2], self._headers[:, 3] = self._pieces.ctypes.data + each * self._pieces.strides[0], 1
+        self._begin: int = self._headers.ctypes.data
+        self._bytes, self._senders = self._data.reshape(-1).data, self._names.reshape(-1).data
+        self._lengths = self._headers.reshape(-1).data
+
+    def take(self, opened: socket.socket) -> list[tuple[bytes, Address]]:
+        """Return what has arrived, `DRAIN_LIMIT` datagrams at most, and from where."""
+        found: list[tuple[bytes, Address]] = []
+        if self._receive is None:
+            self._take_singly(opened, found)
+            return found
+        handle = opened.fileno()
+        for _ in range(DRAIN_LIMIT // BATCH):
+            count: int = self._receive(handle, self._begin, BATCH, socket.MSG_DONTWAIT, None)
+            for place in range(count):
+                name, begin = place * NAME, place * MAX_DATAGRAM
+                peer = bytes(self._senders[name : name + NAME])
+                length: int = self._lengths[place * WORDS + WORDS - 1]
+                found.append((bytes(self._bytes[begin : begin + length]), self._known.get(peer) or self._met(peer)))
+            # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
+            if 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN):
+                break
+        return found
+
+    def _met(self, peer: bytes) -> Address:
+        """Return who has a name, and know him from now on."""
+        if len(self._known) == MAX_KNOWN:
+            self._known.clear()
+        address = self._known[peer] = Address(socket.inet_ntoa(peer[4:8]), int.from_bytes(peer[2:4], "big"))
+        return address
+
+    def _take_singly(self, opened: socket.socket, found: list[tuple[bytes, Address]]) -> None:
+        for _ in range(DRAIN_LIMIT):
+            try:
+                data, peer = opened.recvfrom(MAX_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError:  # as above
+                continue
+            found.append((data, Address(peer[0], peer[1])))
+
+
 class UdpDriver:
     """Moves an engine's datagrams through sockets and calls its timer, in the calling thread."""
 
@@ -80,15 +156,11 @@ class UdpDriver:
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._sockets: list[socket.socket] = []
-        self._last_peers: list[tuple[str, int]] = []
-        self._last_addresses: list[Address] = []
-        """By socket, whom a datagram came from last: most come from the same."""
+        self._inbox = Inbox()
         try:
             for index, endpoint in enumerate(engine.endpoints()):
                 opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
                 self._sockets.append(opened)
-                self._last_peers.append(("", 0))
-                self._last_addresses.append(Address("", 0))
                 self._selector.register(opened, selectors.EVENT_READ, index)
         except PortError:
             self.close()
@@ -140,25 +212,13 @@ class UdpDriver:
         """Sleep until a datagram arrives or the timer is due, and pass on what has arrived."""
         timer = self._engine.next_timer()
         wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
-        for key, _ in select_for(self._selector, wait_s):
-            self._drain(key.data)
-
-    def _drain(self, index: int) -> None:
-        receive, last, address = self._sockets[index].recvfrom, self._last_peers[index], self._last_addresses[index]
         arrived: list[Datagram] = []
-        for _ in range(DRAIN_LIMIT):
-            try:
-                data, peer = receive(MAX_DATAGRAM)
-            except BlockingIOError:
-                break
-            except OSError:  # the kernel's report that an earlier datagram found nobody: not ours to act on
-                continue
-            if peer != last:
-                last, address = peer, Address(peer[0], peer[1])
-            arrived.append(Datagram(index, address, data))
+        for key, _ in select_for(self._selector, wait_s):
+            index: int = key.data
+            for data, peer in self._inbox.take(self._sockets[index]):
+                arrived.append(Datagram(index, peer, data))
         if arrived:
             self._engine.receive(arrived, self._clock.now())
-        self._last_peers[index], self._last_addresses[index] = last, address
 
     def _send(self) -> None:
         for each in self._engine.datagrams_to_send():

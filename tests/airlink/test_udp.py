@@ -1,12 +1,13 @@
 import selectors
 import socket
+import sys
 
 import pytest
 
 from airlink.clock import RealClock, after
 from airlink.endpoint import Address, PortError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.udp import UdpDriver, open_socket, select_for
+from airlink.udp import Inbox, UdpDriver, open_socket, select_for
 from tests.airlink.engines import PlainEngine
 
 
@@ -85,6 +86,23 @@ def test_who_cannot_be_reached_is_no_error(port):
     with UdpDriver(engine, RealClock()) as driver:
         driver.run(lambda: len(engine.timers) >= 2)
     assert engine.heard == []
+
+
+@pytest.mark.parametrize("platform", [sys.platform, "without recvmmsg"])
+def test_all_that_waits_is_taken_in_its_order_whoever_sent_it(port, platform, monkeypatch):
+    monkeypatch.setattr(sys, "platform", platform)
+    sent = [b"", bytes(65_507), *(bytes([number % 256]) * (1 + number % 90) for number in range(200))]
+    first, second = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    with open_socket(parse_endpoint(f"udpin:127.0.0.1:{port}")) as here, first, second:
+        senders = [(second if number % 3 else first) for number in range(len(sent))]
+        for sender, data in zip(senders, sent, strict=True):
+            sender.sendto(data, ("127.0.0.1", port))
+        inbox = Inbox()
+        addresses = [Address("127.0.0.1", each.getsockname()[1]) for each in senders]
+        assert inbox.take(here) == list(zip(sent, addresses, strict=True))
+        assert inbox.take(here) == []
+        first.sendto(b"again", ("127.0.0.1", port))
+        assert inbox.take(here) == [(b"again", addresses[0])]
 
 
 class Stopped(selectors.SelectSelector):
