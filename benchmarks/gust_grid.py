@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import gcs_formation
 from formation_scenario import load_scenario
+from gcs_formation.report import load_run
 from gcs_formation.report.gusts import GustError, gusts
-from gcs_formation.report.run_data import load_run
 from gcs_formation.studies.dataset import markdown
 
 PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"

@@ -10,8 +10,7 @@ from typing import Any, Final
 
 import click
 
-from airlink.cli.commands import SEED, VERSION, Command
-from airlink.cli.exit_status import Status, fail
+from airlink.cli import SEED, VERSION, Command, Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay

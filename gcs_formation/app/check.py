@@ -16,8 +16,7 @@ from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
-from gcs_formation.app.check_end import final_circles
-from gcs_formation.app.check_speed import little_left
+from gcs_formation.app.check_flight import final_circles, little_left
 from gcs_formation.app.check_warnings import (
     assembly,
     goes_round,

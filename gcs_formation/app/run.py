@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from airlink.cli.commands import looking_seldom
+from airlink.cli import looking_seldom
 from airlink.clock import Clock, Instant, RealClock, VirtualClock
 from airlink.endpoint import PortError
 from airlink.engine import MemoryNetwork

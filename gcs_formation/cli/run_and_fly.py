@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, WholeNumber, default_directory, examples
-from airlink.cli.exit_status import Status, fail, say
+from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearsal_text, rehearse
@@ -20,7 +19,7 @@ from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.cli.scenario import load
+from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary

@@ -12,15 +12,14 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples, refusal
-from airlink.cli.exit_status import Status, fail, raised, say
+from airlink.cli import OUT, SECONDS, SEED, Status, WholeNumber, default_directory, examples, fail, raised, refusal, say
 from airlink.words import counted
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan
 from gcs_formation.studies.flight import fly
-from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Plan
 from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
@@ -271,7 +270,7 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     if as_json:
         click.echo(json.dumps(found.comparison, indent=2))
     click.echo(found.text, err=as_json)
-    broken, stopped = found.broken(), found.stopped()
+    broken, stopped = found.ended(Status.EXPECTATION_BROKEN), found.ended(Status.COULD_NOT_GO_ON)
     for text in (*broken, *stopped):
         click.echo(text, err=True)
     if found.interrupted:

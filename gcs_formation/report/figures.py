@@ -8,99 +8,93 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
+from gcs_formation.report import RunData
 from gcs_formation.report.error_figures import assembled_first, assembly, disturbance, disturbed, errors, has_followers
 from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
 from gcs_formation.report.plan_figures import plan, trajectory
-from gcs_formation.report.run_data import RunData
 from gcs_formation.report.style import print_style, save
 
 
 class Plate(NamedTuple):
-    """A figure: its file's name without the suffix, its title and caption, and the function that draws it."""
+    """A figure: the function that draws it, its title and its caption."""
 
-    name: str
+    draw: Callable[[RunData], Figure]
     title: str
     caption: str
-    draw: Callable[[RunData], Figure]
     has_something: Callable[[RunData], bool] = lambda _: True
     """Whether the run has anything for it to show; it is left out otherwise."""
+
+    @property
+    def name(self) -> str:
+        """Its file's name without the suffix."""
+        return self.draw.__name__
 
 
 PLATES = (
     Plate(
-        "disturbance",
+        disturbance,
         "Disturbance",
         "Velocity that was added to each vehicle's own over the ground, from ground truth (figure 11 of the paper).",
-        disturbance,
         disturbed,
     ),
     Plate(
-        "errors",
+        errors,
         "Formation errors",
         "Slot minus vehicle, in the frame that the scenario names (figure 12 of the paper). Where the transient would "
         "hide what follows it, it has axes of its own on the left. After a gust on followers only: what no law can do "
         "better than, and what ours is held to.",
-        errors,
         has_followers,
     ),
     Plate(
-        "trajectory",
+        trajectory,
         "Trajectories",
         "Over the ground (figure 13 of the paper). Heights are stretched; grey: the tracks' shadows. With terrain, "
         "below: heights over time, and the ground under the leader.",
-        trajectory,
     ),
     Plate(
-        "plan",
+        plan,
         "Plan view",
         "Tracks of all vehicles and the path, north up. A, B, …: the formation at these times, seen with the "
         "leader's heading up; circles are the slots that were commanded then.",
-        plan,
     ),
     Plate(
-        "assembly",
+        assembly,
         "Take-off and assembly",
         "Before the path: tracks over the ground, north up; heights; and how far each follower was from its slot. "
         "At 0 s the leader starts along the path.",
-        assembly,
         assembled_first,
     ),
     Plate(
-        "setpoints",
+        setpoints,
         "Setpoints and responses",
         "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
         "largest errors.",
-        setpoints,
     ),
     Plate(
-        "steps",
+        steps,
         "Setpoint steps",
         "How far each follower's setpoints moved from one tick to the next. Lines are medians over stretches of time, "
         "bands the range.",
-        steps,
         has_followers,
     ),
     Plate(
-        "gains",
+        gains,
         "Gains",
         "Of the worst of those that follow longest, as shares of their nominal values, which the legend has.",
-        gains,
         has_gains,
     ),
     Plate(
-        "separation",
+        separation,
         "Separation and clearance",
         "Least distance of any two vehicles, and heights above the ground below each vehicle, with the safety limits.",
-        separation,
     ),
     Plate(
-        "latency",
+        latency,
         "Latency",
         "One-way delay of each link: half of the measured round trip, and dotted what was injected. How old the newest "
         "telemetry was when the law used it. Lines are medians over stretches of time, bands the range. Share of its "
         "delay margin that each follower's loops used, at the gains in force. While a vehicle isn't commanded, "
         "nothing is drawn.",
-        latency,
     ),
 )
 

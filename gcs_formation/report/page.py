@@ -18,14 +18,12 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
-from gcs_formation.report import html
+from gcs_formation.report import RunData, html, load_run
 from gcs_formation.report.error_figures import transient_end_s
 from gcs_formation.report.figures import Plate, write_figures
-from gcs_formation.report.geometry import Indices, evenly, extremes, path_m, reach
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
-from gcs_formation.report.run_data import RunData, load_run
-from gcs_formation.report.style import FOLLOWERS, marks
+from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, reach
 from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000
@@ -55,19 +53,27 @@ SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 def embedded(run: RunData) -> dict[str, Any]:
     """Return the data of the page's plots, ready for JSON; times are mission times in s, unknown values None."""
-    group = everyone(run)
-    names = list(group.vehicles)
+    group, everybody = everyone(run), list(everyone(run).vehicles)
     return {
         "begun": run.begun,
         "flown_s": _rounded(run.time_s[[0, -1]], TIME_DIGITS),
         "steady_s": transient_end_s(run),
-        "vehicles": [_vehicle(run, vehicle) for vehicle in names],
-        "worst": [names.index(vehicle) for vehicle in run.worst_first()],
+        "vehicles": [_vehicle(run, vehicle) for vehicle in everybody],
+        "worst": [everybody.index(vehicle) for vehicle in run.worst_first()],
         "errors": _errors(run, group),
         "tracks": _tracks(run, group),
         "path": _path(run),
         "ground": _ground(run),
-        "bounds": _bounds(run),
+        "bounds": [
+            {
+                "axis": error.axis,
+                "from": round(error.at_s, TIME_DIGITS),
+                "to": round(error.to_s, TIME_DIGITS),
+                "allowed": round(error.allowed_m, ERROR_DIGITS),
+                "least": round(error.least_m, ERROR_DIGITS),
+            }
+            for error in gusts(run)
+        ],
         "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
     }
 
@@ -79,45 +85,23 @@ def as_script(data: dict[str, Any]) -> str:
 
 
 def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
-    if vehicle == run.leader:
-        return {"name": str(vehicle), "role": "leader", "colour": None}
-    return {
-        "name": str(vehicle),
-        "role": "follower",
-        "colour": FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)],
-    }
+    leads = vehicle == run.leader
+    colour = None if leads else FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)]
+    return {"name": str(vehicle), "role": "leader" if leads else "follower", "colour": colour}
 
 
 def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
     """Return each follower's errors at their extremes, with the times of these."""
-    count = max(len(run.followers), 1)
-    buckets = int(np.clip(ERROR_POINTS // (6 * count), FEWEST_BUCKETS, MOST_BUCKETS))
-    time_s = run.whole_time_s
+    buckets = int(np.clip(ERROR_POINTS // (6 * max(len(run.followers), 1)), FEWEST_BUCKETS, MOST_BUCKETS))
     found: list[dict[str, Any]] = []
     for index, vehicle in enumerate(group.vehicles):
-        if vehicle not in run.followers:
-            continue
-        error_m = run.whole.error(vehicle)
-        series = dict[str, Any]()
-        for axis, values in zip("xyz", error_m.T, strict=True):
-            kept = extremes(values, buckets)
-            series[axis] = {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
-        found.append({"vehicle": index, **series})
+        if vehicle in run.followers:
+            found.append({"vehicle": index})
+            for axis, values in zip("xyz", run.whole.error(vehicle).T, strict=True):
+                kept = extremes(values, buckets)
+                times = _rounded(run.whole_time_s[kept], TIME_DIGITS)
+                found[-1][axis] = {"t": times, "v": _rounded(values[kept], ERROR_DIGITS)}
     return found
-
-
-def _bounds(run: RunData) -> list[dict[str, Any]]:
-    """Return the bounds on errors after gusts that act on followers only, and the least errors possible."""
-    return [
-        {
-            "axis": error.axis,
-            "from": round(error.at_s, TIME_DIGITS),
-            "to": round(error.to_s, TIME_DIGITS),
-            "allowed": round(error.allowed_m, ERROR_DIGITS),
-            "least": round(error.least_m, ERROR_DIGITS),
-        }
-        for error in gusts(run)
-    ]
 
 
 def _tracks(run: RunData, group: Group) -> dict[str, Any]:
@@ -130,17 +114,13 @@ def _tracks(run: RunData, group: Group) -> dict[str, Any]:
 
 
 def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
-    north, east, height = run.whole.place(vehicle)[kept].T
+    below = run.whole.vehicles[vehicle][GROUND[0]][kept]
+    named = zip(("north", "east", "height", "below"), (*run.whole.place(vehicle)[kept].T, below), strict=True)
     heading = run.whole.heading(vehicle)[kept]
     known = np.isfinite(heading)
     heading[known] = np.unwrap(heading[known])
-    return {
-        "north": _rounded(north, PLACE_DIGITS),
-        "east": _rounded(east, PLACE_DIGITS),
-        "height": _rounded(height, PLACE_DIGITS),
-        "below": _rounded(run.whole.vehicles[vehicle][GROUND[0]][kept], PLACE_DIGITS),
-        "heading": _rounded(heading, ANGLE_DIGITS),
-    }
+    track = {name: _rounded(values, PLACE_DIGITS) for name, values in named}
+    return {**track, "heading": _rounded(heading, ANGLE_DIGITS)}
 
 
 def _path(run: RunData) -> dict[str, Any]:
@@ -177,10 +157,12 @@ def beside_the_paper(run: RunData) -> str:
     step = _step(run)
     if step is None:
         return ""
-    found = _largest_m(run, step.at_s)
+    window = run.flown.window(step.at_s, float(run.time_s[-1]))
+    errors_m = np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers])
+    most = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
     rows = [
-        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found[axis])]
-        for axis in AXES
+        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found)]
+        for axis, found in zip(AXES, most, strict=True)
     ]
     rows += [
         [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
@@ -219,18 +201,11 @@ def _step(run: RunData) -> StepDisturbance | None:
     return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
 
 
-def _largest_m(run: RunData, from_s: float) -> dict[str, float | None]:
-    window = run.flown.window(from_s, float(run.time_s[-1]))
-    errors = np.abs(np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers]))
-    most = np.fmax.reduce(errors)
-    return {axis: float(most[i]) if np.isfinite(most[i]) else None for i, axis in enumerate(AXES)}
-
-
 def _conditions(run: RunData, step: StepDisturbance) -> str:
     """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
     everybody = step.vehicles == "all" or run.leader in step.vehicles
     whom = "every vehicle" if everybody else "followers only, a relative disturbance"
-    delays_ms = [link["injected_delay_ms"] for link in run.summary["links"].values()]
+    delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
     known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
     links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
     frame = run.scenario.formation.frame.replace("_heading", "'s")
@@ -275,13 +250,10 @@ def _subtitle(run: RunData) -> str:
     followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
     law = law_kind(scenario).name
     prediction = "with" if scenario.law.delay_compensation else "without"
-    parts = (
-        f"{leader} and {followers}",
-        f"{scenario.formation.shape} of {scenario.formation.spacing_m:g} m",
-        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation",
-        f"seed {run.summary['seed']}",
+    return (
+        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
+        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
     )
-    return "; ".join(parts)
 
 
 def _error_source(run: RunData) -> str:
@@ -296,11 +268,7 @@ def _error_source(run: RunData) -> str:
     )
 
 
-def _unsaid(text: str) -> None:
-    """Leave it to the page, which says it as well."""
-
-
-def write_report(run_dir: Path, lacks: Callable[[str], None] = _unsaid) -> Path:
+def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
     `lacks` is called with each thing that the record of an unfinished run lacks, in words.

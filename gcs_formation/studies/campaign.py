@@ -22,9 +22,9 @@ from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
+from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
-from gcs_formation.studies.keys import Study, Wanted
 from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
 from gcs_formation.studies.workers import Workers
 
@@ -66,12 +66,13 @@ class StudyProgress:
         spent_s = self._spent.wall_s
         self._first = done - 1 if self._first is None else self._first
         text = progress_text(done, total, failed, (done - self._first) / max(spent_s, 1e-6))
-        if self._live is not None and (spent_s - self._shown_s > SHOWN_EVERY_S or done == total):
+        if self._live is None:
+            tenths = done * TENTHS // total
+            self.say(text if tenths > self._tenths else "")
+            self._tenths = max(tenths, self._tenths)
+        elif spent_s - self._shown_s > SHOWN_EVERY_S or done == total:
             self._shown_s = spent_s
             self._live.update(Text(text, no_wrap=True, overflow="ellipsis"), refresh=True)
-        elif self._live is None and not self._quiet and done * TENTHS // total > self._tenths:
-            self._tenths = done * TENTHS // total
-            click.echo(text, err=True)
 
 
 def progress_text(done: int, total: int, failed: int, rate_hz: float) -> str:
@@ -226,13 +227,12 @@ def flights(
     def task(planned: Planned) -> Task:
         return Task(planned, study, base, str(records / f"{planned.flight:06d}") if records is not None else None)
 
-    tasks = deque(task(planned) for planned in replayed(plan, flown.values()))
+    tasks = deque(map(task, replayed(plan, flown.values())))
     failed = sum(row["exit"] > 1 for row in flown.values())
     with workers:
         shown.say(workers.where)
         for row in workers.rows(tasks):
-            following = plan.after(row)
-            if following is not None:
+            if (following := plan.after(row)) is not None:
                 tasks.append(task(following))
             done.add(int(row["flight"]))
             failed += row["exit"] > 1

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from airlink.cli.commands import refusal
-from airlink.cli.exit_status import raised
+from airlink.cli import Status, raised, refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.errors import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
@@ -25,14 +24,14 @@ from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import axis_figures, effort, least, separation_m
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import CHANNELS, ERROR
+from gcs_formation.report import RunData, load_run
 from gcs_formation.report.error_figures import law_errors
 from gcs_formation.report.html import document, figure, number, table
-from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.report.style import print_style, save
 from gcs_formation.stability import law_margins
-from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task, worst
+from gcs_formation.studies import Study
+from gcs_formation.studies.flight import Task, worst
 from gcs_formation.studies.flight import figure as figure_of
-from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
 
@@ -60,7 +59,7 @@ Comparison = Mapping[str, Any]
 """What comparison.json holds: what was flown, the window (s), and each law's figures.
 
 Errors and effort are those of the worst follower; when the last one settled is of the whole flight; None where there is
-no figure. `aborted` says why a law has none.
+no figure. `aborted` says why a law has none; `warnings` are those of `check`.
 """
 
 
@@ -79,15 +78,8 @@ class Compared:
         """The table, and where its files are."""
         return f"{comparison_text(self.comparison)}\nwrote {self.page}"
 
-    def broken(self) -> list[str]:
-        """Return what each law broke of the scenario's expectations and safety limits."""
-        return self._of(EXPECTED)
-
-    def stopped(self) -> list[str]:
-        """Return which flights could not go on, and why."""
-        return self._of(COULD_NOT_GO_ON)
-
-    def _of(self, exit_status: int) -> list[str]:
+    def ended(self, exit_status: int) -> list[str]:
+        """Return what is said of the flights with an exit status: what they broke, or why they could not go on."""
         return [
             f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
         ]
@@ -140,7 +132,7 @@ def compare_laws(
     except KeyboardInterrupt:
         interrupted = True
     said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
-    flown = {law: words if status > EXPECTED else "" for law, status, words in said}
+    flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
     runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
     return Compared(comparison, said, _write(comparison, runs, out), interrupted)
@@ -153,13 +145,9 @@ def named_laws(names: str) -> tuple[str, ...]:
         ScenarioError: a name isn't one of `LAWS`.
     """
     found = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
-    unknown = [name for name in found if name not in LAWS]
+    unknown = [f"found '{name}'{did_you_mean(name, LAWS)}" for name in found if name not in LAWS]
     if unknown:
-        allowed = ", ".join(LAWS)
-        problems = [
-            Problem("--laws", None, None, "", f"found '{name}'{did_you_mean(name, LAWS)}", allowed) for name in unknown
-        ]
-        raise ScenarioError(problems)
+        raise ScenarioError([Problem("--laws", None, None, "", text, ", ".join(LAWS)) for text in unknown])
     return found
 
 
@@ -204,17 +192,19 @@ def compared(
         window_s: mission times from which and up to which errors count, both included.
     """
     named = {"schema": SCHEMA, "name": scenario.name, "seed": scenario.seed, "frame": scenario.formation.frame}
-    each = {law: _figures(runs[law], window_s) if law in runs else _none(why) for law, why in flown.items()}
+    each = {
+        law: _figures(runs[law], window_s) if law in runs else _none() | {"aborted": why} for law, why in flown.items()
+    }
     return {**named, "from_s": window_s[0], "to_s": window_s[1], "laws": each}
 
 
-def _none(aborted: str) -> dict[str, Any]:
+def _none() -> dict[str, Any]:
     nothing = {"settled_at_s": None, **{name: dict.fromkeys(HEADS) for name in ERROR}, "effort": {}}
-    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None} | _said((), aborted)
+    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None, "warnings": ()}
 
 
 def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
-    within, stability = run.flown.window(*window_s), run.summary["stability"]
+    within, stability, scenario = run.flown.window(*window_s), run.summary["stability"], run.scenario
     efforts = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
     return {
         "settled_at_s": figure_of(run.summary, "settled_at_s"),
@@ -226,20 +216,15 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
         "min_separation_m": least(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
-    } | _said(tuple(warnings(run.scenario, law_margins(run.scenario), lag_margins(run.scenario)[0])), "")
-
-
-def _said(warned: tuple[str, ...], aborted: str) -> dict[str, Any]:
-    """Return what is said of a law: `check`'s warnings, of loops whose delay is near their margin; why it stopped."""
-    return {"warnings": warned, "aborted": aborted}
+        "warnings": tuple(warnings(scenario, law_margins(scenario), lag_margins(scenario)[0])),
+        "aborted": "",
+    }
 
 
 def _axis(run: RunData, window_s: tuple[float, float], axis: int) -> dict[str, float | None]:
     """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
-    settled_s = figure_of(run.summary, "settled_at_s")
-    found: list[dict[str, float | None]] = []
-    for vehicle in run.followers:
-        error_m = run.flown.error(vehicle)[:, axis]
+    settled_s, found = figure_of(run.summary, "settled_at_s"), list[dict[str, float | None]]()
+    for error_m in (run.flown.error(vehicle)[:, axis] for vehicle in run.followers):
         kept = run.flown.window(*window_s) & np.isfinite(error_m)
         found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
     return {name: worst(name, [each[name] for each in found]) for name in HEADS}
@@ -312,7 +297,7 @@ def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Pa
 
 def _page(comparison: Comparison, picture: Path) -> str:
     (heads, rows), notes = _table(comparison), _notes(comparison)
-    caption = TWO_SPANS + CAPTION if len(_spans(comparison)) > 1 else CAPTION
+    sets = [[law, ", ".join(LAWS[law])] for law in comparison["laws"]]
     return document(
         f"{comparison['name']}: laws side by side",
         "comparison.html",
@@ -321,8 +306,6 @@ def _page(comparison: Comparison, picture: Path) -> str:
         from_s=f"{comparison['from_s']:g}",
         to_s=f"{comparison['to_s']:g}",
         table=(table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else ""),
-        figure=figure(NAME, TITLE, caption, picture),
-        laws=table(
-            ["Law", "What it sets in the scenario"], [[law, ", ".join(LAWS[law])] for law in comparison["laws"]], (0, 1)
-        ),
+        figure=figure(NAME, TITLE, (TWO_SPANS if len(_spans(comparison)) > 1 else "") + CAPTION, picture),
+        laws=table(["Law", "What it sets in the scenario"], sets, (0, 1)),
     )

@@ -11,9 +11,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
+from gcs_formation.studies import Study
 from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
-from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import clopper_pearson
 
 LEVELS_UP_TO = 12
@@ -73,7 +73,7 @@ def distributions(flights: Flights) -> Figure:
     figure, panels = panels_of(len(flights.metrics))
     for axes, (name, values) in zip(panels, flights.metrics.items(), strict=False):
         axes.set_xlabel(name)
-        if counted(values[np.isfinite(values)]):
+        if not has_tail(values):
             _counts(axes, values)
             continue
         _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR if flights.by_chance else NONE)
@@ -87,17 +87,9 @@ def exceedances(flights: Flights) -> Figure:
     """Draw the share of flights that are worse than each value of each figure that has a tail."""
     named = {name: values for name, values in flights.metrics.items() if has_tail(values)}
     figure, panels = panels_of(len(named))
+    label, alpha = "share of flights that are worse than this value", CLEAR if flights.by_chance else NONE
     for axes, (name, values) in zip(panels, named.items(), strict=False):
-        everyone = np.ones(values.size, dtype=np.bool_)
-        _tail(
-            axes,
-            flights,
-            name,
-            everyone,
-            BAND,
-            "share of flights that are worse than this value",
-            CLEAR if flights.by_chance else NONE,
-        )
+        _tail(axes, flights, name, np.ones(values.size, dtype=np.bool_), BAND, label, alpha)
         _finish_tail(axes, flights, name, values.size)
     legend_below(figure)
     return figure
@@ -132,15 +124,12 @@ def split_by(flights: Flights) -> list[str]:
 
 
 def has_tail(values: Array) -> bool:
-    """Whether a figure has enough different values for its tail to be drawn."""
-    known = values[np.isfinite(values)]
-    return not counted(known)
+    """Whether a figure has enough different values for its tail to be drawn; else they are counted.
 
-
-def counted(known: Array) -> bool:
-    """Whether values are counted: a few whole numbers, or hardly any different ones."""
-    levels = np.unique(known)
-    return levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any())
+    That are a few whole numbers, or hardly any different ones.
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    return not (levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any()))
 
 
 def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]:
@@ -162,7 +151,7 @@ def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
 
 def bounds_of(study: Study, metric: str) -> list[float]:
     """Return the bounds that the study expects of a figure."""
-    wanted = [each for each in study.expect if each.metric == metric]
+    wanted = (each for each in study.expect if each.metric == metric)
     return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
 
 
@@ -226,9 +215,8 @@ def _finish(axes: Axes, flights: Flights, metric: str) -> None:
 
 def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
     """Scale a panel of tails; where an expectation allows a share of the flights, mark it: curves should be below."""
-    axes.set_xlabel(metric)
-    axes.set(yscale="log", ylim=(_floor(fewest), 1.1))
-    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
+    axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100.0 * share:g} %"))
     _finish(axes, flights, metric)
     if metric in LEAST_IS_WORST:
         axes.xaxis.set_inverted(True)
@@ -246,7 +234,3 @@ def _known(flights: Flights, metric: str) -> Array:
 
 def _floor(count: int) -> float:
     return 0.4 / max(count, 1)
-
-
-def _percent(share: float, _: object) -> str:
-    return f"{100.0 * share:g} %"

@@ -20,9 +20,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
+from gcs_formation.studies import LISTED, Bisection, LogUniform
 from gcs_formation.studies.curves import CELL_CM, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
 from gcs_formation.studies.dataset import Flights
-from gcs_formation.studies.keys import LISTED, Bisection, LogUniform
 from gcs_formation.studies.plan import Row
 
 LISTED_UP_TO = 40
@@ -126,14 +126,13 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
             _write(axes, table, norm, digits)
         if pair[0] not in flights.levels:
             _boundaries(axes, flights, metric, pair, table, logarithmic=isinstance(norm, LogNorm))
-        for axis, name in ((axes.xaxis, pair[0]), (axes.yaxis, pair[1])):
-            tick(flights, axis, name, below=axis is axes.xaxis)
+        tick(flights, axes.xaxis, pair[0], below=True)
+        tick(flights, axes.yaxis, pair[1], below=False)
         axes.grid(visible=False)
     for spare in panels[len(found) :]:
         spare.set_axis_off()
-    figure.colorbar(
-        ScalarMappable(norm, CELLS), ax=panels, label=f"{metric}, median", shrink=0.6 if len(found) > columns else 1.0
-    )
+    shrink = 0.6 if len(found) > columns else 1.0
+    figure.colorbar(ScalarMappable(norm, CELLS), ax=panels, label=f"{metric}, median", shrink=shrink)
     legend_below(figure)
     return figure
 
@@ -244,12 +243,10 @@ def _ends(axes: Axes, ends: Sequence[tuple[Any, ...]]) -> None:
     for place, (kept, broken) in enumerate(ends):
         if kept is not None and broken is not None:
             axes.plot([kept, broken], [place, place], color=BAND, lw=2.5, label="kept to broken")
-        else:
-            (at, marker, label) = (
-                (kept, ">", "kept up to the high end") if broken is None else (broken, "<", "broken at the low end")
-            )
-            if at is not None:
-                axes.plot(at, place, ls="", marker=marker, color=BAND, label=label)
+        elif kept is not None:
+            axes.plot(kept, place, ls="", marker=">", color=BAND, label="kept up to the high end")
+        elif broken is not None:
+            axes.plot(broken, place, ls="", marker="<", color=BAND, label="broken at the low end")
 
 
 def _sample(entry: Mapping[str, Any], names: Sequence[str], seeds: int) -> str:

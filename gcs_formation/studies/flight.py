@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+from airlink.cli import Status
 from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
@@ -23,13 +24,12 @@ from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.expectations import figure_of, figure_of_run
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
+from gcs_formation.studies import INVARIANTS, Record, Study
 from gcs_formation.studies.invariants import broken, read_record
-from gcs_formation.studies.keys import INVARIANTS, Record, Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
 VERSION: Final = version("gcs-formation")
-EXPECTED, BAD_SCENARIO, COULD_NOT_GO_ON = 1, 2, 3
 REPEATED_EVERY = 10
 """Of flights held against the invariants, one seed in so many is flown again and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
@@ -76,26 +76,26 @@ def fly(task: Task) -> dict[str, Any]:
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
-        exit_status, words = BAD_SCENARIO, str(error)
+        exit_status, words = Status.BAD_USAGE, str(error)
     except RecordingError:
         raise
     except (RecordError, OSError) as error:
         raise RecordingError(str(error)) from error
-    except RunAbortedError as error:
-        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, str(error)
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
-        values, exit_status, words = _uncompleted(task), COULD_NOT_GO_ON, f"raised {error!r}"
-    planned = task.planned
-    spent = {"wall_s": used.wall_s, "cpu_s": used.cpu_s}
-    head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters}
-    return {**head, **values, "exit": exit_status, **spent, "version": VERSION, "words": words}
+        values, exit_status = _uncompleted(task), Status.COULD_NOT_GO_ON
+        words = str(error) if isinstance(error, RunAbortedError) else f"raised {error!r}"
+    return _row(task, values, exit_status, words, used)
 
 
 def lost(task: Task, words: str) -> dict[str, Any]:
     """Return the row of a flight whose worker died with it."""
-    planned = task.planned
-    head = {"flight": planned.flight, "seed": planned.seed, **planned.parameters, **dict.fromkeys(task.study.measured)}
-    return {**head, "exit": COULD_NOT_GO_ON, "wall_s": None, "cpu_s": None, "version": VERSION, "words": words}
+    return _row(task, dict.fromkeys(task.study.measured), Status.COULD_NOT_GO_ON, words, None)
+
+
+def _row(task: Task, values: Mapping[str, Any], exit_status: int, words: str, used: Stopwatch | None) -> dict[str, Any]:
+    head = {"flight": task.planned.flight, "seed": task.planned.seed, **task.planned.parameters, **values}
+    spent = {"wall_s": used.wall_s if used else None, "cpu_s": used.cpu_s if used else None}
+    return {**head, "exit": int(exit_status), **spent, "version": VERSION, "words": words}
 
 
 def figure(summary: Mapping[str, Any], metric: str) -> float | None:

@@ -18,18 +18,9 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.connection import STALE_AFTER_S
+from gcs_formation.record import timeseries
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG, read_tlog
-from gcs_formation.record.timeseries import (
-    AIRBORNE,
-    ERROR,
-    INJECTED_MEAN,
-    PHASES,
-    SETPOINT,
-    STATE,
-    TRUTH,
-    flying,
-    read_parquet,
-)
+from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
 
 REGAINED_M = 1.0
 REGAINED_FOR_S = 10.0
@@ -84,20 +75,16 @@ class FlightRecord:
 
 def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
     """Return what a run directory holds."""
-    parser, sent, frames = StreamParser(), list[tuple[int, CommandInt]](), 0
-    for _, raw in read_tlog(directory / TLOG):
-        frames += 1
-        for frame in parser.feed(raw):
-            if isinstance(frame.message, CommandInt):
-                sent.append((frame.message.target_system, frame.message))
+    parser, raws = StreamParser(), [raw for _, raw in read_tlog(directory / TLOG)]
+    messages = (frame.message for raw in raws for frame in parser.feed(raw))
     lines = (directory / EVENTS).read_text(encoding="utf-8").splitlines()
     return FlightRecord(
         scenario=scenario,
         summary=json.loads((directory / SUMMARY).read_text(encoding="utf-8")),
         events=tuple(json.loads(line) for line in lines),
         columns=read_parquet(directory / TIMESERIES),
-        sent=tuple(sent),
-        frames=frames,
+        sent=tuple((each.target_system, each) for each in messages if isinstance(each, CommandInt)),
+        frames=len(raws),
     )
 
 
@@ -112,13 +99,13 @@ def separation(flown: FlightRecord) -> Iterator[str]:
     for one, other in combinations(flown.scenario.vehicles, 2):
         ours, theirs = flown.rows(one), flown.rows(other)
         apart_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
-        flying = (ours[AIRBORNE] > 0) & (theirs[AIRBORNE] > 0)
+        flying = (ours[timeseries.AIRBORNE] > 0) & (theirs[timeseries.AIRBORNE] > 0)
         near = np.where(flying, apart_m, np.inf)
         if near.min(initial=np.inf) < least_m:
             worst = int(near.argmin())
             yield (
                 f"separation: vehicles {one.vehicle_id} and {other.vehicle_id} were {near[worst]:.2f} m apart at "
-                f"{ours['mission_time_s'][worst]:.1f} s ({PHASES[int(ours['phase'][worst])]}); "
+                f"{ours['mission_time_s'][worst]:.1f} s ({timeseries.PHASES[int(ours['phase'][worst])]}); "
                 f"allowed: {least_m:g} m or more"
             )
 
@@ -139,7 +126,10 @@ def envelope(flown: FlightRecord) -> Iterator[str]:
 
 def finite(flown: FlightRecord) -> Iterator[str]:
     """State and setpoint of every vehicle that is commanded are numbers, and so is every true state."""
-    for names, rows in (((*STATE, *SETPOINT), flown.columns["active"]), (TRUTH, np.isfinite(flown.columns["t_s"]))):
+    for names, rows in (
+        ((*timeseries.STATE, *timeseries.SETPOINT), flown.columns["active"]),
+        (TRUTH, np.isfinite(flown.columns["t_s"])),
+    ):
         for name in names:
             wrong = rows & ~np.isfinite(flown.columns[name])
             if wrong.any():
@@ -192,7 +182,7 @@ def regained(flown: FlightRecord) -> Iterator[str]:
 def _held_up(flown: FlightRecord, rows: Mapping[str, Array]) -> bool:
     """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
     calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
-    there_and_back_s = 2 * rows[INJECTED_MEAN]
+    there_and_back_s = 2 * rows[timeseries.INJECTED_MEAN]
     under_way = rows["mission_time_s"] + there_and_back_s > calm_from_s
     return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
 

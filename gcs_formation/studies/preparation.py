@@ -15,9 +15,9 @@ from formation_scenario.describe import problems_of
 from formation_scenario.errors import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
+from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.keys import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
-from gcs_formation.studies.plan import Planned, Row, Sample, at, columns_of, count_flights, samples
+from gcs_formation.studies.plan import Planned, Row, Sample, at, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
@@ -60,11 +60,9 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
 
 def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
     """Yield what an expectation asks of flights that there are none of."""
-    known = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each))}
-    searched = [study.bisect.parameter] if study.bisect else []
+    known, names = study.levels, study.columns
     for i, wanted in enumerate(study.expect):
         for name, value in wanted.where.items():
-            names = [*study.parameters, *searched]
             if name not in names:
                 allowed = f"a parameter of the study: {', '.join(names)}{did_you_mean(name, names)}"
                 yield read.problem(("expect", i, "where"), f"found '{name}'", allowed)
@@ -170,7 +168,7 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
 
 def planned_of(study: Study, row: Row) -> Planned:
     """Return the flight that a row is of."""
-    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in columns_of(study) if name in row})
+    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in study.columns if name in row})
 
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:

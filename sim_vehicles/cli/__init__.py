@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, ImportedWhenChosen, examples
+from airlink.cli import VERSION, ImportedWhenChosen, examples
 
 EXAMPLES = examples(
     "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",

@@ -13,8 +13,7 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import SECONDS, Number, WholeNumber
-from airlink.cli.exit_status import Status, fail
+from airlink.cli import SECONDS, Number, Status, WholeNumber, fail
 from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver
