@@ -8,7 +8,6 @@ flights. A tick is late when it starts more than 10 ms after it was due.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import selectors
@@ -25,7 +24,7 @@ os.environ["MAVLINK20"] = "1"
 
 import yaml
 
-import gcs_formation
+from benchmarks import counts_parser, flown, print_load
 from benchmarks.prototype import E7, HEADING, HEIGHT, RESOLUTION, SPEED
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
@@ -37,15 +36,9 @@ PERIOD_S = 0.1
 SETTLE_S = 5.0
 STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
 HEAD = (
-    "vehicles",
-    "mavutil, µs a vehicle and s",
-    "its frames a vehicle and s",
-    "ours, µs",
-    "our frames",
-    "share",
-    "ticks",
-    "late",
-)
+    "vehicles", "mavutil, µs a vehicle and s", "its frames a vehicle and s", "ours, µs", "our frames",
+    "share", "ticks", "late",
+)  # fmt: skip
 
 
 def planned(count: int, duration_s: float) -> dict[str, Any]:
@@ -58,10 +51,9 @@ def planned(count: int, duration_s: float) -> dict[str, Any]:
 
 def fly(count: int, duration_s: float) -> tuple[float, int, dict[str, Any]]:
     """Return processor seconds of our ground station, its frames, and its figures of control."""
-    with tempfile.TemporaryDirectory() as out:
-        began = time.process_time()
-        figures = gcs_formation.run(planned(count, duration_s), clock="real", out=str(Path(out) / "run")).to_dict()
-        spent_s = time.process_time() - began
+    began = time.process_time()
+    with flown(planned(count, duration_s), "real") as summary:
+        spent_s, figures = time.process_time() - began, summary.to_dict()
     frames = sum(each["frames_in"] + each["frames_out"] for each in figures["links"].values())
     return spent_s, frames, figures["control"]
 
@@ -166,27 +158,18 @@ def measured(count: int, duration_s: float) -> list[str]:
         long_s, many, control = pool.submit(fly, count, 2.0 * duration_s).result()
     each = count * duration_s
     theirs, ours = theirs_s / each * 1e6, (long_s - short_s) / each * 1e6
-    return [
-        str(count),
-        f"{theirs:.0f}",
-        f"{their_frames / each:.0f}",
-        f"{ours:.0f}",
-        f"{(many - few) / each:.0f}",
-        f"1/{theirs / ours:.1f}",
-        str(control["ticks"]),
-        str(control["late_ticks"]),
-    ]
+    figures = theirs, their_frames / each, ours, (many - few) / each
+    late = f"1/{theirs / ours:.1f}", str(control["ticks"]), str(control["late_ticks"])
+    return [str(count), *(f"{figure:.0f}" for figure in figures), *late]
 
 
 def main() -> None:
     """Measure every size and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
+    parser = counts_parser(__doc__, COUNTS)
     parser.add_argument("--seconds", type=float, default=DURATION_S)
     given = parser.parse_args()
     print(markdown(HEAD, [measured(count, given.seconds) for count in given.counts]))
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+    print_load()
 
 
 if __name__ == "__main__":

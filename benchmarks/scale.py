@@ -6,18 +6,12 @@ Each size flies in a process of its own: emulated vehicles, links and ground sta
 
 from __future__ import annotations
 
-import argparse
-import os
 import resource
 import sys
-import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import gcs_formation
+from benchmarks import alone, counts_parser, flown, print_load
 from gcs_formation.app.operator import ClockName
 from gcs_formation.studies.dataset import markdown
 
@@ -63,12 +57,11 @@ def scenario(count: int, duration_s: float) -> dict[str, Any]:
 
 
 def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
-    """Fly one size; meant for a process of its own."""
-    with tempfile.TemporaryDirectory() as out:
-        began = time.process_time()
-        figures = gcs_formation.run(scenario(count, duration_s), clock=clock, out=out).to_dict()
-        processor_s = time.process_time() - began
-        recorded = sum(file.stat().st_size for file in Path(out).iterdir())
+    """Fly one size; meant for a process of its own, whose peak of memory is that flight's."""
+    began = time.process_time()
+    with flown(scenario(count, duration_s), clock) as summary:
+        processor_s, figures = time.process_time() - began, summary.to_dict()
+        recorded = sum(file.stat().st_size for file in summary.run_dir.iterdir())
     return Cost(
         vehicles=count,
         simulated_s=figures["real_time_factor"] * figures["wall_s"],
@@ -81,26 +74,15 @@ def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
     )
 
 
-def alone(count: int, clock: ClockName, duration_s: float) -> Cost:
-    """Fly one size in a process of its own, whose peak of memory is that flight's."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(cost, count, clock, duration_s).result()
-
-
 def growth(costs: list[Cost]) -> str:
     """Return the table of sizes."""
     head = (
-        "vehicles",
-        "wall s a simulated s, s",
-        "processor s a simulated s, s",
-        "of it a vehicle, ms",
-        "peak memory, MiB",
-        "recorded, KiB a vehicle and s",
-        "largest error, m",
-    )
+        "vehicles", "wall s a simulated s, s", "processor s a simulated s, s", "of it a vehicle, ms",
+        "peak memory, MiB", "recorded, KiB a vehicle and s", "largest error, m",
+    )  # fmt: skip
     rows = [
         [
-            each.vehicles,
+            str(each.vehicles),
             f"{each.wall_s / each.simulated_s:.3f}",
             f"{each.processor_s / each.simulated_s:.3f}",
             f"{each.processor_s / each.simulated_s / each.vehicles * 1e3:.1f}",
@@ -110,21 +92,17 @@ def growth(costs: list[Cost]) -> str:
         ]
         for each in costs
     ]
-    return markdown(head, [[str(cell) for cell in row] for row in rows])
+    return markdown(head, rows)
 
 
 def punctuality(costs: list[Cost]) -> str:
     """Return the table of flights under the real clock."""
     head = ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms")
+    taken = ("compute_ms", "p50"), ("compute_ms", "p99"), ("period_ms", "p99"), ("period_ms", "max")
     rows = [
         [
-            each.vehicles,
-            each.control["ticks"],
-            each.control["late_ticks"],
-            f"{each.control['compute_ms']['p50']:.1f}",
-            f"{each.control['compute_ms']['p99']:.1f}",
-            f"{each.control['period_ms']['p99']:.1f}",
-            f"{each.control['period_ms']['max']:.1f}",
+            *(each.vehicles, each.control["ticks"], each.control["late_ticks"]),
+            *(f"{each.control[what][figure]:.1f}" for what, figure in taken),
         ]
         for each in costs
     ]
@@ -133,15 +111,13 @@ def punctuality(costs: list[Cost]) -> str:
 
 def main() -> None:
     """Fly every size, one after the other, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
+    parser = counts_parser(__doc__, COUNTS)
     parser.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
     given = parser.parse_args()
     clock, duration_s = ("real", REAL_DURATION_S) if given.real else ("virtual", DURATION_S)
-    costs = [alone(count, clock, duration_s) for count in given.counts]
+    costs = [alone(cost, count, clock, duration_s) for count in given.counts]
     print(punctuality(costs) if given.real else growth(costs))
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+    print_load()
 
 
 if __name__ == "__main__":

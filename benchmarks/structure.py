@@ -20,7 +20,6 @@ from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
-from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.studies.dataset import markdown
 from sim_vehicles.config import fleet_config
@@ -36,19 +35,14 @@ FLOWN_S = 300.0
 
 def sources(package: str) -> dict[str, str]:
     """Return the modules of a package, by their dotted names."""
-    return {_dotted(path): path.read_text() for path in sorted((ROOT / package).rglob("*.py"))}
+    paths = {path: path.relative_to(ROOT).with_suffix("").parts for path in sorted((ROOT / package).rglob("*.py"))}
+    return {".".join(parts).removesuffix(".__init__"): path.read_text() for path, parts in paths.items()}
 
 
 def counted(texts: list[str]) -> list[int]:
     """Return how many modules, classes and lines these are."""
     classes = sum(isinstance(node, ast.ClassDef) for text in texts for node in ast.walk(ast.parse(text)))
     return [len(texts), classes, sum(len(text.splitlines()) for text in texts)]
-
-
-def lengths(texts: list[str]) -> list[int]:
-    """Return the lines of each function."""
-    nodes = [node for text in texts for node in ast.walk(ast.parse(text))]
-    return [(node.end_lineno or 0) - node.lineno + 1 for node in nodes if isinstance(node, ast.FunctionDef)]
 
 
 def imported(tree: ast.Module, modules: set[str]) -> Iterator[str]:
@@ -74,14 +68,10 @@ def circle(modules: dict[str, ast.Module]) -> list[str] | None:
 class Unrecorded:
     """A recorder that keeps nothing."""
 
-    def frames(self, now: Instant, raws: list[bytes]) -> None:
-        """Drop them."""
+    def _drop(self, *_: object) -> None:
+        pass
 
-    def tick(self, tick: Tick) -> None:
-        """Drop it."""
-
-    def event(self, event: Event) -> None:
-        """Drop it."""
+    frames = tick = event = _drop
 
 
 class Traced(Station):
@@ -126,10 +116,6 @@ def way() -> list[str]:
     return sorted(str(place) for place in within if place.parts[0] in PACKAGES)
 
 
-def _dotted(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-
-
 def main() -> None:
     """Print the figures."""
     packages = {package: sources(package) for package in PACKAGES}
@@ -139,8 +125,10 @@ def main() -> None:
     rows["of these, written from a table"] = counted([text for text in everything.values() if WRITTEN in text])
     head = ["package", "modules", "classes", "lines"]
     print(markdown(head, [[package, *map(str, counts)] for package, counts in rows.items()]))
-    print(f"\nlines of a function, median: {median(lengths(list(everything.values()))):g}")
-    closed = circle({name: ast.parse(text) for name, text in everything.items()})
+    trees = {name: ast.parse(text) for name, text in everything.items()}
+    functions = [node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    print(f"\nlines of a function, median: {median((f.end_lineno or 0) - f.lineno + 1 for f in functions):g}")
+    closed = circle(trees)
     print(f"circle of imports: {' -> '.join(closed or ['none'])}")
     files = way()
     own = [file for file in files if file.startswith("gcs_formation")]

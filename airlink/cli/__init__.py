@@ -34,9 +34,14 @@ VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not com
 
 
 def start(module: str) -> None:
-    """Run the function `main` of a module, imported only now, so that Ctrl-C ends its import quietly too."""
-    end_quietly()
-    look_seldom()
+    """Run the function `main` of a module, imported only now, so that Ctrl-C ends its import quietly too.
+
+    It looks for garbage seldom, and not as it ends, when the system takes all memory back.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)  # until the command installs a handler of its own
+    gc.set_threshold(OBJECTS)
+    atexit.register(gc.freeze)
     calculate_in_one_thread()
     import_module(module).main()
 
@@ -47,12 +52,6 @@ def calculate_in_one_thread() -> None:
     No sum then depends on the number of cores, and none wait for work in a loop: 0.05 to 0.1 s of a short command.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-
-def look_seldom() -> None:
-    """Have it look for garbage seldom from now on, and not as it ends, when the system takes all memory back."""
-    gc.set_threshold(OBJECTS)
-    atexit.register(gc.freeze)
 
 
 @contextmanager
@@ -151,7 +150,6 @@ class Directory(click.Path):
     """A directory to write into; "" isn't one."""
 
     def __init__(self) -> None:
-        """Give commands a Path."""
         super().__init__(path_type=Path)
 
     def convert(
@@ -223,12 +221,6 @@ def say(text: str, status: Status) -> Status:
 def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
     """Print a message to standard error and exit."""
     sys.exit(say(text, status))
-
-
-def end_quietly() -> None:
-    """End the process with status 130 on Ctrl-C, until the command installs a handler of its own."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _end)
 
 
 def end_unheard(error: OSError) -> NoReturn:

@@ -65,12 +65,11 @@ def _word(field: str, help_text: str, words: Mapping[str, Any]) -> Key:
 
 def _or_none(number: Key) -> Key:
     """Return a key whose value may be `none` too."""
-    return Key(
-        number.field,
-        number.help,
-        f"{number.allowed}, none",
-        lambda text: None if text == "none" else number.read(text),
-        lambda value: "none" if value is None else number.show(value),
+    return replace(
+        number,
+        allowed=f"{number.allowed}, none",
+        read=lambda text: None if text == "none" else number.read(text),
+        show=lambda value: "none" if value is None else number.show(value),
     )
 
 
@@ -130,9 +129,7 @@ class Console:
     """Applies lines from standard input; answers each with the new settings, or with what is allowed."""
 
     def __init__(self, relay: Relay) -> None:
-        """Change the impairments of `relay`."""
-        self._relay = relay
-        self._begun = b""
+        self._relay, self._begun = relay, b""
 
     def take(self, data: bytes) -> None:
         """Apply the lines that `data` completes; empty `data` is the end of input and completes the last one."""
@@ -199,10 +196,9 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
         for prefix in ("", f"{way.name.lower()}-"):
             for name in KEYS:
                 text = options[f"{prefix}{name}".replace("-", "_")]
-                if text is None:
-                    continue
                 try:
-                    relay.impairments[way] = changed(relay.impairments[way], name, text)
+                    if text is not None:
+                        relay.impairments[way] = changed(relay.impairments[way], name, text)
                 except ImpairmentError as error:
                     raise click.UsageError(f"--{prefix}{error}") from error
 

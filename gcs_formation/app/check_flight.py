@@ -177,7 +177,7 @@ class _Climb:
         goals_m = [self._stack.heights_m[identity] for identity in self._begin]
         times_s = np.arange(0.0, self._limit_s, STEP_S)
         ways = zip(self._models, self._begin.values(), goals_m, strict=True)
-        height_m = np.array([_climb(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
+        height_m = np.array([_climbed_m(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
         climbing = times_s <= times_s[(height_m < np.array(goals_m)[:, None] - SHORT_M).any(axis=0)].max(initial=0.0)
         north_m, east_m = self._places(times_s[climbing] * self._speed_mps)
         clearance_m = height_m[:, climbing] - self._ground.height(north_m, east_m)
@@ -198,11 +198,11 @@ class _Climb:
         return points.north_m + forward_m * cosine - right_m * sine, points.east_m + forward_m * sine + right_m * cosine
 
 
-def _climb(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
+def _climbed_m(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
     """Return the heights of a vehicle that is told another one, every `STEP_S`."""
     state = FlightState(0.0, 0.0, begin.height_m, begin.climb_mps, model.speed_min_mps, 0.0, 0.0, 0.0)
-    heights_m = list[float]()
-    for _ in range(count):
-        heights_m.append(state.height_m)
+    heights_m = [state.height_m]
+    for _ in range(count - 1):
         advance(state, model, math.nan, math.nan, goal_m, STEP_S)
-    return heights_m
+        heights_m.append(state.height_m)
+    return heights_m[:count]

@@ -25,13 +25,9 @@ INIT_EXAMPLES = examples(
     "gcs-formation init try --example paper  try/paper.yaml",
 )
 CHECK_EXAMPLES = examples(
-    "gcs-formation check quickstart.yaml",
-    "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
+    "gcs-formation check quickstart.yaml", "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json"
 )
-SCHEMA_EXAMPLES = examples(
-    "gcs-formation schema > scenario.schema.json",
-    "gcs-formation schema --markdown | less",
-)
+SCHEMA_EXAMPLES = examples("gcs-formation schema > scenario.schema.json", "gcs-formation schema --markdown | less")
 TELL_USAGE = (
     examples(
         "gcs-formation tell runs/quickstart status",

@@ -13,11 +13,11 @@ import click
 
 from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import Scenario, ScenarioError
-from gcs_formation.app.fly import fly as fly_scenario
-from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
+from gcs_formation.app.run import fly as fly_scenario
+from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
@@ -52,12 +52,7 @@ def _options(command: Command) -> Command:
     """Add what `run` and `fly` have in common."""
     for option in reversed(
         (
-            click.option(
-                "--speedup",
-                type=Number(0.01, 1000),
-                default=1.0,
-                help="Real clock: X times faster.",
-            ),
+            click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Real clock: X times faster."),
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
@@ -75,10 +70,7 @@ def _options(command: Command) -> Command:
 @click.argument("scenario", type=click.Path(path_type=Path))
 @_options
 @click.option(
-    "--clock",
-    type=click.Choice(["real", "virtual"]),
-    default="real",
-    help="virtual: as fast as possible, repeatable.",
+    "--clock", type=click.Choice(["real", "virtual"]), default="real", help="virtual: as fast as possible, repeatable."
 )
 def run(clock: ClockName, **given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: their frame, tables and cards."""
+"""Self-contained HTML pages: their frame, and what a run's page has in words, tables and cards."""
 
 from __future__ import annotations
 
@@ -10,12 +10,28 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+
+from formation_scenario.environment import StepDisturbance
+from gcs_formation.control.laws import law_kind
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report import RunData
+from gcs_formation.report.gusts import gusts
 
 MOST_EVENTS = 500
 AXES = ("x", "y", "z")
 NONE = "–"
+STEP_MPS = 0.6
+"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+REPORTED_M = {"x": 0.22, "y": 0.5}
+"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
+BOUND = (
+    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
+    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
+    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
+    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
+    "leader's. Shown is the follower nearest to its bound."
+)
 SIGNS = {"below": "<", "above": ">"}
 
 
@@ -233,3 +249,94 @@ def _count(value: int | None) -> str:
 
 def _share(value: float | None) -> str:
     return NONE if value is None else f"{100 * value:.2f} %"
+
+
+def beside_the_paper(run: RunData) -> str:
+    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
+    step = _step(run)
+    if step is None:
+        return ""
+    window = run.flown.window(step.at_s, float(run.time_s[-1]))
+    errors_m = np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers])
+    most = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
+    rows = [
+        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found)]
+        for axis, found in zip(AXES, most, strict=True)
+    ]
+    rows += [
+        [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
+        for what in ("separation", "clearance")
+    ]
+    heads = ["Worst follower", "paper", "this run"]
+    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
+
+
+def after_gusts(run: RunData) -> str:
+    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
+    rows = [
+        [
+            f"{error.at_s:g} s, {error.axis}",
+            str(error.vehicle),
+            *(number(value) for value in error[4:]),
+            badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
+        ]
+        for error in gusts(run)
+    ]
+    if not rows:
+        return ""
+    heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
+    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(BOUND)}</p>'
+
+
+def _step(run: RunData) -> StepDisturbance | None:
+    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
+    if not run.begun or not run.followers:
+        return None
+    alike = (
+        each
+        for each in run.scenario.disturbances
+        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
+    )
+    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
+
+
+def _conditions(run: RunData, step: StepDisturbance) -> str:
+    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
+    everybody = step.vehicles == "all" or run.leader in step.vehicles
+    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
+    delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
+    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
+    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
+    frame = run.scenario.formation.frame.replace("_heading", "'s")
+    return (
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
+        "The paper says that it acts on every vehicle; it gives "
+        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
+        "errors of an estimate can't be told from its text."
+    )
+
+
+def subtitle(run: RunData) -> str:
+    """Return what was flown, and by which law."""
+    scenario, count = run.scenario, len(run.scenario.followers)
+    leader = "a leader" if run.leader else "a virtual leader"
+    followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
+    law = law_kind(scenario).name
+    prediction = "with" if scenario.law.delay_compensation else "without"
+    return (
+        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
+        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
+    )
+
+
+def error_source(run: RunData) -> str:
+    """Return what the errors are of, and what each column says."""
+    source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
+    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
+    return (
+        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
+        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
+        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
+        "followed: the share of the time that these are of; else it led or was lost. "
+        "Steps: of the setpoints from tick to tick."
+    )

@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario
-from formation_scenario.environment import StepDisturbance
-from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
 from gcs_formation.report import RunData, html, load_run
-from gcs_formation.report.error_figures import transient_end_s
-from gcs_formation.report.figures import Plate, write_figures
+from gcs_formation.report.error_figures import (
+    assembled_first,
+    assembly,
+    disturbance,
+    disturbed,
+    errors,
+    has_followers,
+    transient_end_s,
+)
 from gcs_formation.report.gusts import gusts
-from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
-from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, reach
+from gcs_formation.report.html import asset, document, figure
+from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
+from gcs_formation.report.plan_figures import plan, trajectory
+from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, print_style, reach, save
 from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000
@@ -36,19 +44,92 @@ GROUND_CELLS = 120
 """Along the longer side of the ground that is shown."""
 GROUND_AROUND_M = 1000.0
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
-STEP_MPS = 0.6
-"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
-REPORTED_M = {"x": 0.22, "y": 0.5}
-"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
-BOUND = (
-    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
-    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
-    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
-    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
-    "leader's. Shown is the follower nearest to its bound."
-)
 GROUND_CAPTION = " The browner the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
+
+
+class Plate(NamedTuple):
+    """A figure: the function that draws it, its title and its caption."""
+
+    draw: Callable[[RunData], Figure]
+    title: str
+    caption: str
+    has_something: Callable[[RunData], bool] = lambda _: True
+    """Whether the run has anything for it to show; it is left out otherwise."""
+
+    @property
+    def name(self) -> str:
+        """Its file's name without the suffix."""
+        return self.draw.__name__
+
+
+PLATES = (
+    Plate(
+        disturbance,
+        "Disturbance",
+        "Velocity that was added to each vehicle's own over the ground, from ground truth (figure 11 of the paper).",
+        disturbed,
+    ),
+    Plate(
+        errors,
+        "Formation errors",
+        "Slot minus vehicle, in the frame that the scenario names (figure 12 of the paper). Where the transient would "
+        "hide what follows it, it has axes of its own on the left. After a gust on followers only: what no law can do "
+        "better than, and what ours is held to.",
+        has_followers,
+    ),
+    Plate(
+        trajectory,
+        "Trajectories",
+        "Over the ground (figure 13 of the paper). Heights are stretched; grey: the tracks' shadows. With terrain, "
+        "below: heights over time, and the ground under the leader.",
+    ),
+    Plate(
+        plan,
+        "Plan view",
+        "Tracks of all vehicles and the path, north up. A, B, …: the formation at these times, seen with the "
+        "leader's heading up; circles are the slots that were commanded then.",
+    ),
+    Plate(
+        assembly,
+        "Take-off and assembly",
+        "Before the path: tracks over the ground, north up; heights; and how far each follower was from its slot. "
+        "At 0 s the leader starts along the path.",
+        assembled_first,
+    ),
+    Plate(
+        setpoints,
+        "Setpoints and responses",
+        "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
+        "largest errors.",
+    ),
+    Plate(
+        steps,
+        "Setpoint steps",
+        "How far each follower's setpoints moved from one tick to the next. Lines are medians over stretches of time, "
+        "bands the range.",
+        has_followers,
+    ),
+    Plate(
+        gains,
+        "Gains",
+        "Of the worst of those that follow longest, as shares of their nominal values, which the legend has.",
+        has_gains,
+    ),
+    Plate(
+        separation,
+        "Separation and clearance",
+        "Least distance of any two vehicles, and heights above the ground below each vehicle, with the safety limits.",
+    ),
+    Plate(
+        latency,
+        "Latency",
+        "One-way delay of each link: half of the measured round trip, and dotted what was injected. How old the newest "
+        "telemetry was when the law used it. Lines are medians over stretches of time, bands the range. Share of its "
+        "delay margin that each follower's loops used, at the gains in force. While a vehicle isn't commanded, "
+        "nothing is drawn.",
+    ),
+)
 
 
 def embedded(run: RunData) -> dict[str, Any]:
@@ -152,85 +233,33 @@ def _rounded(values: Array, digits: int) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
 
 
-def beside_the_paper(run: RunData) -> str:
-    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
-    step = _step(run)
-    if step is None:
-        return ""
-    window = run.flown.window(step.at_s, float(run.time_s[-1]))
-    errors_m = np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers])
-    most = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
-    rows = [
-        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found)]
-        for axis, found in zip(AXES, most, strict=True)
-    ]
-    rows += [
-        [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
-        for what in ("separation", "clearance")
-    ]
-    heads = ["Worst follower", "paper", "this run"]
-    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
-
-
-def after_gusts(run: RunData) -> str:
-    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
-    rows = [
-        [
-            f"{error.at_s:g} s, {error.axis}",
-            str(error.vehicle),
-            *(number(value) for value in error[4:]),
-            badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
-        ]
-        for error in gusts(run)
-    ]
-    if not rows:
-        return ""
-    heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
-    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(BOUND)}</p>'
-
-
-def _step(run: RunData) -> StepDisturbance | None:
-    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
-    if not run.begun or not run.followers:
-        return None
-    alike = (
-        each
-        for each in run.scenario.disturbances
-        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
-    )
-    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
-
-
-def _conditions(run: RunData, step: StepDisturbance) -> str:
-    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
-    everybody = step.vehicles == "all" or run.leader in step.vehicles
-    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
-    delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
-    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
-    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
-    frame = run.scenario.formation.frame.replace("_heading", "'s")
-    return (
-        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
-        "The paper says that it acts on every vehicle; it gives "
-        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
-        "errors of an estimate can't be told from its text."
-    )
+def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]:
+    """Draw every figure that the run has something for into a directory; yield each with its file."""
+    directory.mkdir(exist_ok=True)
+    for plate in PLATES:
+        path = directory / f"{plate.name}.png"
+        if not plate.has_something(run):
+            path.unlink(missing_ok=True)
+            continue
+        with print_style():
+            save(plate.draw(run), path)
+        yield plate, path
 
 
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
-    summary, compared = run.summary, beside_the_paper(run) + after_gusts(run)
+    summary, compared = run.summary, html.beside_the_paper(run) + html.after_gusts(run)
     gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
     return document(
         str(summary["name"]),
         "report.html",
-        subtitle=escape(_subtitle(run)),
+        subtitle=escape(html.subtitle(run)),
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
         verdict=html.verdict(summary),
         missing=html.missing(run.missing),
         cards=html.cards(run),
-        error_source=escape(_error_source(run)),
+        error_source=escape(html.error_source(run)),
         followers=html.followers(summary),
         expectations=html.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
@@ -241,30 +270,6 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         control=html.control(summary),
         events=html.events(run),
         scenario=escape(dump_scenario(run.scenario)),
-    )
-
-
-def _subtitle(run: RunData) -> str:
-    scenario, count = run.scenario, len(run.scenario.followers)
-    leader = "a leader" if run.leader else "a virtual leader"
-    followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
-    law = law_kind(scenario).name
-    prediction = "with" if scenario.law.delay_compensation else "without"
-    return (
-        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
-        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
-    )
-
-
-def _error_source(run: RunData) -> str:
-    source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
-    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
-    return (
-        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
-        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
-        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
-        "followed: the share of the time that these are of; else it led or was lost. "
-        "Steps: of the setpoints from tick to tick."
     )
 
 

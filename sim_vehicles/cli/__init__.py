@@ -30,10 +30,7 @@ class _FlyByDefault(ImportedWhenChosen):
 
 
 @click.group(
-    cls=_FlyByDefault,
-    entries=COMMANDS,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog=EXAMPLES,
+    cls=_FlyByDefault, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES
 )
 @click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:

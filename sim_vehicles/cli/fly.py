@@ -75,11 +75,7 @@ def run(
 @click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @click.option("--count", type=WholeNumber(1, MAX_SYSTEM_ID), help="Without a scenario: how many vehicles.")
-@click.option(
-    "--base-port",
-    type=WholeNumber(1, MAX_PORT),
-    help="Port of vehicle 1.  [default: 14550]",
-)
+@click.option("--base-port", type=WholeNumber(1, MAX_PORT), help="Port of vehicle 1.  [default: 14550]")
 @click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")

@@ -14,9 +14,8 @@ from formation_scenario.gains import redesigned
 from gcs_formation.record.flight import Flight
 from gcs_formation.report import load_run
 from gcs_formation.report.error_figures import WIDTHS, errors, transient_end_s
-from gcs_formation.report.figures import PLATES, write_figures
 from gcs_formation.report.loop_figures import followed, gains, latency
-from gcs_formation.report.page import embedded
+from gcs_formation.report.page import PLATES, embedded, write_figures
 from gcs_formation.report.plan_figures import snapshot, snapshot_ticks
 from gcs_formation.report.style import (
     FOLLOWERS,
@@ -91,7 +90,7 @@ def test_a_figure_that_would_be_empty_is_left_out(make_run):
 
 
 def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs_formation.report.figures.PLATES", [p for p in PLATES if p.name == "disturbance"])
+    monkeypatch.setattr("gcs_formation.report.page.PLATES", [p for p in PLATES if p.name == "disturbance"])
     (tmp_path / "disturbance.png").touch()
     assert list(write_figures(load_run(make_run(flown_s=5.0)), tmp_path)) == []
     assert list(tmp_path.iterdir()) == []
