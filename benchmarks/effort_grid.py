@@ -137,7 +137,13 @@ def fly(point: Point, way: Way) -> Flight:
     """Fly one scenario with a point's keys."""
     keys = point.noise if way.scenario == NOISE else point.clean
     links, laws = both_ways(way.delay_ms), {f"law__{key}": value for key, value in keys.items()}
-    given = {"duration_s": END_S, "links": links, "disturbances": list(way.disturbances), "expect": [], **laws}
+    given: dict[str, Any] = {
+        "duration_s": END_S,
+        "links": links,
+        "disturbances": list(way.disturbances),
+        "expect": [],
+        **laws,
+    }
     with point.in_force(), flown(way.scenario, **given) as summary:
         series = read_parquet(summary.run_dir / TIMESERIES)
     vehicles = [series["vehicle"] == number for number in (2, 3, 4)]

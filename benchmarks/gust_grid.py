@@ -97,7 +97,8 @@ def main() -> None:
         parsing.add_argument(f"--{name}", type=float, nargs="+", default=usual, metavar=unit, help=what)
     given = parsing.parse_args()
     frames = [frame for frame in FRAMES if given.only in frame]
-    chosen = [Case(*each) for each in product(frames, given.delays, given.telemetry, given.law)]
+    rates = list(product(given.delays, given.telemetry, given.law))
+    chosen = [Case(frame, *each) for frame in frames for each in rates]
     with ProcessPoolExecutor(given.processes) as pool:
         rows = [row(case, errors) for case, errors in zip(chosen, pool.map(fly, chosen), strict=True)]
     head = ["links each way", "slots turn with", "telemetry, law, Hz"]

@@ -14,7 +14,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 os.environ["MAVLINK20"] = "1"
@@ -138,16 +138,21 @@ class PrototypeStation:
         """Return a vehicle's setpoints: back to its line, at its speed and height; what is slow, each second."""
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
-        degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
-        told, each_second = self.told[index], cycle % CYCLES == 0
-        messages: list[Any] = []
-        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
-            if each_second or abs(value - told[command]) > RESOLUTION:
-                told[command] = value
-                messages.append(_command(index + 1, command, value))
+        each_second = cycle % CYCLES == 0
+        due = setpoints(self.told[index], east_m, each_second=each_second)
+        messages: list[Any] = [_command(index + 1, command, value) for command, value in due]
         if each_second:
             messages += [dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3) for _ in range(SLOW_UP)]
         return [self.ends[index].encode(each) for each in messages]
+
+
+def setpoints(told: dict[int, float], east_m: float, *, each_second: bool) -> Iterator[tuple[int, float]]:
+    """Yield the commands that lead a vehicle back to its line, as far as they changed since they were told."""
+    degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
+    for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
+        if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
+            told[command] = value
+            yield command, value
 
 
 def _command(system: int, command: int, value: float) -> Any:  # noqa: ANN401

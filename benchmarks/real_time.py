@@ -8,7 +8,6 @@ flights. A tick is late when it starts more than 10 ms after it was due.
 
 from __future__ import annotations
 
-import math
 import os
 import selectors
 import subprocess
@@ -25,7 +24,7 @@ os.environ["MAVLINK20"] = "1"
 import yaml
 
 from benchmarks import counts_parser, flown, print_load
-from benchmarks.prototype import E7, HEADING, HEIGHT, RESOLUTION, SPEED
+from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
 
@@ -114,13 +113,10 @@ class Loop:
         position = self._newest[place].get("GLOBAL_POSITION_INT")
         if position is None:
             return
-        link, told = self._links[place], self._told[place]
-        degrees = math.degrees(-math.atan((position.lon % 1e7) / E7 / 60.0)) % 360.0
-        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
-            if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
-                told[command] = value
-                link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
-                self.frames += 1
+        link = self._links[place]
+        for command, value in setpoints(self._told[place], (position.lon % 1e7) / E7, each_second=each_second):
+            link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
+            self.frames += 1
         if each_second:
             link.mav.heartbeat_send(6, 8, 0, 0, 4)
             for _ in range(4):

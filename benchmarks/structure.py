@@ -13,6 +13,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from statistics import median
 from types import FrameType
+from unittest.mock import Mock
 
 from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram, MemoryNetwork
@@ -65,15 +66,6 @@ def circle(modules: dict[str, ast.Module]) -> list[str] | None:
     return None
 
 
-class Unrecorded:
-    """A recorder that keeps nothing."""
-
-    def _drop(self, *_: object) -> None:
-        pass
-
-    frames = tick = event = _drop
-
-
 class Traced(Station):
     """A station that lists the files that run, from the first position datagram on the path to the end of a tick."""
 
@@ -107,7 +99,7 @@ def way() -> list[str]:
     """Return the files of the station and the wire that run from a position to the setpoints."""
     scenario = load_scenario(ROOT / "configs" / "quickstart.yaml")
     clock = VirtualClock()
-    network, station = MemoryNetwork(clock), Traced(scenario, Unrecorded())
+    network, station = MemoryNetwork(clock), Traced(scenario, Mock())
     network.attach(Fleet(fleet_config(scenario)))
     network.attach(station)
     network.run(lambda: station.done or seconds_between(Instant(0), clock.now()) > FLOWN_S)

@@ -16,16 +16,8 @@ from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.graph import scenario_adjacency
 from formation_scenario.slot_assignment import planned_slots
+from gcs_formation.app import check_warnings
 from gcs_formation.app.check_flight import final_circles, little_left
-from gcs_formation.app.check_warnings import (
-    assembly,
-    goes_round,
-    never_reached,
-    refused_rate,
-    slots_of_no_shape,
-    split_errors,
-    ways_s,
-)
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
@@ -53,7 +45,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
             {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if by_design(scenario) else {}
         ),
         "loop_delay_s": configured_loop_delay_s(scenario),
-        "assembly": assembly(scenario)._asdict(),
+        "assembly": check_warnings.assembly(scenario)._asdict(),
         "warnings": list(warnings(scenario, margins, lags_off)),
     }
 
@@ -75,7 +67,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
-    lines.append(f"# {assembly(scenario)}")
+    lines.append(f"# {check_warnings.assembly(scenario)}")
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
@@ -103,7 +95,7 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
     mutual = law_kind(scenario).mutual
     following = {} if mutual else planned_slots(scenario)
     flown = [vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following]
-    ways = [ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
+    ways = [check_warnings.ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
     if mutual:
         ways = [(max(up for up, _ in ways), max(down for _, down in ways))]
     return max(loop_delay_s(up, down, *rates) for up, down in ways)
@@ -154,16 +146,16 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
-    yield from split_errors(scenario)
+    yield from check_warnings.split_errors(scenario)
     yield from little_left(scenario)
     yield from final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
-    yield from filter(None, (slots_of_no_shape(scenario), refused_rate(scenario)))
-    yield from never_reached(scenario)
+    yield from filter(None, (check_warnings.slots_of_no_shape(scenario), check_warnings.refused_rate(scenario)))
+    yield from check_warnings.never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
-    if text := goes_round(scenario):
+    if text := check_warnings.goes_round(scenario):
         yield text
 
 

@@ -74,21 +74,6 @@ def example_names() -> list[str]:
     return sorted(path.name.removesuffix(SUFFIX) for path in _directory().iterdir() if path.name.endswith(SUFFIX))
 
 
-def write_example(name: str, directory: Path) -> Path:
-    """Write an example into a directory, which is created if necessary; return the file, or end with what's wrong."""
-    path = directory / f"{name}{SUFFIX}"
-    text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        if path.exists():
-            fail(f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing")
-        fail(f"cannot write {path}: {error.strerror}; allowed: a writable directory")
-    return path
-
-
 def _directory() -> Path:
     package = Path(str(files("gcs_formation")))
     packaged = package / "examples"
@@ -100,11 +85,18 @@ def _directory() -> Path:
 @click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
 def init(directory: Path, example: str) -> None:
     """Write an example scenario into DIRECTORY (default: here) to begin with. Overwrites nothing."""
-    path = write_example(example, directory)
-    emulated = all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles)
-    click.echo(
-        f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {'run' if emulated else 'fly'} {path}"
-    )
+    path = directory / f"{example}{SUFFIX}"
+    text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        if path.exists():
+            fail(f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing")
+        fail(f"cannot write {path}: {error.strerror}; allowed: a writable directory")
+    then = "run" if all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles) else "fly"
+    click.echo(f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {then} {path}")
 
 
 @click.command(epilog=CHECK_EXAMPLES)

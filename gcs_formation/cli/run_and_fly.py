@@ -176,24 +176,20 @@ def _tell_rehearsal(
 
 
 def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool) -> Status:
+    """Tell what came of a flight, on a terminal in its width; where standard error is a log, in a line as well."""
     if as_json:
         click.echo(json.dumps(summary.to_dict(), indent=2))
     if not quiet:
-        _tell(summary, options, as_json=as_json)
+        stream = sys.stderr if as_json else sys.stdout
+        width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+        if sys.stderr is not None and not sys.stderr.isatty():
+            click.echo(result_line(summary), err=True)
+        click.echo(summary_text(summary, options.out, width), err=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
         click.echo(broken, err=True)
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
-
-
-def _tell(summary: Summary, options: RunOptions, *, as_json: bool) -> None:
-    """Print the summary, on a terminal in its width; where standard error is a log, a line on the result as well."""
-    stream = sys.stderr if as_json else sys.stdout
-    width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
-    if sys.stderr is not None and not sys.stderr.isatty():
-        click.echo(result_line(summary), err=True)
-    click.echo(summary_text(summary, options.out, width), err=as_json)
 
 
 def _interrupted(options: RunOptions) -> Status:

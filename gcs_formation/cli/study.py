@@ -182,8 +182,15 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     against invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained;
     every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
     """
-    if out is not None:
-        _refuse(out, count, overwrite=overwrite)
+    if out is not None and count != 1:
+        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
+    try:
+        if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
+            fail(refused)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fail(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written")
     plan = Plan(_study(count, seed, hard=hard))
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
@@ -223,20 +230,6 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
     return wrong
 
 
-def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
-    """Refuse a directory that can't be written, or one for many flights."""
-    if count != 1:
-        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
-    try:
-        refused = refusal(out, overwrite=overwrite)
-        if refused is None:
-            out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        refused = f"cannot write {out}: {error.strerror}; allowed: a directory that can be written"
-    if refused is not None:
-        fail(refused)
-
-
 @click.command(epilog=COMPARE_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--laws", default="pid,fuzzy_pid,consensus", show_default=True, help="Names, with commas between.")
@@ -257,12 +250,11 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     """
     from gcs_formation.studies.compare import compare_laws  # noqa: PLC0415 - what a study needn't import
 
-    overrides = (*given["overrides"], *(() if seed is None else (f"seed={seed}",)))
-    directory = out or default_directory(f"{scenario.stem}-laws")
-    between_s, workers = (given["from_s"], given["to_s"]), Processes(given["jobs"])
-    laws, until_s, overwrite = given["laws"], given["until_s"], given["overwrite"]
+    overrides = (*given.pop("overrides"), *(() if seed is None else (f"seed={seed}",)))
+    directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
+    between_s = given.pop("from_s"), given.pop("to_s")
     try:
-        found = compare_laws(scenario, laws, overrides, directory, workers, between_s, until_s, overwrite=overwrite)
+        found = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:

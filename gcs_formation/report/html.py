@@ -11,6 +11,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+import yaml
 
 from formation_scenario.environment import StepDisturbance
 from gcs_formation.control.laws import law_kind
@@ -47,12 +48,16 @@ def asset(name: str) -> str:
     return (files("gcs_formation.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def figure(name: str, title: str, caption: str, path: Path) -> str:
-    """Return a picture with its caption, its file embedded."""
-    image = b64encode(path.read_bytes()).decode("ascii")
+CAPTIONS: dict[str, dict[str, str]] = yaml.safe_load(asset("captions.yaml"))
+
+
+def figure(name: str, path: Path, title: str = "", first: str = "") -> str:
+    """Return a picture with its caption, its file embedded; `first` is said before what is said of all such figures."""
+    said, image = CAPTIONS[name.partition("-")[0]], b64encode(path.read_bytes()).decode("ascii")
+    title = escape(title or said["title"])
     return (
-        f'<figure id="figure-{name}"><img alt="{escape(title)}" src="data:image/png;base64,{image}">'
-        f"<figcaption><b>{escape(title)}.</b> {escape(caption)}</figcaption></figure>\n"
+        f'<figure id="figure-{name}"><img alt="{title}" src="data:image/png;base64,{image}">'
+        f"<figcaption><b>{title}.</b> {escape(first + said['caption'])}</figcaption></figure>\n"
     )
 
 

@@ -49,13 +49,10 @@ SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
 class Plate(NamedTuple):
-    """A figure: the function that draws it, its title and its caption."""
+    """A figure: the function that draws it, and whether a run has anything for it to show; it is left out otherwise."""
 
     draw: Callable[[RunData], Figure]
-    title: str
-    caption: str
     has_something: Callable[[RunData], bool] = lambda _: True
-    """Whether the run has anything for it to show; it is left out otherwise."""
 
     @property
     def name(self) -> str:
@@ -64,71 +61,16 @@ class Plate(NamedTuple):
 
 
 PLATES = (
-    Plate(
-        disturbance,
-        "Disturbance",
-        "Velocity that was added to each vehicle's own over the ground, from ground truth (figure 11 of the paper).",
-        disturbed,
-    ),
-    Plate(
-        errors,
-        "Formation errors",
-        "Slot minus vehicle, in the frame that the scenario names (figure 12 of the paper). Where the transient would "
-        "hide what follows it, it has axes of its own on the left. After a gust on followers only: what no law can do "
-        "better than, and what ours is held to.",
-        has_followers,
-    ),
-    Plate(
-        trajectory,
-        "Trajectories",
-        "Over the ground (figure 13 of the paper). Heights are stretched; grey: the tracks' shadows. With terrain, "
-        "below: heights over time, and the ground under the leader.",
-    ),
-    Plate(
-        plan,
-        "Plan view",
-        "Tracks of all vehicles and the path, north up. A, B, …: the formation at these times, seen with the "
-        "leader's heading up; circles are the slots that were commanded then.",
-    ),
-    Plate(
-        assembly,
-        "Take-off and assembly",
-        "Before the path: tracks over the ground, north up; heights; and how far each follower was from its slot. "
-        "At 0 s the leader starts along the path.",
-        assembled_first,
-    ),
-    Plate(
-        setpoints,
-        "Setpoints and responses",
-        "What the ground station asked of each autopilot, and what it did. Of many followers, those with the "
-        "largest errors.",
-    ),
-    Plate(
-        steps,
-        "Setpoint steps",
-        "How far each follower's setpoints moved from one tick to the next. Lines are medians over stretches of time, "
-        "bands the range.",
-        has_followers,
-    ),
-    Plate(
-        gains,
-        "Gains",
-        "Of the worst of those that follow longest, as shares of their nominal values, which the legend has.",
-        has_gains,
-    ),
-    Plate(
-        separation,
-        "Separation and clearance",
-        "Least distance of any two vehicles, and heights above the ground below each vehicle, with the safety limits.",
-    ),
-    Plate(
-        latency,
-        "Latency",
-        "One-way delay of each link: half of the measured round trip, and dotted what was injected. How old the newest "
-        "telemetry was when the law used it. Lines are medians over stretches of time, bands the range. Share of its "
-        "delay margin that each follower's loops used, at the gains in force. While a vehicle isn't commanded, "
-        "nothing is drawn.",
-    ),
+    Plate(disturbance, disturbed),
+    Plate(errors, has_followers),
+    Plate(trajectory),
+    Plate(plan),
+    Plate(assembly, assembled_first),
+    Plate(setpoints),
+    Plate(steps, has_followers),
+    Plate(gains, has_gains),
+    Plate(separation),
+    Plate(latency),
 )
 
 
@@ -249,7 +191,7 @@ def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
     summary, compared = run.summary, html.beside_the_paper(run) + html.after_gusts(run)
-    gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
+    gallery = "".join(figure(plate.name, path) for plate, path in plates)
     return document(
         str(summary["name"]),
         "report.html",

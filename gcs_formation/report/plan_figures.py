@@ -45,11 +45,14 @@ FEW_S = 20.0
 """A flight no longer than this is timed by tenths of a second."""
 
 
+Side = tuple[float, float]
+
+
 class Extent(NamedTuple):
     """Limits of the axes: (least, greatest) in m; a plan has no height."""
 
-    north: tuple[float, float]
-    east: tuple[float, float]
+    north: Side
+    east: Side
     height: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -101,17 +104,21 @@ def trajectory(run: RunData) -> Figure:
 def _space(run: RunData) -> Extent:
     """Return limits around the flown tracks and, with terrain, the ground below them."""
     low, high = style.reach(np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles]))
-    longest = max(float((high - low)[:2].max()), 10.0)
-    half = np.maximum((high - low)[:2], NARROWEST * longest) * 0.52
-    middle = (low + high)[:2] / 2
-    (south, west), (north, east) = middle - half, middle + half
+    north, east = _sides(low[:2], high[:2], NARROWEST, 10.0, 0.52)
     if run.scenario.terrain is None:
         floor = float(low[2] - 0.15 * max((high[2] - low[2]) * 1.1, 10.0))
     else:
         below = np.concatenate([own["ground_height_m"] for own in run.flown.vehicles.values()])
         floor = float(np.fmin.reduce(below, initial=low[2]))
     top = float(high[2]) + 0.1 * max(float(high[2]) - floor, 10.0)
-    return Extent((float(south), float(north)), (float(west), float(east)), (floor, top))
+    return Extent(north, east, (floor, top))
+
+
+def _sides(low: Array, high: Array, slimmest: float, smallest_m: float, share: float) -> tuple[Side, Side]:
+    """Return both sides around what reaches from `low` to `high`: `share` of them to each side, none too narrow."""
+    half = share * np.maximum(high - low, slimmest * max(float((high - low).max()), smallest_m))
+    (south, west), (north, east) = ((low + high) / 2 + sign * half for sign in (-1.0, 1.0))
+    return (float(south), float(north)), (float(west), float(east))
 
 
 def _ground(axes: Axes3D, run: RunData, space: Extent) -> None:
@@ -184,9 +191,7 @@ def _extent(run: RunData) -> Extent:
     low, high = style.reach(
         np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
     )
-    half = (0.5 + MARGIN) * np.maximum(high - low, SLIMMEST * max(float((high - low).max()), SMALLEST_M))
-    (south, west), (north, east) = (low + high) / 2 - half, (low + high) / 2 + half
-    return Extent((float(south), float(north)), (float(west), float(east)))
+    return Extent(*_sides(low, high, SLIMMEST, SMALLEST_M, 0.5 + MARGIN))
 
 
 def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float]:
@@ -205,10 +210,8 @@ def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float
         parts = figure.subfigures(2, 1, squeeze=False, height_ratios=[height_cm, 4.5])
         rows, columns, aspect = 1, count, 1.0
     main, beside = parts.ravel().tolist()
-    small = [axes for row in style.axes_grid(beside, rows, columns) for axes in row]
-    for spare in small[count:]:
-        spare.set_axis_off()
-    return figure, main.subplots(), small[:count], float(np.clip(aspect, 0.8, 2.0))
+    small = style.panels(beside, rows, columns, count)
+    return figure, main.subplots(), small, float(np.clip(aspect, 0.8, 2.0))
 
 
 def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.resources import as_file, files
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -20,9 +21,6 @@ from flight_model.arrays import Array
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.links import ImpairmentPatch, LinkChange
 from gcs_formation.report import RunData
-
-if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
 
 Indices = npt.NDArray[np.int64]
 CM = 1 / 2.54
@@ -43,41 +41,13 @@ NEAREST = "#56B4E9"
 THIN = 0.6
 LINE = 0.9
 FONT_PT = 8.0
+"""As in print.mplstyle."""
 CHARACTER_PT = 4.9
 """Mean width of a character."""
 HANDLE_EM, BETWEEN_EM = 1.8, 1.4
 """Length of a legend's lines and what is between its columns, in sizes of the font."""
 MOST_COLUMNS = 5
 
-WHITE = (1.0, 1.0, 1.0, 1.0)
-
-SETTINGS: dict[RcKeyType, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": FONT_PT,
-    "axes.titlesize": FONT_PT,
-    "axes.labelsize": FONT_PT,
-    "xtick.labelsize": FONT_PT,
-    "ytick.labelsize": FONT_PT,
-    "legend.fontsize": FONT_PT,
-    "legend.frameon": False,
-    "axes.linewidth": THIN,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.5,
-    "xtick.major.width": THIN,
-    "ytick.major.width": THIN,
-    "lines.linewidth": LINE,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "axes3d.xaxis.panecolor": WHITE,
-    "axes3d.yaxis.panecolor": WHITE,
-    "axes3d.zaxis.panecolor": WHITE,
-}
 PATH_POINTS = 2000
 SAME_S = 0.5
 """Marks of one label no further apart than this are one."""
@@ -94,10 +64,10 @@ WORDS = {
 
 @contextmanager
 def print_style() -> Generator[None]:
-    """Draw in this module's style, and leave Matplotlib's settings as they were."""
-    with mpl.rc_context():
+    """Draw as `print.mplstyle` says, and leave Matplotlib's settings as they were."""
+    with mpl.rc_context(), as_file(files("gcs_formation.report") / "assets" / "print.mplstyle") as settings:
         mpl.rcdefaults()
-        mpl.rcParams.update(SETTINGS)
+        mpl.rcParams.update(mpl.rc_params_from_file(settings, use_default_template=False))
         yield
 
 
@@ -109,6 +79,14 @@ def new_figure(height_cm: float) -> Figure:
 def axes_grid(figure: FigureBase, rows: int, columns: int, **shared: Any) -> list[list[Axes]]:
     """Return axes by row and column; `shared` as Matplotlib's `subplots` takes it."""
     return cast("list[list[Axes]]", figure.subplots(rows, columns, squeeze=False, **shared).tolist())
+
+
+def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes]:
+    """Return so many axes, row after row; what else the grid has stays empty."""
+    made = [axes for row in axes_grid(figure, rows, columns) for axes in row]
+    for spare in made[count:]:
+        spare.set_axis_off()
+    return made[:count]
 
 
 def column_of(grid: Sequence[Sequence[Axes]], column: int) -> list[Axes]:

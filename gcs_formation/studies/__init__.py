@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
@@ -37,6 +37,15 @@ Metric = Annotated[
 ]
 
 
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] >= ends[1]:
+        raise PydanticCustomError("empty", "empty range")
+    return ends
+
+
+Rising = AfterValidator(_rising)
+
+
 class Range(Keys):
     """Evenly spaced values, both ends included."""
 
@@ -48,11 +57,7 @@ class Range(Keys):
 class Uniform(Keys):
     """A uniform distribution."""
 
-    uniform: Annotated[tuple[Number, Number], Allowed("[least, most]")] = key(..., "least, most")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _rising(self, *self.uniform)
+    uniform: Annotated[tuple[Number, Number], Rising, Allowed("[least, most]")] = key(..., "least, most")
 
 
 class Normal(Keys):
@@ -66,11 +71,7 @@ class Normal(Keys):
 class LogUniform(Keys):
     """A distribution whose logarithm is uniform."""
 
-    log_uniform: Annotated[tuple[Positive, Positive], Allowed("[least > 0, most]")] = key(..., "least, most")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        return _rising(self, *self.log_uniform)
+    log_uniform: Annotated[tuple[Positive, Positive], Rising, Allowed("[least > 0, most]")] = key(..., "least, most")
 
 
 class Cases(Keys):
@@ -231,12 +232,6 @@ def levels_of(parameter: Parameter) -> Sequence[Value] | None:
             return parameter
         case _:
             return None
-
-
-def _rising(made: Any, low: float, high: float) -> Any:  # noqa: ANN401 - any of the groups
-    if low >= high:
-        raise PydanticCustomError("empty", "empty range")
-    return made
 
 
 def _one_bound(made: Any, below: float | None, above: float | None) -> Any:  # noqa: ANN401 - any of the groups

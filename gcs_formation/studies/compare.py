@@ -49,11 +49,6 @@ SETTLING_S = 60.0
 HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
 EFFORTS = ("variation_per_s", "step_p95")
 NAME = "comparison"
-TITLE = "Largest error of any follower over time"
-CAPTION = (
-    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
-    "what is below 1 mm is drawn there."
-)
 TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 Comparison = Mapping[str, Any]
 """What comparison.json holds: what was flown, the window (s), and each law's figures.
@@ -87,23 +82,23 @@ class Compared:
 
 def compare_laws(
     file: Path,
-    names: str,
     overrides: tuple[str, ...],
     out: Path,
     workers: Workers,
+    *,
+    laws: str,
     between_s: tuple[float, float | None],
     until_s: float | None,
-    *,
     overwrite: bool,
 ) -> Compared:
     """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
 
     Args:
         file: the scenario's.
-        names: of the laws, like "pid,fuzzy_pid".
         overrides: of the scenario's keys, as `--set` takes them.
         out: directory of it all.
         workers: fly.
+        laws: their names, like "pid,fuzzy_pid".
         between_s: mission times between which errors count; None: the flights' end.
         until_s: when flights end at the latest.
         overwrite: whether an earlier comparison in `out` may be replaced.
@@ -113,14 +108,14 @@ def compare_laws(
         RecordError: the directory holds an earlier comparison or other files, or it can't be written.
         RunAbortedError: no flight can be flown.
     """
-    laws = named_laws(names)
+    names = named_laws(laws)
     scenario = load_scenario(file, overrides)
     window_s = _window(scenario, *between_s, until_s)
-    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in laws]  # a law's settings take precedence
+    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in names]  # a law's settings take precedence
     study = Study(record="full", until_s=until_s)
     tasks = [
         Task(Planned(number, flight.seed, {}), study, flight, str(out / law))
-        for number, (law, flight) in enumerate(zip(laws, flights, strict=True))
+        for number, (law, flight) in enumerate(zip(names, flights, strict=True))
     ]
     _claim(out, overwrite=overwrite)
     rows = dict[int, dict[str, Any]]()
@@ -131,7 +126,7 @@ def compare_laws(
                 rows[row["flight"]] = row
     except KeyboardInterrupt:
         interrupted = True
-    said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
+    said = tuple((names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
     flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
     runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
@@ -306,6 +301,6 @@ def _page(comparison: Comparison, picture: Path) -> str:
         from_s=f"{comparison['from_s']:g}",
         to_s=f"{comparison['to_s']:g}",
         table=(table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else ""),
-        figure=figure(NAME, TITLE, (TWO_SPANS if len(_spans(comparison)) > 1 else "") + CAPTION, picture),
+        figure=figure(NAME, picture, first=TWO_SPANS if len(_spans(comparison)) > 1 else ""),
         laws=table(["Law", "What it sets in the scenario"], sets, (0, 1)),
     )

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
-from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
+from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
 from gcs_formation.studies import Study
 from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
@@ -134,13 +134,11 @@ def has_tail(values: Array) -> bool:
 
 def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]:
     """Return a figure with so many panels, in rows of a few."""
-    columns = min(max(count, 1), PANELS)
-    rows = -(-max(count, 1) // columns)
+    count = max(count, 1)
+    columns = min(count, PANELS)
+    rows = -(-count // columns)
     figure = new_figure(cell_cm * rows + 1.6)
-    panels = [axes for row in axes_grid(figure, rows, columns) for axes in row]
-    for spare in panels[count:]:
-        spare.set_axis_off()
-    return figure, panels[: max(count, 1)]
+    return figure, panels(figure, rows, columns, count)
 
 
 def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:

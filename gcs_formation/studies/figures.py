@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
-from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
+from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure, panels
 from gcs_formation.studies import LISTED, Bisection, LogUniform
 from gcs_formation.studies.curves import CELL_CM, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
 from gcs_formation.studies.dataset import Flights
@@ -116,11 +116,11 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
     found = pairs(flights, metric)
     columns = min(len(found), MAPS)
     figure = new_figure(1.6 + MAP_CM * -(-len(found) // columns))
-    panels = [axes for row in axes_grid(figure, -(-len(found) // columns), columns) for axes in row]
+    maps = panels(figure, -(-len(found) // columns), columns, len(found))
     tables = [_table(flights, flights.metrics[metric], pair) for pair in found]
     known = np.concatenate([table.cells[np.isfinite(table.cells)] for table in tables])
     norm = (LogNorm if is_wide(known) else Normalize)(float(known.min()), float(known.max()))
-    for axes, pair, table in zip(panels, found, tables, strict=False):
+    for axes, pair, table in zip(maps, found, tables, strict=True):
         axes.pcolormesh(table.columns, table.rows, np.ma.masked_invalid(table.cells), cmap=CELLS, norm=norm)
         if (digits := _room(table, columns)) > 0:
             _write(axes, table, norm, digits)
@@ -129,10 +129,8 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
         tick(flights, axes.xaxis, pair[0], below=True)
         tick(flights, axes.yaxis, pair[1], below=False)
         axes.grid(visible=False)
-    for spare in panels[len(found) :]:
-        spare.set_axis_off()
     shrink = 0.6 if len(found) > columns else 1.0
-    figure.colorbar(ScalarMappable(norm, CELLS), ax=panels, label=f"{metric}, median", shrink=shrink)
+    figure.colorbar(ScalarMappable(norm, CELLS), ax=figure.axes, label=f"{metric}, median", shrink=shrink)
     legend_below(figure)
     return figure
 

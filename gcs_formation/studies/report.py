@@ -29,19 +29,6 @@ from gcs_formation.studies.flight import LEAST_IS_WORST
 
 WORST = 3
 MOST_FAILED = 50
-CAPTIONS = {
-    "searched": "Between which two values the bound is crossed, search by search. Where `worst_loop_delay_s` and "
-    "`delay_margin_s` are metrics: the loop's delay in those two flights, beside the margin computed for it.",
-    "distributions": "Cumulative, with the band that holds the whole curve (Dvoretzky, Kiefer, Wolfowitz, Massart); "
-    "flights without the figure count as beyond its end. Counts as bars.",
-    "exceedances": "How rare what is worse is, to the right; with Clopper's and Pearson's interval at each value. "
-    "A cross is what an expectation allows: the curve should pass below it.",
-    "levels": "Distribution and exceedance for each value of the parameters that have few, whatever the others are.",
-    "marginals": "Over each parameter, whatever the others are; of many, over those by which it differs most.",
-    "maps": "Median of the flights in each cell; of many parameters, those by which it differs most. Red, where "
-    "`margin_used` (or both `worst_loop_delay_s` and `delay_margin_s`) are metrics: where delays reach the margin "
-    "computed for the loops. Purple: an expected bound.",
-}
 Rows = list[dict[str, Any]]
 
 
@@ -75,7 +62,7 @@ def _gallery(plates: Iterator[Plate], directory: Path) -> Iterator[str]:
         path = directory / f"{name}.png"
         with print_style():
             save(draw(), path)
-        yield html.figure(name, title, CAPTIONS[name.partition("-")[0]], path)
+        yield html.figure(name, path, title)
 
 
 def _plates(flights: Flights, result: Mapping[str, Any], rows: Rows) -> Iterator[Plate]:

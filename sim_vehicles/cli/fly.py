@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -28,48 +27,6 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 
 APART_M = 20.0
-
-
-def run(
-    config: FleetConfig,
-    started: Callable[[Fleet], None],
-    *,
-    speedup: float = 1.0,
-    until_s: float | None = None,
-    clock_origin_ns: int | None = None,
-    truth: Path | None = None,
-    parent_pid: int | None = None,
-) -> int:
-    """Fly until told to stop; return the exit status.
-
-    Args:
-        config: the vehicles.
-        started: called once the sockets are open.
-        speedup: how much faster than real time.
-        until_s: when to end.
-        clock_origin_ns: instant 0 on the machine's monotonic clock, to share instants with another process.
-        truth: the file of ground truth.
-        parent_pid: the process that started us: we end when it does.
-
-    Raises:
-        PortError: a vehicle's own port can't be opened.
-    """
-    clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: signals.append(number))
-    recording = TruthWriter(truth, len(config.vehicles)) if truth else None
-    with recording or nullcontext():
-        begun = clock.now()
-        fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
-
-        def over() -> bool:
-            late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
-            return bool(signals) or late or parent_pid not in (None, os.getppid())
-
-        with UdpDriver(fleet, clock) as driver:
-            started(fleet)
-            driver.run(over)
-    return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
 
 
 @click.command(epilog=EXAMPLES)
@@ -105,14 +62,43 @@ def fly(
     if ready_s is not None:
         config = replace(config, ready_s=ready_s)
 
-    def started(fleet: Fleet) -> None:
-        if not quiet:
-            click.echo("\n".join(_line(vehicle) for vehicle in fleet.config.vehicles))
-
     try:
-        sys.exit(run(config, started, **options))
+        sys.exit(_flown(config, quiet=quiet, **options))
     except (PortError, OSError) as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
+
+
+def _flown(
+    config: FleetConfig,
+    *,
+    quiet: bool,
+    speedup: float,
+    until_s: float | None,
+    clock_origin_ns: int | None,
+    truth: Path | None,
+    parent_pid: int | None,
+) -> Status:
+    """Fly until told to stop, the time is over, or the process that started us ends; `truth`: the file of its record.
+
+    With `clock_origin_ns`, instant 0 on the machine's monotonic clock, instants are those of that process.
+    """
+    clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _frame: signals.append(number))
+    recording = TruthWriter(truth, len(config.vehicles)) if truth else None
+    with recording or nullcontext():
+        begun = clock.now()
+        fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
+
+        def over() -> bool:
+            late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
+            return bool(signals) or late or parent_pid not in (None, os.getppid())
+
+        with UdpDriver(fleet, clock) as driver:
+            if not quiet:
+                click.echo("\n".join(map(_line, fleet.config.vehicles)))
+            driver.run(over)
+    return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
 
 
 def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
