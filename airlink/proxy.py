@@ -67,11 +67,7 @@ class Proxy:
     """
 
     def __init__(self, listen: Endpoint, target: Endpoint, relay: Relay) -> None:
-        """Open the listening socket.
-
-        Raises:
-            PortError: it can't be opened, or the target's host isn't known.
-        """
+        """Open the listening socket; PortError: it can't be opened, or the target's host isn't known."""
         self._target = target
         self._target_address = _resolved(target)
         self._relay = relay

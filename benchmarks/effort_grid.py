@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ from gcs_formation.studies.dataset import markdown
 NOISE = PAPER.with_name("noise.yaml")
 LAW_PARAMETERS = laws.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
-D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
+D1: list[Mapping[str, Any]] = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
 CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
 """Steps over perfect links: of speed, m/s, their 95th percentile and the largest; of heading, degrees, likewise."""
 NOISY_MOST = (0.15, 0.75, 0.5, 2.5)
@@ -70,12 +70,12 @@ class Point(NamedTuple):
     @contextlib.contextmanager
     def in_force(self) -> Generator[None]:
         """Fly by this point within the context."""
-        with contextlib.ExitStack() as stack:
-            stack.enter_context(mock.patch.object(laws, "law_parameters", self._law_parameters))
-            walk = tuple(self.walk * each for each in estimator.UNMODELLED)
-            stack.enter_context(mock.patch.object(estimator, "UNMODELLED", walk))
-            if self.differences:
-                stack.enter_context(mock.patch("gcs_formation.control.laws.FollowerController", Differences))
+        law = Differences if self.differences else follower.FollowerController
+        walk = tuple(self.walk * each for each in estimator.UNMODELLED)
+        with (
+            mock.patch.multiple(laws, law_parameters=self._law_parameters, FollowerController=law),
+            mock.patch.object(estimator, "UNMODELLED", walk),
+        ):
             yield
 
     def _law_parameters(self, scenario: Scenario) -> follower.LawParameters:
@@ -122,29 +122,24 @@ class Flight(NamedTuple):
     settled_s: float
 
 
-class Way(NamedTuple):
-    """One scenario that every point flies."""
-
-    scenario: Path
-    delay_ms: float
-    disturbances: Sequence[Mapping[str, Any]] = ()
-
-
-WAYS = (Way(PAPER, 0.0), Way(PAPER, 300.0, D1), Way(NOISE, 300.0))
+Way = tuple[Path, float, list[Mapping[str, Any]]]
+"""One scenario that every point flies: its file, the delay of its links, and its disturbances."""
+WAYS: tuple[Way, ...] = ((PAPER, 0.0, []), (PAPER, 300.0, D1), (NOISE, 300.0, []))
 
 
 def fly(point: Point, way: Way) -> Flight:
     """Fly one scenario with a point's keys."""
-    keys = point.noise if way.scenario == NOISE else point.clean
-    links, laws = both_ways(way.delay_ms), {f"law__{key}": value for key, value in keys.items()}
+    scenario, delay_ms, disturbances = way
+    keys = point.noise if scenario == NOISE else point.clean
+    links, laws = both_ways(delay_ms), {f"law__{key}": value for key, value in keys.items()}
     given: dict[str, Any] = {
         "duration_s": END_S,
         "links": links,
-        "disturbances": list(way.disturbances),
+        "disturbances": disturbances,
         "expect": [],
         **laws,
     }
-    with point.in_force(), flown(way.scenario, **given) as summary:
+    with point.in_force(), flown(scenario, **given) as summary:
         series = read_parquet(summary.run_dir / TIMESERIES)
     vehicles = [series["vehicle"] == number for number in (2, 3, 4)]
     each = [_figures({name: values[rows] for name, values in series.items()}) for rows in vehicles]

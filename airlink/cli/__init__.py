@@ -14,6 +14,7 @@ from datetime import datetime
 from difflib import get_close_matches
 from enum import IntEnum
 from importlib import import_module
+from itertools import chain, count
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -195,11 +196,8 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
 def default_directory(name: str) -> Path:
     """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
     stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    directory, number = Path("runs") / stem, 1
-    while directory.exists():
-        number += 1
-        directory = Path("runs") / f"{stem}-{number}"
-    return directory
+    paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
+    return next(path for path in paths if not path.exists())
 
 
 class Status(IntEnum):

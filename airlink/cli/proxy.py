@@ -174,11 +174,7 @@ def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _set(relay: Relay, options: dict[str, str | None]) -> None:
-    """Apply the options; those for one direction override those for both.
-
-    Raises:
-        UsageError: a value isn't allowed.
-    """
+    """Apply the options, of which those for one direction override those for both; UsageError: one isn't allowed."""
     for way in Direction:
         for prefix in ("", f"{way.name.lower()}-"):
             for name in KEYS:

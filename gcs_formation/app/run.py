@@ -212,16 +212,16 @@ def rehearsed(station: Station) -> dict[str, Any]:
 
 
 def rehearsal_text(report: dict[str, Any]) -> str:
-    """Return the same for a person."""
+    """Return the same for a person, degrees in 1e-7 with all their digits."""
     lines: list[str] = []
     for each in report["dry_run"]:
-        where = "in the air" if each["airborne"] else "on the ground"
-        armed = "armed" if each["armed"] else "disarmed"
+        where, armed = "in the air" if each["airborne"] else "on the ground", "armed" if each["armed"] else "disarmed"
         lines.append(f"vehicle {each['vehicle']} ({each['family']}): {each['mode']}, {armed}, {where}")
         lines.extend(f"  parameters: {text}" for text in each["parameters"])
         for message in each["messages"]:
             when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
-            values = ", ".join(f"{name} {_number(value)}" for name, value in message["values"].items())
+            given = {name: "unset" if value is None else f"{value:.10g}" for name, value in message["values"].items()}
+            values = ", ".join(f"{name} {value}" for name, value in given.items())
             lines.append(f"  {when}: {message['message']} {message['command']}: {values or 'all 0'}")
     return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
 
@@ -231,15 +231,15 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
     ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
-        forward_m, right_m, up_m = place_m
-        north_m = start.north_m + forward_m * ahead - right_m * aside
-        east_m = start.east_m + forward_m * aside + right_m * ahead
         if vehicle is not None:
-            commanded = Setpoint(scenario.path.speed_mps, start.course_rad, start.height_m + up_m)
-            where = FlightState(
-                north_m, east_m, commanded.height_m, 0.0, commanded.speed_mps, commanded.heading_rad, 0.0, 0.0
+            forward_m, right_m, up_m = place_m
+            place = (
+                start.north_m + forward_m * ahead - right_m * aside,
+                start.east_m + forward_m * aside + right_m * ahead,
             )
-            found[str(vehicle.vehicle_id)] = commanded, where
+            speed_mps, psi_rad, height_m = scenario.path.speed_mps, start.course_rad, start.height_m + up_m
+            where = FlightState(*place, height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
+            found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where
     return found
 
 
@@ -280,8 +280,3 @@ def _sent(message: Message) -> dict[str, Any]:
 def _rounded(value: float) -> float | None:
     """Return a value for JSON; None for NaN, which leaves a field to the vehicle."""
     return None if math.isnan(value) else round(float(value), 4)
-
-
-def _number(value: float | None) -> str:
-    """Return it as text, degrees in 1e-7 with all their digits."""
-    return "unset" if value is None else f"{value:.10g}"

@@ -77,11 +77,20 @@ def study() -> None:
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
+    workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
+    out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
     try:
         planned, base = prepare(study, many=given["yes"])
-    except ScenarioError as error:
+        with raised(), StudyProgress(quiet=given["quiet"]) as progress:
+            outcome = fly_study(planned, base, out, workers, progress, **kind)
+    except KeyboardInterrupt:
+        fail(f"interrupted; what was flown is in {out}; {again}", Status.INTERRUPTED)
+    except (ScenarioError, RecordError) as error:
         fail(str(error))
-    sys.exit(_fly(planned, base, **given))
+    except RunAbortedError as error:
+        kept = f"what was flown is in {out}; {again}" if next(read_journal(out), None) else "nothing was flown"
+        fail(f"{error}; {kept}", Status.COULD_NOT_GO_ON)
+    sys.exit(_conclude(outcome, out, quiet=given["quiet"]))
 
 
 @study.command(name="fly", epilog=STUDY_EXAMPLES)
@@ -112,25 +121,6 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -
         click.echo(f"{name}: {row[name]}")
     click.echo(f"recorded in {kept}")
     sys.exit(row["exit"])
-
-
-def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
-    workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
-    out, again = given["out"], "--resume goes on with it"
-    progress = StudyProgress(quiet=given["quiet"])
-    try:
-        with raised(), progress:
-            outcome = fly_study(
-                planned, base, out, workers, progress, resume=given["resume"], overwrite=given["overwrite"]
-            )
-    except KeyboardInterrupt:
-        return say(f"interrupted; what was flown is in {out}; {again}", Status.INTERRUPTED)
-    except RecordError as error:
-        return say(str(error), Status.BAD_USAGE)
-    except RunAbortedError as error:
-        kept = f"what was flown is in {out}; {again}" if next(read_journal(out), None) else "nothing was flown"
-        return say(f"{error}; {kept}", Status.COULD_NOT_GO_ON)
-    return _conclude(outcome, out, quiet=given["quiet"])
 
 
 def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
@@ -191,7 +181,8 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
             out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         fail(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written")
-    plan = Plan(_study(count, seed, hard=hard))
+    keys = {"name": "stress", "random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}}
+    plan = Plan(Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"}))
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
@@ -207,17 +198,8 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
 
 
-def _study(count: int, seed: int, *, hard: bool) -> Study:
-    keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
-    return Study.model_validate({**keys, "name": "stress", "record": "none"})
-
-
 def _name_broken(rows: Iterable[Row], command: str) -> int:
-    """Name what each flight broke; return how many broke something.
-
-    Raises:
-        RunAbortedError: a flight couldn't be flown, through no fault of its own.
-    """
+    """Name what each flight broke; return how many broke something. RunAbortedError: one couldn't be flown."""
     wrong = 0
     for row in rows:
         if row[INVARIANTS] is None:
@@ -248,7 +230,7 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
     without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
     """
-    from gcs_formation.studies.compare import compare_laws  # noqa: PLC0415 - what a study needn't import
+    from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - what a study needn't import
 
     overrides = (*given.pop("overrides"), *(() if seed is None else (f"seed={seed}",)))
     directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
@@ -261,7 +243,7 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
         fail(str(error), Status.COULD_NOT_GO_ON)
     if as_json:
         click.echo(json.dumps(found.comparison, indent=2))
-    click.echo(found.text, err=as_json)
+    click.echo(f"{comparison_text(found.comparison)}\nwrote {found.page}", err=as_json)
     broken, stopped = found.ended(Status.EXPECTATION_BROKEN), found.ended(Status.COULD_NOT_GO_ON)
     for text in (*broken, *stopped):
         click.echo(text, err=True)

@@ -84,7 +84,13 @@ class RunData:
 
     def worst_first(self) -> list[VehicleId]:
         """Return the followers by falling root mean square of their flown errors."""
-        return sorted(self.followers, key=lambda vehicle: -_rms(self.flown.error(vehicle)))
+
+        def rms(vehicle: VehicleId) -> float:
+            known = self.flown.error(vehicle)
+            known = known[np.isfinite(known).all(axis=1)]
+            return float(np.sqrt(np.mean(known**2))) if known.size else WORST_WITHOUT_ERRORS
+
+        return sorted(self.followers, key=rms, reverse=True)
 
 
 def load_run(directory: Path) -> RunData:
@@ -175,19 +181,8 @@ def _names(vehicles: Iterable[VehicleId]) -> str:
     return ", ".join(map(str, vehicles))
 
 
-def _rms(error_m: Array) -> float:
-    known = error_m[np.isfinite(error_m).all(axis=1)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else WORST_WITHOUT_ERRORS
-
-
 def _unfinished(directory: Path, scenario: Scenario) -> RunData:
-    """Return what an unfinished run recorded: from its spool, its events, and the ground truth if that was written.
-
-    Raises:
-        OSError: a file can't be read.
-        ValueError: a file isn't what it should be.
-        RecordError: nothing was flown.
-    """
+    """Return what an unfinished run recorded: from its spool, its events, and the ground truth if that was written."""
     from gcs_formation.app.run import recorded_truth  # noqa: PLC0415 - few reports need what flies
     from gcs_formation.record.unfinished import recorded_events  # noqa: PLC0415
 

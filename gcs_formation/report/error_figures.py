@@ -165,7 +165,6 @@ def error_windows(run: RunData) -> list[Mask]:
 
 
 def _panel(axes: Axes, group: Group, time_s: Array, values: Array) -> None:
-    """Draw (F, T) errors of one axis."""
     size = np.abs(values[np.isfinite(values)])
     usual = max(float(np.median(size)), 1e-3) if size.size else np.inf
     if size.size and size.max() > max(GONE_M, STANDS_OUT * usual):

@@ -26,13 +26,6 @@ STEP_MPS = 0.6
 """What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
 REPORTED_M = {"x": 0.22, "y": 0.5}
 """The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
-BOUND = (
-    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
-    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
-    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
-    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
-    "leader's. Shown is the follower nearest to its bound."
-)
 SIGNS = {"below": "<", "above": ">"}
 
 
@@ -290,7 +283,7 @@ def after_gusts(run: RunData) -> str:
     if not rows:
         return ""
     heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
-    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(BOUND)}</p>'
+    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(CAPTIONS["gusts"]["caption"])}</p>'
 
 
 def _step(run: RunData) -> StepDisturbance | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,8 @@ FEW_S = 20.0
 
 
 Side = tuple[float, float]
+Places = npt.NDArray[np.complexfloating[Any, Any]]
+"""Complex: north and, imaginary, east."""
 
 
 class Extent(NamedTuple):
@@ -331,13 +333,13 @@ def snapshot(run: RunData, tick: int) -> Snapshot:
     slots = places + errors * np.exp(1j * (up_rad if in_leaders_frame else headings))
     following = np.arange(len(vehicles)) != lead
 
-    def right_forward(of: npt.NDArray[np.complex128]) -> Array:
+    def right_forward(of: Places) -> Array:
         turned = (of - reference) * np.exp(-1j * up_rad)
         return np.column_stack((turned.imag, turned.real))
 
     return Snapshot(tick, reference, right_forward(places), right_forward(slots[following]), headings - up_rad, up_rad)
 
 
-def _mean(values: npt.NDArray[np.complex128]) -> complex:
+def _mean(values: Places) -> complex:
     known = values[np.isfinite(values)]
     return complex(known.mean()) if known.size else 0j

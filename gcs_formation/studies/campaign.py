@@ -38,7 +38,6 @@ class StudyProgress:
     """Shows flights done, their rate, the time that is left, and failures."""
 
     def __init__(self, *, quiet: bool) -> None:
-        """Show nothing if `quiet`."""
         self._quiet = quiet
         self._live: Live | None = None
         if sys.stderr.isatty() and not quiet:

@@ -68,11 +68,6 @@ class Compared:
     page: Path
     interrupted: bool
 
-    @property
-    def text(self) -> str:
-        """The table, and where its files are."""
-        return f"{comparison_text(self.comparison)}\nwrote {self.page}"
-
     def ended(self, exit_status: int) -> list[str]:
         """Return what is said of the flights with an exit status: what they broke, or why they could not go on."""
         return [
@@ -156,11 +151,7 @@ def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: floa
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
-    """Make the directory, without what an earlier comparison has left in it.
-
-    Raises:
-        RecordError: it holds an earlier comparison or other files, or it can't be written.
-    """
+    """Make the directory, without what an earlier comparison has left in it; RecordError where that may not be."""
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
         if refused is not None:
@@ -273,14 +264,9 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:
-    """Write a comparison's three files into a directory; return the page's path.
-
-    Raises:
-        RecordError: the directory can't be written.
-    """
+    """Write a comparison's three files into a directory; return the page's path. RecordError: they can't be written."""
     picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
     try:
-        out.mkdir(parents=True, exist_ok=True)
         (out / f"{NAME}.json").write_text(json.dumps(comparison, indent=2), encoding="utf-8")
         with print_style():
             save(law_errors(runs, _spans(comparison)), picture)

@@ -61,9 +61,7 @@ def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
 
     The band is Clopper's and Pearson's, at each value by itself: it is narrow where few flights are.
     """
-    known, count = np.sort(values[np.isfinite(values)]), max(values.size, 1)
-    if least_is_worst:
-        known = known[::-1]
+    known, count = np.sort(values[np.isfinite(values)])[:: -1 if least_is_worst else 1], max(values.size, 1)
     worse = count - np.arange(1, known.size + 1)
     return Curve(known, worse / count, *clopper_pearson(worse, count, CONFIDENCE))
 
@@ -197,10 +195,8 @@ def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, 
 def _end(values: Array, least_is_worst: bool) -> float:
     """Return a value a little worse than all."""
     low, high = float(values.min()), float(values.max())
-    beyond = 0.05 * (high - low)
-    if is_wide(values):
-        beyond = 0.2 * (low if least_is_worst else high)
-    return low - beyond if least_is_worst else high + beyond
+    worst, sign = (low, -1.0) if least_is_worst else (high, 1.0)
+    return worst + sign * (0.2 * worst if is_wide(values) else 0.05 * (high - low))
 
 
 def _finish(axes: Axes, flights: Flights, metric: str) -> None:
@@ -214,7 +210,7 @@ def _finish(axes: Axes, flights: Flights, metric: str) -> None:
 def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
     """Scale a panel of tails; where an expectation allows a share of the flights, mark it: curves should be below."""
     axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100.0 * share:g} %"))
+    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     _finish(axes, flights, metric)
     if metric in LEAST_IS_WORST:
         axes.xaxis.set_inverted(True)
@@ -232,3 +228,7 @@ def _known(flights: Flights, metric: str) -> Array:
 
 def _floor(count: int) -> float:
     return 0.4 / max(count, 1)
+
+
+def _percent(share: float, _: object) -> str:
+    return f"{100.0 * share:g} %"

@@ -56,7 +56,7 @@ class Dataset:
         try:
             if resume:
                 self._check_same(plan)
-            elif (refused := refusal(path, overwrite=overwrite or not _flown(path), mark=STUDY)) is not None:
+            elif (refused := refusal(path, overwrite=overwrite or not any(read_journal(path)), mark=STUDY)) is not None:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
@@ -132,11 +132,6 @@ class Dataset:
         left = text.encode()
         while left:
             left = left[self._journal.write(left) :]
-
-
-def _flown(path: Path) -> bool:
-    """Whether a study's directory has a flight: of one that found no scheduler there is nothing to lose."""
-    return next(read_journal(path), None) is not None
 
 
 def _clear(path: Path) -> None:

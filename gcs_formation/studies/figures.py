@@ -60,7 +60,7 @@ def marginals(flights: Flights, metric: str) -> Figure:
     for axes, name in zip(panels, names, strict=False):
         parameter = flights.parameters[name]
         axes.plot(parameter[known], values[known], ls="", marker=".", ms=4, color=GREY, label="flights")
-        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        cell = _binned(flights, name)
         inside = [known & (cell == i) for i in np.unique(cell[known])]
         low, middle, high = np.array([np.percentile(values[each], (5, 50, 95)) for each in inside]).T
         _along(axes, np.array([parameter[each].mean() for each in inside]), (low, middle, high), name in flights.levels)
@@ -94,8 +94,7 @@ def telling(flights: Flights, metric: str, most: int) -> list[str]:
     ranks = np.argsort(np.argsort(np.where(np.isnan(values), np.inf, values))).astype(np.float64)
 
     def between(name: str) -> float:
-        parameter = flights.parameters[name]
-        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        cell = _binned(flights, name)
         means = {i: ranks[cell == i].mean() for i in np.unique(cell).tolist()}
         return float(np.var([means[i] for i in cell.tolist()]))
 
@@ -186,9 +185,8 @@ def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) 
 def crossings_of(places: Array, values: Array, level: float) -> list[float]:
     """Return the places at which values cross a level, between neighbours that are known."""
     off = values - level
-    found = [
-        i for i in range(len(off) - 1) if np.isfinite(off[i : i + 2]).all() and (off[i] < 0.0) != (off[i + 1] < 0.0)
-    ]
+    known = np.isfinite(off[:-1]) & np.isfinite(off[1:])
+    found = np.flatnonzero(known & ((off[:-1] < 0.0) != (off[1:] < 0.0)))
     return [float(places[i] + (places[i + 1] - places[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
 
 
@@ -200,7 +198,6 @@ def _room(table: _Table, maps: int) -> int:
 
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
-    """Write each cell's value into it."""
     for row, column in np.argwhere(np.isfinite(table.cells)):
         place = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
         value = float(table.cells[row, column])
@@ -272,6 +269,11 @@ def edges_of(flights: Flights, name: str, most: int) -> Array:
         return np.array([levels[0] - 0.5, levels[0] + 0.5])
     between = (levels[1:] + levels[:-1]) / 2.0
     return np.concatenate(([levels[0] - (between[0] - levels[0])], between, [levels[-1] + levels[-1] - between[-1]]))
+
+
+def _binned(flights: Flights, name: str) -> npt.NDArray[np.intp]:
+    values = flights.parameters[name]
+    return cells_of(values, edges_of(flights, name, values.size // IN_A_BIN))
 
 
 def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:

@@ -110,8 +110,7 @@ def _vehicles(rng: np.random.Generator, count: int) -> list[Keys]:
 def _start(rng: np.random.Generator, severity: Severity) -> Keys:
     if rng.random() < severity.ground_share:
         return {"in_air": False}
-    in_air = {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S}
-    return {**in_air, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
+    return {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
 
 
 def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
@@ -130,7 +129,6 @@ def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys
 
 
 def _waypoints(rng: np.random.Generator, length_m: float) -> list[list[float]]:
-    """Return waypoints of a path that bends and climbs gently."""
     places, course = [[0.0, 0.0, float(rng.uniform(100.0, 300.0))]], float(rng.uniform(-math.pi, math.pi))
     for _ in range(math.ceil(length_m / LEG_M)):
         north, east, height = places[-1]

@@ -132,18 +132,13 @@ class Cluster:
     """The workers of a Dask scheduler (docs.dask.org, `distributed`)."""
 
     def __init__(self, address: str) -> None:
-        """Use those of the scheduler at `address`, tcp://HOST:PORT."""
         self._address = address
         self._flown_at_a_time = 0
         self._asked: Stopwatch | None = None
         self._seen = Stopwatch()
 
     def __enter__(self) -> Self:
-        """Connect.
-
-        Raises:
-            RunAbortedError: `distributed` isn't installed, no scheduler answers, or its workers have another version.
-        """
+        """Connect; RunAbortedError: `distributed` isn't installed, or no scheduler answers."""
         try:
             from distributed import Client  # noqa: PLC0415 - an extra
         except ImportError as error:
@@ -195,11 +190,7 @@ class Cluster:
                 yield from _again(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
-        """Wait for whatever comes next.
-
-        Raises:
-            RunAbortedError: nobody has been there to fly anything for too long.
-        """
+        """Wait for whatever comes next; RunAbortedError: nobody has been there to fly anything for too long."""
         if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
             raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
         sleep(POLL_S)
@@ -215,11 +206,7 @@ class Cluster:
         return self._flown_at_a_time
 
     def _check_versions(self) -> None:
-        """Refuse workers of another version, whose flights would be other flights.
-
-        Raises:
-            RunAbortedError: found one, or no worker at all.
-        """
+        """Refuse workers of another version, whose flights would be other flights, and none at all."""
         found: dict[str, str] = self._client.run(version, "gcs-formation")
         if not found:
             raise RunAbortedError(f"the Dask scheduler at {self._address} has no workers")
