@@ -35,10 +35,13 @@ def both_ways(delay_ms: float) -> dict[str, Any]:
     return {"default": {"delay_ms": delay_ms}}
 
 
-def parser(about: str | None, **only: str) -> argparse.ArgumentParser:
-    """Return a parser of how many processes fly, and of which are flown where `only` says of what a text is part."""
+def parser(about: str | None, counts: Sequence[int] = (), **only: str) -> argparse.ArgumentParser:
+    """Return a parser of numbers of vehicles, or of processes; `only`: what each text is to be a part of."""
     made = argparse.ArgumentParser(description=about)
-    made.add_argument("--processes", type=int, default=2)
+    if counts:
+        made.add_argument("--counts", type=int, nargs="+", default=counts)
+    else:
+        made.add_argument("--processes", type=int, default=2)
     for name, text in only.items():
         made.add_argument(f"--{name}", default="", metavar="TEXT", help=text)
     return made
@@ -48,13 +51,6 @@ def alone(work: Callable[..., Result], *given: Any) -> Result:
     """Return what comes of work in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(work, *given).result()
-
-
-def counts_parser(about: str | None, counts: Sequence[int]) -> argparse.ArgumentParser:
-    """Return a parser of numbers of vehicles."""
-    made = argparse.ArgumentParser(description=about)
-    made.add_argument("--counts", type=int, nargs="+", default=counts)
-    return made
 
 
 def print_load() -> None:

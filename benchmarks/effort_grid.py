@@ -131,14 +131,8 @@ def fly(point: Point, way: Way) -> Flight:
     """Fly one scenario with a point's keys."""
     scenario, delay_ms, disturbances = way
     keys = point.noise if scenario == NOISE else point.clean
-    links, laws = both_ways(delay_ms), {f"law__{key}": value for key, value in keys.items()}
-    given: dict[str, Any] = {
-        "duration_s": END_S,
-        "links": links,
-        "disturbances": disturbances,
-        "expect": [],
-        **laws,
-    }
+    given: dict[str, Any] = {f"law__{key}": value for key, value in keys.items()}
+    given |= {"duration_s": END_S, "links": both_ways(delay_ms), "disturbances": disturbances, "expect": []}
     with point.in_force(), flown(scenario, **given) as summary:
         series = read_parquet(summary.run_dir / TIMESERIES)
     vehicles = [series["vehicle"] == number for number in (2, 3, 4)]

@@ -1,7 +1,4 @@
-"""Least separation, from take-off to the last acknowledgement, of flights at whose end a vehicle stops responding.
-
-python -m benchmarks.endings
-"""
+"""Least separation, from take-off to the last acknowledgement, of flights at whose end a vehicle stops responding."""
 
 from __future__ import annotations
 

@@ -41,14 +41,8 @@ def scenario(grid: list[Cell]) -> dict[str, Any]:
     """Return a leader on a straight path and a follower for each cell, ids from 2."""
     followers = [{"id": 2 + i, "clock": {"drift_ppm": cell.drift_ppm}} for i, cell in enumerate(grid)]
     links = [
-        {
-            "at_s": 0,
-            "vehicles": [2 + i],
-            "jitter_ms": cell.jitter_ms,
-            "reorder": True,
-            "uplink": {"delay_ms": cell.up_ms},
-            "downlink": {"delay_ms": cell.down_ms},
-        }
+        {"at_s": 0, "vehicles": [2 + i], "jitter_ms": cell.jitter_ms, "reorder": True}
+        | {"uplink": {"delay_ms": cell.up_ms}, "downlink": {"delay_ms": cell.down_ms}}
         for i, cell in enumerate(grid)
     ]
     return {

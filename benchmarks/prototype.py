@@ -21,7 +21,7 @@ os.environ["MAVLINK20"] = "1"
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchmarks import alone, counts_parser, flown, print_load
+from benchmarks import alone, flown, parser, print_load
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
 
@@ -202,10 +202,10 @@ def rate(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s:
 
 def main() -> None:
     """Fly both in turn and print the table."""
-    parser = counts_parser(__doc__, COUNTS)
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--seconds", type=float, default=200.0, help="simulated, of four vehicles; fewer of more")
-    given = parser.parse_args()
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--rounds", type=int, default=ROUNDS)
+    parsing.add_argument("--seconds", type=float, default=200.0, help="simulated, of four vehicles; fewer of more")
+    given = parsing.parse_args()
     rows: list[list[str]] = []
     for count in given.counts:
         duration_s = max(SHORTEST_S, given.seconds * 4 / count)

@@ -23,7 +23,7 @@ os.environ["MAVLINK20"] = "1"
 
 import yaml
 
-from benchmarks import counts_parser, flown, print_load
+from benchmarks import flown, parser, print_load
 from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
@@ -161,9 +161,9 @@ def measured(count: int, duration_s: float) -> list[str]:
 
 def main() -> None:
     """Measure every size and print the table."""
-    parser = counts_parser(__doc__, COUNTS)
-    parser.add_argument("--seconds", type=float, default=DURATION_S)
-    given = parser.parse_args()
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--seconds", type=float, default=DURATION_S)
+    given = parsing.parse_args()
     print(markdown(HEAD, [measured(count, given.seconds) for count in given.counts]))
     print_load()
 

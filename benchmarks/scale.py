@@ -11,7 +11,7 @@ import sys
 import time
 from typing import Any
 
-from benchmarks import alone, counts_parser, flown, print_load
+from benchmarks import alone, flown, parser, print_load
 from gcs_formation.app.operator import ClockName
 from gcs_formation.studies.dataset import markdown
 
@@ -76,9 +76,9 @@ def row(count: int, clock: ClockName, duration_s: float) -> list[str]:
 
 def main() -> None:
     """Fly every size, one after the other, and print the table."""
-    parser = counts_parser(__doc__, COUNTS)
-    parser.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
-    given = parser.parse_args()
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
+    given = parsing.parse_args()
     clock: ClockName = "real" if given.real else "virtual"
     duration_s = REAL_DURATION_S if given.real else DURATION_S
     print(markdown(HEADS[clock], [alone(row, count, clock, duration_s) for count in given.counts]))

@@ -79,17 +79,13 @@ class Command(click.Command):
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
         """Read the arguments, of which some (`--version`, `--help`) are answered at once."""
-        try:
+        with heard():
             return super().make_context(info_name, args, parent, **extra)
-        except OSError as error:
-            end_unheard(error)
 
     def invoke(self, ctx: click.Context) -> object:
         """Carry it out."""
-        try:
+        with heard():
             return super().invoke(ctx)
-        except OSError as error:
-            end_unheard(error)
 
 
 class ImportedWhenChosen(Command, click.Group):
@@ -221,18 +217,22 @@ def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
     sys.exit(say(text, status))
 
 
-def end_unheard(error: OSError) -> NoReturn:
-    """Exit: what was said can't be written (a full disk, a pipe whose reader has gone).
+@contextmanager
+def heard() -> Generator[None]:
+    """Within, exit where what is said can't be written (a full disk, a pipe whose reader has gone).
 
     What is left of it is dropped; otherwise Python would fail to write it once more as it ends, and choose the status.
     """
-    nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
-        say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
-    except OSError:
-        os.dup2(nowhere, sys.__stderr__.fileno() if sys.__stderr__ else nowhere)
-    os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else nowhere)
-    sys.exit(Status.COULD_NOT_GO_ON)
+        yield
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        try:
+            say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+        except OSError:
+            os.dup2(nowhere, sys.__stderr__.fileno() if sys.__stderr__ else nowhere)
+        os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else nowhere)
+        sys.exit(Status.COULD_NOT_GO_ON)
 
 
 @contextmanager

@@ -121,6 +121,7 @@ class _Climb:
     def __init__(self, scenario: Scenario, clearance_m: float) -> None:
         self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
         self._end_m = planned_end_m(scenario)
+        self._where = f"path at {self._end_m:.0f} m, the flight's end"
         self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m
         first = 1 if scenario.leader is None else 0
         self._models = autopilot_models(scenario)[first:]
@@ -138,7 +139,7 @@ class _Climb:
         self._stack.add(self._begin)
 
     def warnings(self) -> Iterator[str]:
-        where, height_m = f"path at {self._end_m:.0f} m, the flight's end", self._end.height_m
+        where, height_m = self._where, self._end.height_m
         begins = [
             (place.north_m + north_m, place.east_m + east_m)
             for place in self._begin.values()
@@ -164,8 +165,8 @@ class _Climb:
         highest_m = max(self._stack.heights_m.values())
         if highest_m > most_m + SHORT_M:
             yield (
-                f"path at {self._end_m:.0f} m, the flight's end: vehicles circle one above the other, up to "
-                f"{highest_m:.0f} m; {most_m:g} m are allowed (safety.fence.height_max_m)"
+                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {most_m:g} m are "
+                "allowed (safety.fence.height_max_m)"
             )
 
     def _ahead(self, seconds: float) -> list[tuple[float, float]]:
@@ -185,9 +186,8 @@ class _Climb:
         if clearance_m[worst] < self._clearance_m - SHORT_M:
             place = f"north {north_m[worst]:.0f}, east {east_m[worst]:.0f}"
             yield (
-                f"path at {self._end_m:.0f} m, the flight's end: vehicles that climb to circle come to "
-                f"{clearance_m[worst]:.1f} m above the ground straight on, at {place}; {self._clearance_m:g} m are "
-                "asked for (terrain.clearance_m)"
+                f"{self._where}: vehicles that climb to circle come to {clearance_m[worst]:.1f} m above the ground "
+                f"straight on, at {place}; {self._clearance_m:g} m are asked for (terrain.clearance_m)"
             )
 
     def _places(self, ahead_m: Array) -> tuple[Array, Array]:

@@ -21,17 +21,12 @@ WIDE = 10**6
 MOST_ROWS = 24
 WHOLE = 0.995
 """Share of the time that is said to be all of it."""
-TABLE_WIDTH = 80
-"""Of tables in a pipe or a file; lines of words are whole there."""
 WIDTH = 80
+"""Of a status page, and of tables in a pipe or a file; lines of words are whole there."""
 SHORT = {
-    Member.STARTING: "starting",
-    Member.FLYING: "in formation",
-    Member.PARTED: "its pilot's",
-    Member.UNHEARD: "not heard",
-    Member.HOLDING: "told to loiter",
-    Member.RETURNING: "coming back",
-}
+    Member.STARTING: "starting", Member.FLYING: "in formation", Member.PARTED: "its pilot's",
+    Member.UNHEARD: "not heard", Member.HOLDING: "told to loiter", Member.RETURNING: "coming back",
+}  # fmt: skip
 
 
 class Group(NamedTuple):
@@ -87,16 +82,10 @@ def _lines(groups: Sequence[Group]) -> list[str]:
 
 
 def summary_text(summary: Summary, directory: Path, width: int | None = None) -> str:
-    """Return the run's figures as a table, the verdicts, and where its files are.
-
-    Args:
-        summary: of the run.
-        directory: the run's.
-        width: of the terminal, characters; None: not on a terminal.
-    """
+    """Return the run's figures as a table, the verdicts, and where its files are; `width`: of a terminal, if on one."""
     figures = summary.to_dict()
     words = [_headline(figures), _source(figures)]
-    rows = table(_follower_groups(figures), width or TABLE_WIDTH) if figures["followers"] else []
+    rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
     left = len(figures["followers"]) - MOST_ROWS
     after = [f"… and {left} more in summary.json"] if left > 0 else []
     after += [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches, f"recorded in {directory}"]

@@ -121,21 +121,13 @@ def _resume(given: dict[str, Any]) -> None:
 
 
 def _done(
-    flown: Fly[Result],
-    conclude: Callable[..., Status],
-    *,
-    scenario: Path,
-    seed: int | None,
-    overrides: tuple[str, ...],
-    out: Path | None,
-    quiet: bool,
-    as_json: bool,
-    **given: Any,
+    flown: Fly[Result], conclude: Callable[..., Status], *, scenario: Path, quiet: bool, as_json: bool, **given: Any
 ) -> Status:
     """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status.
 
-    `given` are the fields of `RunOptions` that have an option of their name.
+    `given` are the scenario's seed and other keys, where it is recorded, and the fields of `RunOptions` by their names.
     """
+    seed, overrides, out = (given.pop(name) for name in ("seed", "overrides", "out"))
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts:
         loaded = load(scenario, (*overrides, *seeded))
@@ -210,19 +202,11 @@ LOGS = (".tlog", ".bin")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
-def identify(
-    source: Path,
-    out: Path | None,
-    run_dir: Path | None,
-    vehicle: int | None,
-    overrides: tuple[str, ...],
-    quiet: bool,
-    as_json: bool,
-    **given: Any,
-) -> None:
+def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
     from gcs_formation.identify import command  # noqa: PLC0415 - a flight fits and draws nothing
 
+    out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
     recorded, believed = source, None
     if not source.is_dir() and source.suffix.lower() not in LOGS:
         believed = load(source, overrides)

@@ -20,8 +20,8 @@ from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan
 from gcs_formation.studies.flight import fly
-from gcs_formation.studies.plan import Plan
-from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
+from gcs_formation.studies.plan import Plan, Planned
+from gcs_formation.studies.preparation import MANY, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
 
 STUDY_EXAMPLES = examples(
@@ -110,9 +110,10 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -
     if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
         fail(refused)
     study = Study.model_validate(plan["study"])
-    kept = out or directory / AGAIN / f"{flight:06d}"
+    kept, row = out or directory / AGAIN / f"{flight:06d}", rows[flight]
+    planned = Planned(flight, int(row["seed"]), {name: row[name] for name in study.columns if name in row})
     try:
-        row = fly(refly_task(planned_of(study, rows[flight]), study, plan["base"], kept))
+        row = fly(refly_task(planned, study, plan["base"], kept))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     if row["exit"] > Status.EXPECTATION_BROKEN:
@@ -236,17 +237,21 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
     between_s = given.pop("from_s"), given.pop("to_s")
     try:
-        found = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
+        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
+    comparison, said, page, interrupted = flown
     if as_json:
-        click.echo(json.dumps(found.comparison, indent=2))
-    click.echo(f"{comparison_text(found.comparison)}\nwrote {found.page}", err=as_json)
-    broken, stopped = found.ended(Status.EXPECTATION_BROKEN), found.ended(Status.COULD_NOT_GO_ON)
+        click.echo(json.dumps(comparison, indent=2))
+    click.echo(f"{comparison_text(comparison)}\nwrote {page}", err=as_json)
+    broken, stopped = (
+        [f"{law}: {text}" for law, status, words in said if status == wanted for text in words.splitlines()]
+        for wanted in (Status.EXPECTATION_BROKEN, Status.COULD_NOT_GO_ON)
+    )
     for text in (*broken, *stopped):
         click.echo(text, err=True)
-    if found.interrupted:
+    if interrupted:
         sys.exit(say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED))
     sys.exit(Status.COULD_NOT_GO_ON if stopped else Status.EXPECTATION_BROKEN if broken else Status.FINE)

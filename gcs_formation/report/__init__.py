@@ -25,6 +25,7 @@ from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
 from gcs_formation.stability import scenario_delay_margin
 
+Events = tuple[Mapping[str, Any], ...]
 LINK_DELAYS = ("delay_s", "up_s", "down_s")
 UNKNOWN_IN_LINKS = (
     "injected_delay_ms", "injected_up_ms", "injected_down_ms", "injected_loss",
@@ -44,7 +45,7 @@ class RunData:
 
     scenario: Scenario
     summary: Mapping[str, Any]
-    events: tuple[Mapping[str, Any], ...]
+    events: Events
     whole: Flight
     flown: Flight
     clock_s: Array
@@ -139,17 +140,13 @@ def _summary(path: Path) -> Mapping[str, Any]:
     return cast("dict[str, Any]", summary)
 
 
-def _events(path: Path) -> tuple[Mapping[str, Any], ...]:
+def _events(path: Path) -> Events:
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
     return tuple(json.loads(line) for line in lines if line.strip())
 
 
 def _run_data(
-    scenario: Scenario,
-    summary: Mapping[str, Any],
-    events: tuple[Mapping[str, Any], ...],
-    whole: Flight,
-    missing: tuple[str, ...] = (),
+    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: Flight, missing: tuple[str, ...] = ()
 ) -> RunData:
     any_vehicle = next(iter(whole.vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
@@ -251,9 +248,7 @@ def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _missing(
-    scenario: Scenario, flight: Flight, events: tuple[Mapping[str, Any], ...], *, cut_off: bool
-) -> tuple[str, ...]:
+def _missing(scenario: Scenario, flight: Flight, events: Events, *, cut_off: bool) -> tuple[str, ...]:
     failures = [str(event.get("text")) for event in events if event.get("kind") == "failure"]
     why = f"the run failed: {failures[-1]}" if failures else "the run was killed, or it has not ended yet"
     mission_s = float(flight.mission_time_s[-1])

@@ -18,7 +18,6 @@ from gcs_formation.report.time_axes import (
     Group,
     at_least,
     draw_line,
-    draw_marks,
     everyone,
     finished,
     followers_of,
@@ -208,19 +207,12 @@ def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]
         style.note(figure.add_subplot(), "no law flew any follower")
         return figure
     grid = style.axes_grid(figure, 3, len(spans), sharex="col", sharey="row", width_ratios=(0.6, 1.0)[-len(spans) :])
-    columns = [style.column_of(grid, index) for index in range(len(spans))]
-    for column, (begin, end) in zip(columns, spans, strict=True):
-        for axis, axes in enumerate(column):
+    for axis, row in enumerate(grid):
+        for axes, (begin, end) in zip(row, spans, strict=True):
             _laws(axes, {law: (time_s, error_m[:, axis]) for law, (time_s, error_m) in lines.items()}, begin, end)
-        column[-1].set_xlabel("mission time, s")
-    draw_marks(columns, style.marks(next(iter(runs.values()))))
-    for axis, (row, label) in enumerate(zip(grid, SIZES, strict=True)):
-        row[0].set_ylabel(label)
         most = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
         row[0].set_ylim(LEAST_SIZE_M, 2.0 * most)
-    figure.align_ylabels(columns[0])
-    style.legend_below(figure)
-    return figure
+    return finished(figure, next(iter(runs.values())), grid, SIZES)
 
 
 def largest_around_m(run: RunData) -> Array:

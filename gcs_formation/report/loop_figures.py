@@ -23,12 +23,8 @@ from gcs_formation.report.time_axes import Group, draw_line, everyone, finished,
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
-NAMES = {
-    "speed": ("speed_mps", "airspeed_mps"),
-    "heading": ("heading_rad", "heading_rad"),
-    "height": ("height_m", "height_m"),
-}
-"""Columns of setpoint and response."""
+COLUMNS = {"speed": "speed_mps", "heading": "heading_rad", "height": "height_m"}
+"""Of a setpoint; the response to a speed is an airspeed."""
 STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
 STRETCHES = 200
 """Of time, over which is summed up what jumps from tick to tick: steps, delay and age."""
@@ -61,9 +57,8 @@ def setpoints(run: RunData) -> Figure:
 def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Array]:
     """Return setpoint and response (K,) of a channel over the flown time; headings in degrees, without jumps."""
     columns = run.flown.vehicles[vehicle]
-    true = "true_" if run.flown.truth else ""
-    asked, became = NAMES[channel]
-    setpoint, response = columns[f"setpoint_{asked}"], columns[true + became]
+    asked, true = COLUMNS[channel], "true_" if run.flown.truth else ""
+    setpoint, response = columns[f"setpoint_{asked}"], columns[true + asked.replace("speed", "airspeed")]
     if channel != "heading":
         return setpoint, response
     steady = _unwrapped_deg(response)

@@ -61,17 +61,10 @@ class Plate(NamedTuple):
 
 
 PLATES = (
-    Plate(disturbance, disturbed),
-    Plate(errors, has_followers),
-    Plate(trajectory),
-    Plate(plan),
-    Plate(assembly, assembled_first),
-    Plate(setpoints),
-    Plate(steps, has_followers),
-    Plate(gains, has_gains),
-    Plate(separation),
-    Plate(latency),
-)
+    Plate(disturbance, disturbed), Plate(errors, has_followers), Plate(trajectory), Plate(plan),
+    Plate(assembly, assembled_first), Plate(setpoints), Plate(steps, has_followers), Plate(gains, has_gains),
+    Plate(separation), Plate(latency),
+)  # fmt: skip
 
 
 def embedded(run: RunData) -> dict[str, Any]:

@@ -67,11 +67,6 @@ class Extent(NamedTuple):
         """Unit of the horizontal axes, in m and by name."""
         return (1000.0, "km") if self.longest >= KILOMETRES_FROM_M else (1.0, "m")
 
-    @property
-    def tall(self) -> bool:
-        """Whether north reaches further than east."""
-        return self.north[1] - self.north[0] > self.east[1] - self.east[0]
-
 
 def trajectory(run: RunData) -> Figure:
     """Draw the tracks in space over the ground below, heights stretched; with terrain, also heights over time."""
@@ -199,7 +194,7 @@ def _extent(run: RunData) -> Extent:
 def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float]:
     """Return a figure, axes for the plan, small ones beside it (if tall) or below, and their height by width."""
     ratio = (extent.north[1] - extent.north[0]) / (extent.east[1] - extent.east[0])
-    if extent.tall:
+    if ratio > 1.0:
         width_cm = min(LONG_CM / ratio + 1.5, 0.5 * style.WIDTH_CM)
         height_cm = min(LONG_CM, (width_cm - 1.2) * ratio)
         figure = style.new_figure(height_cm + 2.2)

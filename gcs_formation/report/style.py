@@ -54,12 +54,9 @@ SAME_S = 0.5
 MOST_EVENTS = 12
 """Events shown; a link that comes and goes would hide everything else."""
 WORDS = {
-    "delay_ms": "delay {:g} ms",
-    "jitter_ms": "jitter {:g} ms",
-    "loss": "loss {:.0%}",
-    "duplicate": "twice {:.0%}",
+    "delay_ms": "delay {:g} ms", "jitter_ms": "jitter {:g} ms", "loss": "loss {:.0%}", "duplicate": "twice {:.0%}",
     "rate_kbps": "{:g} kbit/s",
-}
+}  # fmt: skip
 
 
 @contextmanager

@@ -78,14 +78,9 @@ def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[style.Mark], *
 def finished(
     figure: Figure, run: RunData, grid: Sequence[Sequence[Axes]], names: Iterable[str], *, labels: bool = True
 ) -> Figure:
-    """Return a figure with what happened marked, its axes named, and its legend; call after setting limits.
+    """Return a figure with what happened marked, the rows of its axes over time named, and its legend.
 
-    Args:
-        figure: to finish.
-        run: what it shows.
-        grid: its axes over time, row by row.
-        names: of the rows.
-        labels: whether marks are named.
+    Call it after setting limits; `labels`: whether marks are named.
     """
     columns = [style.column_of(grid, column) for column in range(len(grid[0]))]
     draw_marks(columns, style.marks(run), labels=labels)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeAlias
 
 import click
 import pyarrow as pa
@@ -28,6 +28,8 @@ from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
 from gcs_formation.studies.workers import Workers
 
+Base: TypeAlias = Mapping[Any, Plain]
+"""A scenario's keys."""
 TENTHS = 10
 SHOWN_EVERY_S = 0.5
 SCHEMA = 1
@@ -42,13 +44,12 @@ class StudyProgress:
         self._live: Live | None = None
         if sys.stderr.isatty() and not quiet:
             self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
+            self._live.start()
         self._spent, self._shown_s = Stopwatch(), 0.0
         self._first: int | None = None
         self._tenths = 0
 
     def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -176,14 +177,7 @@ class StudyOutcome:
 
 
 def fly_study(
-    study: Study,
-    base: Mapping[Any, Plain],
-    out: Path,
-    workers: Workers,
-    shown: StudyProgress,
-    *,
-    resume: bool,
-    overwrite: bool,
+    study: Study, base: Base, out: Path, workers: Workers, shown: StudyProgress, *, resume: bool, overwrite: bool
 ) -> StudyOutcome:
     """Fly what a study lacks, and judge it.
 
@@ -208,12 +202,7 @@ def fly_study(
 
 
 def flights(
-    plan: Plan,
-    base: Mapping[Any, Plain],
-    out: Path | None,
-    workers: Workers,
-    shown: StudyProgress,
-    flown: Mapping[int, Row],
+    plan: Plan, base: Base, out: Path | None, workers: Workers, shown: StudyProgress, flown: Mapping[int, Row]
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a study's flights as they end, without those of `flown`; `out` keeps their records.
 

@@ -6,7 +6,6 @@ import json
 import shutil
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -58,23 +57,6 @@ no figure. `aborted` says why a law has none; `warnings` are those of `check`.
 """
 
 
-@dataclass(frozen=True)
-class Compared:
-    """Result of `compare`."""
-
-    comparison: Comparison
-    said: tuple[tuple[str, int, str], ...]
-    """Each law that was flown, its flight's exit status, and what was broken or why it could not go on, in lines."""
-    page: Path
-    interrupted: bool
-
-    def ended(self, exit_status: int) -> list[str]:
-        """Return what is said of the flights with an exit status: what they broke, or why they could not go on."""
-        return [
-            f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
-        ]
-
-
 def compare_laws(
     file: Path,
     overrides: tuple[str, ...],
@@ -85,18 +67,11 @@ def compare_laws(
     between_s: tuple[float, float | None],
     until_s: float | None,
     overwrite: bool,
-) -> Compared:
-    """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
+) -> tuple[Comparison, list[tuple[str, int, str]], Path, bool]:
+    """Fly a scenario by each law on one seed, write the comparison and its page: a study of one parameter, the law.
 
-    Args:
-        file: the scenario's.
-        overrides: of the scenario's keys, as `--set` takes them.
-        out: directory of it all.
-        workers: fly.
-        laws: their names, like "pid,fuzzy_pid".
-        between_s: mission times between which errors count; None: the flights' end.
-        until_s: when flights end at the latest.
-        overwrite: whether an earlier comparison in `out` may be replaced.
+    Errors count between two mission times (None: the flights' end, `until_s` at the latest). Return the comparison,
+    each law's exit status and words, the page, and whether the flights were interrupted.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
@@ -121,11 +96,11 @@ def compare_laws(
                 rows[row["flight"]] = row
     except KeyboardInterrupt:
         interrupted = True
-    said = tuple((names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
+    said = [(names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows)]
     flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
     runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
-    return Compared(comparison, said, _write(comparison, runs, out), interrupted)
+    return comparison, said, _write(comparison, runs, out), interrupted
 
 
 def named_laws(names: str) -> tuple[str, ...]:
@@ -169,13 +144,9 @@ def _claim(out: Path, *, overwrite: bool) -> None:
 def compared(
     flown: Mapping[str, str], runs: Mapping[str, RunData], scenario: Scenario, window_s: tuple[float, float]
 ) -> Comparison:
-    """Return the comparison of flights of a scenario.
+    """Return the comparison of a scenario's runs, errors counted from one mission time up to another, both included.
 
-    Args:
-        flown: why each law's run could not go on, "" where it could.
-        runs: those that could, by their laws.
-        scenario: that they flew.
-        window_s: mission times from which and up to which errors count, both included.
+    `flown`: why each law's run could not go on, "" where it could.
     """
     named = {"schema": SCHEMA, "name": scenario.name, "seed": scenario.seed, "frame": scenario.formation.frame}
     each = {

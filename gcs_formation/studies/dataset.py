@@ -29,11 +29,8 @@ from gcs_formation.studies import DRAWN, LISTED, Bisection, Study
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.plan import Crossing, Planned, Row
 
-STUDY = "study.yaml"
-JOURNAL = "flights.jsonl"
-TABLE = "flights.parquet"
-RESULT = "study.json"
-TABLE_TEXT = "table.md"
+STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
+RESULT, TABLE_TEXT = "study.json", "table.md"
 FLIGHTS, AGAIN = "flights", "again"
 """Records of flights, and of those that were flown again."""
 NONE = "–"
@@ -43,13 +40,7 @@ class Dataset:
     """The rows of a study on disk."""
 
     def __init__(self, path: Path, study: Study, base: Mapping[Any, Plain], *, resume: bool, overwrite: bool) -> None:
-        """Open the directory of a study.
-
-        Raises:
-            RecordError: it has other files, or the study there is another one or is being flown, or it can't be
-                written.
-            RecordingError: the disk is full.
-        """
+        """Open the directory of a study; RecordError where that may not or can't be, RecordingError on a full disk."""
         self.path, self.study = path, study
         keys = study.model_dump(mode="json", by_alias=True, exclude_none=True)
         plan = {"study": keys, "base": dict(base), "version": VERSION}

@@ -45,6 +45,7 @@ PURPLE = "#CC79A7"
 """Seen on a map's dark cells and on its light ones."""
 ROOM = ((9.0, 3), (12.0, 2))
 """Cells beside each other up to which each says its value, and in how many digits."""
+KEPT = ("kept", "broken")
 MAPS, MAP_CM = 2, 6.5
 """Maps beside each other, and how high one is."""
 
@@ -216,14 +217,12 @@ def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, A
     measured = {LOOP_DELAY, MARGIN_S} <= flights.metrics.keys()
     figure = new_figure(2.6 + 0.75 * len(found))
     (panels,) = axes_grid(figure, 1, 1 + measured, sharey=True)
-    _ends(panels[0], [(entry["kept"], entry["broken"]) for entry in found])
+    _ends(panels[0], [tuple(entry[key] for key in KEPT) for entry in found])
     panels[0].set_xlabel(search.parameter)
     panels[0].set_yticks(range(len(found)), labels=words)
     panels[0].set_ylim(len(found) - 0.5, -0.5)
     if measured:
-        ends = [
-            [_row_at(rows, entry, names, search.parameter, entry[key]) for key in ("kept", "broken")] for entry in found
-        ]
+        ends = [[_row_at(rows, entry, names, search.parameter, entry[key]) for key in KEPT] for entry in found]
         _ends(panels[1], [tuple(row.get(LOOP_DELAY) for row in each) for each in ends])
         for place, (kept, broken) in enumerate(ends):
             margin_s = kept.get(MARGIN_S, broken.get(MARGIN_S))

@@ -17,7 +17,7 @@ from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.plan import Planned, Row, Sample, at, count_flights, samples
+from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
@@ -164,11 +164,6 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
     if problems:
         raise ScenarioError(problems)
     return study, base
-
-
-def planned_of(study: Study, row: Row) -> Planned:
-    """Return the flight that a row is of."""
-    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in study.columns if name in row})
 
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:

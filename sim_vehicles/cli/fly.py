@@ -42,23 +42,18 @@ APART_M = 20.0
 @click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
-def fly(
-    scenario: Path | None,
-    count: int | None,
-    base_port: int | None,
-    one_port: bool,
-    overrides: tuple[str, ...],
-    ready_s: float | None,
-    quiet: bool,
-    **options: Any,
-) -> None:
+def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
     """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
+    count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
     if scenario is None and overrides:
         fail("found --set without a scenario; allowed: with one")
     if scenario is not None and (count or base_port or one_port):
         fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
     plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
-    config = plain if scenario is None else _of(scenario, overrides)
+    try:
+        config = plain if scenario is None else fleet_config(load_scenario(scenario, overrides))
+    except ScenarioError as error:
+        fail(str(error))
     if ready_s is not None:
         config = replace(config, ready_s=ready_s)
 
@@ -68,21 +63,13 @@ def fly(
         fail(str(error), Status.COULD_NOT_GO_ON)
 
 
-def _flown(
-    config: FleetConfig,
-    *,
-    quiet: bool,
-    speedup: float,
-    until_s: float | None,
-    clock_origin_ns: int | None,
-    truth: Path | None,
-    parent_pid: int | None,
-) -> Status:
+def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -> Status:
     """Fly until told to stop, the time is over, or the process that started us ends; `truth`: the file of its record.
 
-    With `clock_origin_ns`, instant 0 on the machine's monotonic clock, instants are those of that process.
+    With a clock's origin, instant 0 on the machine's monotonic clock, instants are those of that process.
     """
-    clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
+    clock, signals = RealClock(given["speedup"], given["clock_origin_ns"]), list[int]()
+    until_s, parent_pid = given["until_s"], given["parent_pid"]
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _frame: signals.append(number))
     recording = TruthWriter(truth, len(config.vehicles)) if truth else None
@@ -99,14 +86,6 @@ def _flown(
                 click.echo("\n".join(map(_line, fleet.config.vehicles)))
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
-
-
-def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
-    try:
-        planned = load_scenario(scenario, overrides)
-    except ScenarioError as error:
-        fail(str(error))
-    return fleet_config(planned)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
