@@ -14,7 +14,6 @@ import numpy as np
 import yaml
 
 from formation_scenario.environment import StepDisturbance
-from gcs_formation.control.laws import law_kind
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts
@@ -311,30 +310,4 @@ def _conditions(run: RunData, step: StepDisturbance) -> str:
         "The paper says that it acts on every vehicle; it gives "
         "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
         "errors of an estimate can't be told from its text."
-    )
-
-
-def subtitle(run: RunData) -> str:
-    """Return what was flown, and by which law."""
-    scenario, count = run.scenario, len(run.scenario.followers)
-    leader = "a leader" if run.leader else "a virtual leader"
-    followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
-    law = law_kind(scenario).name
-    prediction = "with" if scenario.law.delay_compensation else "without"
-    return (
-        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
-        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
-    )
-
-
-def error_source(run: RunData) -> str:
-    """Return what the errors are of, and what each column says."""
-    source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
-    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
-    return (
-        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
-        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
-        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
-        "followed: the share of the time that these are of; else it led or was lost. "
-        "Steps: of the setpoints from tick to tick."
     )

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario
+from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
@@ -188,13 +189,13 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     return document(
         str(summary["name"]),
         "report.html",
-        subtitle=escape(html.subtitle(run)),
+        subtitle=escape(_subtitle(run)),
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
         verdict=html.verdict(summary),
         missing=html.missing(run.missing),
         cards=html.cards(run),
-        error_source=escape(html.error_source(run)),
+        error_source=escape(_error_source(run)),
         followers=html.followers(summary),
         expectations=html.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
@@ -205,6 +206,30 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         control=html.control(summary),
         events=html.events(run),
         scenario=escape(dump_scenario(run.scenario)),
+    )
+
+
+def _subtitle(run: RunData) -> str:
+    scenario, count = run.scenario, len(run.scenario.followers)
+    leader = "a leader" if run.leader else "a virtual leader"
+    followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
+    law = law_kind(scenario).name
+    prediction = "with" if scenario.law.delay_compensation else "without"
+    return (
+        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
+        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
+    )
+
+
+def _error_source(run: RunData) -> str:
+    source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
+    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
+    return (
+        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
+        "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
+        "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
+        "followed: the share of the time that these are of; else it led or was lost. "
+        "Steps: of the setpoints from tick to tick."
     )
 
 
