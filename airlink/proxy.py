@@ -6,9 +6,9 @@ import os
 import selectors
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
-from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
 from airlink.clock import Instant, RealClock
 from airlink.endpoint import Address, Endpoint, PortError
@@ -25,12 +25,8 @@ NETWORK: Final = 1
 """Of the vehicles whose random numbers remotes have."""
 
 
-class Passage(NamedTuple):
-    """A datagram of one remote, in transit in one direction."""
-
-    remote: int
-    direction: Direction
-    data: bytes
+Passage = tuple[int, Direction, bytes]
+"""A datagram of one remote, in transit in one direction."""
 
 
 class Relay:
@@ -41,35 +37,26 @@ class Relay:
         self.impairments: dict[Direction, Impairment] = dict.fromkeys(Direction, UNIMPAIRED)
         self._seed = seed
         self._channels: dict[tuple[int, Direction], Channel] = {}
-        self._under_way = DelayQueue[Passage]()
+        self.under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
         """Send a datagram on its way."""
-        key = (passage.remote, passage.direction)
-        channel = self._channels.get(key)
+        remote, direction, data = passage
+        channel = self._channels.get((remote, direction))
         if channel is None:
-            stream = random_stream(self._seed, "links", NETWORK, passage.remote + 1, passage.direction)
-            channel = self._channels[key] = Channel(stream)
-        for delivery in channel.pass_on(len(passage.data), now, self.impairments[passage.direction]):
-            self._under_way.push(delivery, passage)
-
-    def pop_due(self, now: Instant) -> list[Passage]:
-        """Remove and return what has arrived by `now`."""
-        return self._under_way.pop_due(now)
-
-    def next_timer(self) -> Instant | None:
-        """Return when the next datagram arrives, None if none is in transit."""
-        return self._under_way.next()
+            stream = random_stream(self._seed, "links", NETWORK, remote + 1, direction)
+            channel = self._channels[remote, direction] = Channel(stream)
+        for delivery in channel.pass_on(len(data), now, self.impairments[direction]):
+            self.under_way.push(delivery, passage)
 
     def statistics(self, direction: Direction) -> ChannelStatistics:
         """Return the statistics of one direction, summed over all remotes."""
         total = ChannelStatistics()
-        for (_, of_direction), channel in self._channels.items():
-            if of_direction is direction:
-                total.datagrams += channel.statistics.datagrams
-                total.lost += channel.statistics.lost
-                total.delivered += channel.statistics.delivered
-                total.total_delay_s += channel.statistics.total_delay_s
+        for each in (channel.statistics for (_, way), channel in self._channels.items() if way is direction):
+            total.datagrams += each.datagrams
+            total.lost += each.lost
+            total.delivered += each.delivered
+            total.total_delay_s += each.total_delay_s
         return total
 
 
@@ -80,11 +67,7 @@ class Proxy:
     """
 
     def __init__(self, listen: Endpoint, target: Endpoint, relay: Relay) -> None:
-        """Open the listening socket.
-
-        Raises:
-            PortError: it can't be opened, or the target's host isn't known.
-        """
+        """Open the listening socket; PortError: it can't be opened, or the target's host isn't known."""
         self._target = target
         self._target_address = _resolved(target)
         self._relay = relay
@@ -98,13 +81,9 @@ class Proxy:
         self._selector.register(self._listening, selectors.EVENT_READ, self._from_remotes)
 
     def __enter__(self) -> Self:
-        """Return the proxy."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the sockets."""
+    def __exit__(self, *_: object) -> None:
         for opened in (self._listening, *self._sockets):
             opened.close()
         self._selector.close()
@@ -126,12 +105,12 @@ class Proxy:
     def run(self, until: Callable[[], bool]) -> None:
         """Run until `until` holds; it is checked after every wake-up, at least ten times a second."""
         while not until():
-            timer = self._relay.next_timer()
+            timer = self._relay.under_way.next()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
             for key, _ in select_for(self._selector, wait_s):
                 key.data()
-            for passage in self._relay.pop_due(self._clock.now()):
-                self._send(passage)
+            for passage in self._relay.under_way.pop_due(self._clock.now()):
+                self._send(*passage)
 
     def _from_remotes(self) -> None:
         for data, peer in self._inbox.take(self._listening):
@@ -143,7 +122,7 @@ class Proxy:
                     remote = self._open_towards_target(peer)
                 except (OSError, PortError):  # no route to the target: lost, as in any network
                     continue
-            self._relay.accept(Passage(remote, Direction.DOWNLINK, data), self._clock.now())
+            self._relay.accept((remote, Direction.DOWNLINK, data), self._clock.now())
 
     def _open_towards_target(self, peer: Address) -> int:
         opened = open_socket(self._target)
@@ -160,16 +139,14 @@ class Proxy:
 
     def _from_target(self, remote: int) -> None:
         for data, _ in self._inbox.take(self._sockets[remote]):
-            self._relay.accept(Passage(remote, Direction.UPLINK, data), self._clock.now())
+            self._relay.accept((remote, Direction.UPLINK, data), self._clock.now())
 
-    def _send(self, passage: Passage) -> None:
-        try:
-            if passage.direction is Direction.DOWNLINK:
-                self._sockets[passage.remote].send(passage.data)
+    def _send(self, remote: int, direction: Direction, data: bytes) -> None:
+        with suppress(OSError):  # nobody there, or a full buffer: lost, as in any network
+            if direction is Direction.DOWNLINK:
+                self._sockets[remote].send(data)
             else:
-                self._listening.sendto(passage.data, self._peers[passage.remote].pair)
-        except OSError:  # nobody there, or a full buffer: lost, as in any network
-            return
+                self._listening.sendto(data, self._peers[remote].pair)
 
 
 def _resolved(endpoint: Endpoint) -> Address:

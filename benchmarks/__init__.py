@@ -1,1 +1,59 @@
-"""Benchmarks: each prints a table in Markdown. README.md has the commands."""
+"""What benchmarks share; README.md says what each of them measures."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import gcs_formation
+
+if TYPE_CHECKING:
+    from gcs_formation.app.operator import ClockName
+
+PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
+Result = TypeVar("Result")
+
+
+@contextmanager
+def flown(
+    scenario: Path | Mapping[str, Any], clock: ClockName = "virtual", **keys: Any
+) -> Generator[gcs_formation.Summary]:
+    """Fly a scenario, with these keys of it; its record is kept within."""
+    with tempfile.TemporaryDirectory() as out:
+        yield gcs_formation.run(scenario, clock=clock, out=Path(out) / "run", **keys)
+
+
+def both_ways(delay_ms: float) -> dict[str, Any]:
+    """Return links with one delay in each direction."""
+    return {"default": {"delay_ms": delay_ms}}
+
+
+def parser(about: str | None, counts: Sequence[int] = (), **only: str) -> argparse.ArgumentParser:
+    """Return a parser of numbers of vehicles, or of processes; `only`: what each text is to be a part of."""
+    made = argparse.ArgumentParser(description=about)
+    if counts:
+        made.add_argument("--counts", type=int, nargs="+", default=counts)
+    else:
+        made.add_argument("--processes", type=int, default=2)
+    for name, text in only.items():
+        made.add_argument(f"--{name}", default="", metavar="TEXT", help=text)
+    return made
+
+
+def alone(work: Callable[..., Result], *given: Any) -> Result:
+    """Return what comes of work in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(work, *given).result()
+
+
+def print_load() -> None:
+    """Print how much else the machine had to do."""
+    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")

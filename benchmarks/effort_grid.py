@@ -9,12 +9,10 @@ each of the points.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import math
 import sys
-import tempfile
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -23,8 +21,7 @@ from unittest import mock
 
 import numpy as np
 
-import gcs_formation
-from benchmarks.gust_grid import PAPER, both_ways
+from benchmarks import PAPER, both_ways, flown, parser
 from flight_model.arrays import Array
 from flight_model.slot import Triple
 from formation_scenario import Scenario
@@ -40,7 +37,7 @@ from gcs_formation.studies.dataset import markdown
 NOISE = PAPER.with_name("noise.yaml")
 LAW_PARAMETERS = laws.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
-D1 = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
+D1: list[Mapping[str, Any]] = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
 CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
 """Steps over perfect links: of speed, m/s, their 95th percentile and the largest; of heading, degrees, likewise."""
 NOISY_MOST = (0.15, 0.75, 0.5, 2.5)
@@ -73,12 +70,12 @@ class Point(NamedTuple):
     @contextlib.contextmanager
     def in_force(self) -> Generator[None]:
         """Fly by this point within the context."""
-        with contextlib.ExitStack() as stack:
-            stack.enter_context(mock.patch.object(laws, "law_parameters", self._law_parameters))
-            walk = tuple(self.walk * each for each in estimator.UNMODELLED)
-            stack.enter_context(mock.patch.object(estimator, "UNMODELLED", walk))
-            if self.differences:
-                stack.enter_context(mock.patch("gcs_formation.control.laws.FollowerController", Differences))
+        law = Differences if self.differences else follower.FollowerController
+        walk = tuple(self.walk * each for each in estimator.UNMODELLED)
+        with (
+            mock.patch.multiple(laws, law_parameters=self._law_parameters, FollowerController=law),
+            mock.patch.object(estimator, "UNMODELLED", walk),
+        ):
             yield
 
     def _law_parameters(self, scenario: Scenario) -> follower.LawParameters:
@@ -125,33 +122,19 @@ class Flight(NamedTuple):
     settled_s: float
 
 
-class Way(NamedTuple):
-    """One scenario that every point flies."""
-
-    scenario: Path
-    delay_ms: float
-    disturbances: Sequence[Mapping[str, Any]] = ()
-
-
-WAYS = (Way(PAPER, 0.0), Way(PAPER, 300.0, D1), Way(NOISE, 300.0))
+Way = tuple[Path, float, list[Mapping[str, Any]]]
+"""One scenario that every point flies: its file, the delay of its links, and its disturbances."""
+WAYS: tuple[Way, ...] = ((PAPER, 0.0, []), (PAPER, 300.0, D1), (NOISE, 300.0, []))
 
 
 def fly(point: Point, way: Way) -> Flight:
     """Fly one scenario with a point's keys."""
-    keys = point.noise if way.scenario == NOISE else point.clean
-    with tempfile.TemporaryDirectory() as out, point.in_force():
-        summary = gcs_formation.run(
-            way.scenario,
-            clock="virtual",
-            out=out,
-            overwrite=True,
-            duration_s=END_S,
-            links=both_ways(way.delay_ms),
-            disturbances=list(way.disturbances),
-            expect=[],
-            **{f"law__{key}": value for key, value in keys.items()},
-        )
-        series = read_parquet(Path(out) / TIMESERIES)
+    scenario, delay_ms, disturbances = way
+    keys = point.noise if scenario == NOISE else point.clean
+    given: dict[str, Any] = {f"law__{key}": value for key, value in keys.items()}
+    given |= {"duration_s": END_S, "links": both_ways(delay_ms), "disturbances": disturbances, "expect": []}
+    with point.in_force(), flown(scenario, **given) as summary:
+        series = read_parquet(summary.run_dir / TIMESERIES)
     vehicles = [series["vehicle"] == number for number in (2, 3, 4)]
     each = [_figures({name: values[rows] for name, values in series.items()}) for rows in vehicles]
     steps, rms_m, d1_m = (tuple(np.max(rows, axis=0).tolist()) for rows in zip(*each, strict=True))
@@ -190,12 +173,10 @@ def _pair(errors_m: tuple[float, ...]) -> str:
 
 def main() -> None:
     """Fly the grid and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--only", default="", metavar="TEXT", help="points whose name has TEXT in it")
-    given = parser.parse_args()
+    parsing = parser(__doc__, only="points whose name has TEXT in it")
+    given = parsing.parse_args()
     if not follower.__file__.endswith(".py"):
-        parser.error("compiled modules don't heed what points change of them; run it where they are Python")
+        parsing.error("compiled modules don't heed what points change of them; run it where they are Python")
     chosen = [point for point in POINTS if given.only in point.name]
     jobs = [(point, way) for point in chosen for way in WAYS]
     with ProcessPoolExecutor(given.processes) as pool:
@@ -204,16 +185,8 @@ def main() -> None:
         for point in chosen:
             rows.append(row(point, [next(flown) for _ in WAYS]))
             print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    head = [
-        "point",
-        "steps on perfect links: speed m/s / heading °",
-        "steps with noise: speed m/s / heading °",
-        "D1 at 300 ms: x / y, m",
-        "noise at 300 ms: rms x / y, m",
-        "settled, s",
-        "held",
-    ]
-    print(markdown(head, rows))
+    head = ["point", *(f"steps {how}: speed m/s / heading °" for how in ("on perfect links", "with noise"))]
+    print(markdown([*head, "D1 at 300 ms: x / y, m", "noise at 300 ms: rms x / y, m", "settled, s", "held"], rows))
 
 
 if __name__ == "__main__":

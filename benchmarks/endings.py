@@ -1,16 +1,11 @@
-"""Least separation, from take-off to the last acknowledgement, of flights at whose end a vehicle stops responding.
-
-python -m benchmarks.endings
-"""
+"""Least separation, from take-off to the last acknowledgement, of flights at whose end a vehicle stops responding."""
 
 from __future__ import annotations
 
 import json
-import tempfile
-from pathlib import Path
 from typing import Any
 
-import gcs_formation
+from benchmarks import flown
 
 END_S, BEGINS_S, FOR_S = 10.0, 9.5, 10.0
 GEOMETRIES: dict[str, dict[str, Any]] = {
@@ -43,13 +38,12 @@ def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
     return keys
 
 
-def flown(keys: dict[str, Any]) -> str:
+def ended(keys: dict[str, Any]) -> str:
     """Return the least separation, m, and after how many seconds vehicles were told to loiter."""
-    with tempfile.TemporaryDirectory() as out:
-        summary = gcs_formation.run(keys, clock="virtual", out=Path(out) / "run").to_dict()
-        lines = (Path(out) / "run" / "events.jsonl").read_text().splitlines()
+    with flown(keys) as summary:
+        lines = (summary.run_dir / "events.jsonl").read_text().splitlines()
     begins_s = {event["text"]: event["t_s"] for event in map(json.loads, lines) if event["kind"] == "phase"}
-    return f"{summary['safety']['min_separation_m']:.1f}, {begins_s['loitering'] - begins_s['ending']:.0f} s"
+    return f"{summary.to_dict()['safety']['min_separation_m']:.1f}, {begins_s['loitering'] - begins_s['ending']:.0f} s"
 
 
 def main() -> None:
@@ -57,7 +51,7 @@ def main() -> None:
     print("| formation |", *(f"{trouble} |" for trouble in TROUBLES))
     print("| --- " * (1 + len(TROUBLES)) + "|")
     for name, formation in GEOMETRIES.items():
-        print(f"| {name} |", *(f"{flown(scenario(formation, trouble))} |" for trouble in TROUBLES), flush=True)
+        print(f"| {name} |", *(f"{ended(scenario(formation, trouble))} |" for trouble in TROUBLES), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,11 @@ RMS from ground truth over the whole flight.
 
 from __future__ import annotations
 
-import argparse
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
-import gcs_formation
+from benchmarks import flown, parser
 from gcs_formation.studies.dataset import markdown
 
 Split = tuple[float, float]
@@ -72,10 +70,8 @@ def scenario(case: Case, duration_s: float) -> dict[str, Any]:
 
 def row(case: Case, duration_s: float) -> list[str]:
     """Fly a case; return its row of the table."""
-    with tempfile.TemporaryDirectory() as out:
-        flown = gcs_formation.run(scenario(case, duration_s), clock="virtual", out=f"{out}/run").to_dict()
-    errors = [flown["followers"][name] for name in ("2", "3")]
-    links = [flown["links"][name] for name in ("2", "3")]
+    with flown(scenario(case, duration_s)) as summary:
+        errors, links = ([summary.to_dict()[part][name] for name in ("2", "3")] for part in ("followers", "links"))
     return [
         case.name,
         case.clock,
@@ -91,11 +87,9 @@ def _ways(link: dict[str, Any]) -> str:
 
 def main() -> None:
     """Fly and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--until", type=float, default=150.0, metavar="SECONDS", help="length of the flights")
-    parser.add_argument("--only", default="", metavar="TEXT", help="links whose name has TEXT in it")
-    given = parser.parse_args()
+    parsing = parser(__doc__, only="links whose name has TEXT in it")
+    parsing.add_argument("--until", type=float, default=150.0, metavar="SECONDS", help="length of the flights")
+    given = parsing.parse_args()
     chosen = [case for case in cases() if given.only in case.name]
     with ProcessPoolExecutor(given.processes) as pool:
         rows = list(pool.map(row, chosen, [given.until] * len(chosen)))

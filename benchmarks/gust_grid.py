@@ -9,25 +9,19 @@ truth. About 10 s of processor time for each flight.
 
 from __future__ import annotations
 
-import argparse
 import math
-import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
+from itertools import product
 from typing import Any, NamedTuple
 
-import gcs_formation
+from benchmarks import PAPER, both_ways, flown, parser
 from formation_scenario import load_scenario
+from gcs_formation.report import load_run
 from gcs_formation.report.gusts import GustError, gusts
-from gcs_formation.report.run_data import load_run
 from gcs_formation.studies.dataset import markdown
 
-PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
-FRAMES = {
-    "leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8},
-    "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1},
-}
+FRAMES = {"leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8}, "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1}}
 """Frame of the slots -> gains of the heading channel, as configs/paper.yaml says."""
 DELAYS_MS = (20.0, 50.0, 100.0, 300.0)
 FOLLOWERS = (2, 3, 4)
@@ -46,11 +40,6 @@ class Case(NamedTuple):
     law_hz: float
 
 
-def both_ways(delay_ms: float) -> dict[str, Any]:
-    """Return links with one delay in each direction."""
-    return {"default": {"delay_ms": delay_ms}}
-
-
 def steps(frame: str) -> Iterator[dict[str, Any]]:
     """Yield the changes of what carries the followers, each of which lasts."""
     scenario = load_scenario(PAPER)
@@ -67,21 +56,12 @@ def steps(frame: str) -> Iterator[dict[str, Any]]:
 def fly(case: Case) -> list[GustError]:
     """Fly one case and return the errors after each step along each axis, of the follower nearest to its limit."""
     count, apart_s = STEPS[case.frame]
-    with tempfile.TemporaryDirectory() as out:
-        gcs_formation.run(
-            PAPER,
-            clock="virtual",
-            out=out,
-            duration_s=FIRST_S + apart_s * count,
-            links=both_ways(case.delay_ms),
-            expect=[],
-            formation__frame=case.frame,
-            law__heading=FRAMES[case.frame],
-            law__rate_hz=case.law_hz,
-            telemetry__rate_hz=case.telemetry_hz,
-            disturbances=list(steps(case.frame)),
-        )
-        return gusts(load_run(Path(out)))
+    with flown(
+        PAPER, duration_s=FIRST_S + apart_s * count, links=both_ways(case.delay_ms), expect=[],
+        formation__frame=case.frame, law__heading=FRAMES[case.frame], law__rate_hz=case.law_hz,
+        telemetry__rate_hz=case.telemetry_hz, disturbances=list(steps(case.frame)),
+    ) as summary:  # fmt: skip
+        return gusts(load_run(summary.run_dir))
 
 
 def used(error: GustError) -> float:
@@ -102,21 +82,17 @@ def row(case: Case, errors: Sequence[GustError]) -> list[str]:
 
 def main() -> None:
     """Fly the grid and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--only", default="", metavar="TEXT", help="frames whose name has TEXT in it")
-    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS_MS, metavar="MS", help="of links, each way")
-    parser.add_argument("--telemetry", type=float, nargs="+", default=(10.0,), metavar="HZ", help="rates of telemetry")
-    parser.add_argument("--law", type=float, nargs="+", default=(10.0,), metavar="HZ", help="rates of the law")
-    given = parser.parse_args()
+    parsing = parser(__doc__, only="frames whose name has TEXT in it")
+    for name, usual, unit, what in (
+        ("delays", DELAYS_MS, "MS", "of links, each way"),
+        ("telemetry", (10.0,), "HZ", "rates of telemetry"),
+        ("law", (10.0,), "HZ", "rates of the law"),
+    ):
+        parsing.add_argument(f"--{name}", type=float, nargs="+", default=usual, metavar=unit, help=what)
+    given = parsing.parse_args()
     frames = [frame for frame in FRAMES if given.only in frame]
-    chosen = [
-        Case(frame, delay_ms, telemetry_hz, law_hz)
-        for frame in frames
-        for delay_ms in given.delays
-        for telemetry_hz in given.telemetry
-        for law_hz in given.law
-    ]
+    rates = list(product(given.delays, given.telemetry, given.law))
+    chosen = [Case(frame, *each) for frame in frames for each in rates]
     with ProcessPoolExecutor(given.processes) as pool:
         rows = [row(case, errors) for case, errors in zip(chosen, pool.map(fly, chosen), strict=True)]
     head = ["links each way", "slots turn with", "telemetry, law, Hz"]

@@ -33,10 +33,7 @@ def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
     allowed = allowed_gust_error_m(GUST_MPS, round_trip_s, limits)[:, None]
     carried = np.tile(GUST_MPS * (round_trip_s + time_s), 2)
     acts = np.block(
-        [
-            [-integral @ integral, y_rc_m * each],
-            [np.zeros_like(integral), -SPEED_MPS * integral - x_rc_m * each],
-        ]
+        [[-integral @ integral, y_rc_m * each], [np.zeros_like(integral), -SPEED_MPS * integral - x_rc_m * each]]
     )
     share = -np.repeat(allowed, STEPS, axis=0)
     turned = np.block([np.zeros_like(each), each - np.eye(STEPS, k=-1), np.zeros((STEPS, 1))])

@@ -10,23 +10,18 @@ flight: start and end are taken out.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
-import tempfile
 import time
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 os.environ["MAVLINK20"] = "1"
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-import gcs_formation
+from benchmarks import alone, flown, parser, print_load
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
 
@@ -143,16 +138,21 @@ class PrototypeStation:
         """Return a vehicle's setpoints: back to its line, at its speed and height; what is slow, each second."""
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
-        degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
-        told, each_second = self.told[index], cycle % CYCLES == 0
-        messages: list[Any] = []
-        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
-            if each_second or abs(value - told[command]) > RESOLUTION:
-                told[command] = value
-                messages.append(_command(index + 1, command, value))
+        each_second = cycle % CYCLES == 0
+        due = setpoints(self.told[index], east_m, each_second=each_second)
+        messages: list[Any] = [_command(index + 1, command, value) for command, value in due]
         if each_second:
             messages += [dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3) for _ in range(SLOW_UP)]
         return [self.ends[index].encode(each) for each in messages]
+
+
+def setpoints(told: dict[int, float], east_m: float, *, each_second: bool) -> Iterator[tuple[int, float]]:
+    """Yield the commands that lead a vehicle back to its line, as far as they changed since they were told."""
+    degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
+    for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
+        if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
+            told[command] = value
+            yield command, value
 
 
 def _command(system: int, command: int, value: float) -> Any:  # noqa: ANN401
@@ -183,11 +183,10 @@ def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
 
 def fly_ours(count: int, duration_s: float) -> tuple[float, int]:
     """Return processor seconds and frames of our flight: everything on, recorded."""
-    with tempfile.TemporaryDirectory() as out:
-        began = time.process_time()
-        figures = gcs_formation.run(scenario(count, duration_s), clock="virtual", out=str(Path(out) / "run")).to_dict()
+    began = time.process_time()
+    with flown(scenario(count, duration_s)) as summary:
         spent_s = time.process_time() - began
-    return spent_s, sum(each["frames_in"] + each["frames_out"] for each in figures["links"].values())
+    return spent_s, sum(each["frames_in"] + each["frames_out"] for each in summary.to_dict()["links"].values())
 
 
 def rate(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s: float) -> tuple[float, float]:
@@ -201,24 +200,17 @@ def rate(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s:
     return (long_s - short_s) / duration_s * 1e3, (many - few) / duration_s / count
 
 
-def alone(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s: float) -> tuple[float, float]:
-    """Measure in a process of its own."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(rate, fly, count, duration_s).result()
-
-
 def main() -> None:
     """Fly both in turn and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--seconds", type=float, default=200.0, help="simulated, of four vehicles; fewer of more")
-    given = parser.parse_args()
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--rounds", type=int, default=ROUNDS)
+    parsing.add_argument("--seconds", type=float, default=200.0, help="simulated, of four vehicles; fewer of more")
+    given = parsing.parse_args()
     rows: list[list[str]] = []
     for count in given.counts:
         duration_s = max(SHORTEST_S, given.seconds * 4 / count)
         pairs = [
-            (alone(fly_prototype, count, duration_s), alone(fly_ours, count, duration_s)) for _ in range(given.rounds)
+            [alone(rate, fly, count, duration_s) for fly in (fly_prototype, fly_ours)] for _ in range(given.rounds)
         ]
         ratios = sorted(theirs[0] / ours[0] for theirs, ours in pairs)
         theirs, ours = (sorted(pair[side] for pair in pairs)[len(pairs) // 2] for side in (0, 1))
@@ -226,8 +218,7 @@ def main() -> None:
         rows.append([str(count), *found, f"{ratios[len(ratios) // 2]:.2f}", f"{ratios[0]:.2f} to {ratios[-1]:.2f}"])
         print(f"{count} vehicles measured", file=sys.stderr)
     print(markdown(HEAD, rows))
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+    print_load()
 
 
 if __name__ == "__main__":

@@ -8,8 +8,6 @@ path counts, as the kernel accounts it. A tick is late when it starts more than 
 
 from __future__ import annotations
 
-import argparse
-import math
 import os
 import selectors
 import subprocess
@@ -26,7 +24,8 @@ os.environ["MAVLINK20"] = "1"
 import yaml
 
 import gcs_formation
-from benchmarks.prototype import E7, HEADING, HEIGHT, RESOLUTION, SPEED
+from benchmarks import parser, print_load
+from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario
 from gcs_formation.studies.dataset import markdown
 
@@ -39,15 +38,9 @@ MARGIN_S = 2.0
 """Of the path, before and after what is measured."""
 STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
 HEAD = (
-    "vehicles",
-    "mavutil, µs a vehicle and s",
-    "its frames a vehicle and s",
-    "ours, µs",
-    "our frames",
-    "share",
-    "ticks",
-    "late",
-)
+    "vehicles", "mavutil, µs a vehicle and s", "its frames a vehicle and s", "ours, µs", "our frames",
+    "share", "ticks", "late",
+)  # fmt: skip
 
 
 def planned(count: int, duration_s: float) -> dict[str, Any]:
@@ -60,7 +53,7 @@ def planned(count: int, duration_s: float) -> dict[str, Any]:
 
 def fly(count: int, duration_s: float, run_dir: Path) -> dict[str, Any]:
     """Fly, and return the figures of control; meant for a process of its own."""
-    return gcs_formation.run(planned(count, duration_s), clock="real", out=str(run_dir)).to_dict()["control"]
+    return gcs_formation.run(planned(count, duration_s), clock="real", out=run_dir).to_dict()["control"]
 
 
 def along_the_path(pool: ProcessPoolExecutor, count: int, duration_s: float) -> tuple[float, int, dict[str, Any]]:
@@ -150,13 +143,10 @@ class Loop:
         position = self._newest[place].get("GLOBAL_POSITION_INT")
         if position is None:
             return
-        link, told = self._links[place], self._told[place]
-        degrees = math.degrees(-math.atan((position.lon % 1e7) / E7 / 60.0)) % 360.0
-        for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
-            if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
-                told[command] = value
-                link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
-                self.frames += 1
+        link = self._links[place]
+        for command, value in setpoints(self._told[place], (position.lon % 1e7) / E7, each_second=each_second):
+            link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
+            self.frames += 1
         if each_second:
             link.mav.heartbeat_send(6, 8, 0, 0, 4)
             for _ in range(4):
@@ -192,27 +182,18 @@ def measured(count: int, duration_s: float) -> list[str]:
         ours_s, our_frames, control = along_the_path(pool, count, duration_s)
     each = count * duration_s
     theirs, ours = theirs_s / each * 1e6, ours_s / each * 1e6
-    return [
-        str(count),
-        f"{theirs:.0f}",
-        f"{their_frames / each:.0f}",
-        f"{ours:.0f}",
-        f"{our_frames / each:.0f}",
-        f"1/{theirs / ours:.1f}",
-        str(control["ticks"]),
-        str(control["late_ticks"]),
-    ]
+    figures = theirs, their_frames / each, ours, our_frames / each
+    late = f"1/{theirs / ours:.1f}", str(control["ticks"]), str(control["late_ticks"])
+    return [str(count), *(f"{figure:.0f}" for figure in figures), *late]
 
 
 def main() -> None:
     """Measure every size and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
-    parser.add_argument("--seconds", type=float, default=DURATION_S)
-    given = parser.parse_args()
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--seconds", type=float, default=DURATION_S)
+    given = parsing.parse_args()
     print(markdown(HEAD, [measured(count, given.seconds) for count in given.counts]))
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+    print_load()
 
 
 if __name__ == "__main__":

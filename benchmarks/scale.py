@@ -6,18 +6,12 @@ Each size flies in a process of its own: emulated vehicles, links and ground sta
 
 from __future__ import annotations
 
-import argparse
-import os
 import resource
 import sys
-import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import gcs_formation
+from benchmarks import alone, flown, parser, print_load
 from gcs_formation.app.operator import ClockName
 from gcs_formation.studies.dataset import markdown
 
@@ -32,18 +26,13 @@ RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 """getrusage counts bytes on macOS and KiB on Linux."""
 
 
-class Cost(NamedTuple):
-    """What a flight cost."""
-
-    vehicles: int
-    simulated_s: float
-    wall_s: float
-    processor_s: float
-    peak_mib: float
-    recorded_mib: float
-    worst_m: float
-    """Largest formation error of all."""
-    control: dict[str, Any]
+HEADS: dict[ClockName, tuple[str, ...]] = {
+    "virtual": (
+        "vehicles", "wall s a simulated s, s", "processor s a simulated s, s", "of it a vehicle, ms",
+        "peak memory, MiB", "recorded, KiB a vehicle and s", "largest error, m",
+    ),
+    "real": ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms"),
+}  # fmt: skip
 
 
 def scenario(count: int, duration_s: float) -> dict[str, Any]:
@@ -62,86 +51,38 @@ def scenario(count: int, duration_s: float) -> dict[str, Any]:
     }
 
 
-def cost(count: int, clock: ClockName, duration_s: float) -> Cost:
-    """Fly one size; meant for a process of its own."""
-    with tempfile.TemporaryDirectory() as out:
-        began = time.process_time()
-        figures = gcs_formation.run(scenario(count, duration_s), clock=clock, out=out).to_dict()
-        processor_s = time.process_time() - began
-        recorded = sum(file.stat().st_size for file in Path(out).iterdir())
-    return Cost(
-        vehicles=count,
-        simulated_s=figures["real_time_factor"] * figures["wall_s"],
-        wall_s=figures["wall_s"],
-        processor_s=processor_s,
-        peak_mib=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * RSS_UNIT / MIB,
-        recorded_mib=recorded / MIB,
-        worst_m=max(each[f"error_{axis}_m"]["max"] for each in figures["followers"].values() for axis in "xyz"),
-        control=figures["control"],
-    )
-
-
-def alone(count: int, clock: ClockName, duration_s: float) -> Cost:
-    """Fly one size in a process of its own, whose peak of memory is that flight's."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(cost, count, clock, duration_s).result()
-
-
-def growth(costs: list[Cost]) -> str:
-    """Return the table of sizes."""
-    head = (
-        "vehicles",
-        "wall s a simulated s, s",
-        "processor s a simulated s, s",
-        "of it a vehicle, ms",
-        "peak memory, MiB",
-        "recorded, KiB a vehicle and s",
-        "largest error, m",
-    )
-    rows = [
-        [
-            each.vehicles,
-            f"{each.wall_s / each.simulated_s:.3f}",
-            f"{each.processor_s / each.simulated_s:.3f}",
-            f"{each.processor_s / each.simulated_s / each.vehicles * 1e3:.1f}",
-            f"{each.peak_mib:.0f}",
-            f"{each.recorded_mib * 1024 / each.vehicles / each.simulated_s:.1f}",
-            f"{each.worst_m:.3f}",
-        ]
-        for each in costs
+def row(count: int, clock: ClockName, duration_s: float) -> list[str]:
+    """Fly one size and return its row; meant for a process of its own, whose peak of memory is that flight's."""
+    began = time.process_time()
+    with flown(scenario(count, duration_s), clock) as summary:
+        processor_s, figures = time.process_time() - began, summary.to_dict()
+        recorded = sum(file.stat().st_size for file in summary.run_dir.iterdir())
+    if clock == "real":
+        control, taken = figures["control"], (("compute_ms", "p50"), ("compute_ms", "p99"), ("period_ms", "p99"))
+        times_ms = (control[what][figure] for what, figure in (*taken, ("period_ms", "max")))
+        counts = str(count), str(control["ticks"]), str(control["late_ticks"])
+        return [*counts, *(f"{time_ms:.1f}" for time_ms in times_ms)]
+    simulated_s = figures["real_time_factor"] * figures["wall_s"]
+    return [
+        str(count),
+        f"{figures['wall_s'] / simulated_s:.3f}",
+        f"{processor_s / simulated_s:.3f}",
+        f"{processor_s / simulated_s / count * 1e3:.1f}",
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * RSS_UNIT / MIB:.0f}",
+        f"{recorded / 1024 / count / simulated_s:.1f}",
+        f"{max(each[f'error_{axis}_m']['max'] for each in figures['followers'].values() for axis in 'xyz'):.3f}",
     ]
-    return markdown(head, [[str(cell) for cell in row] for row in rows])
-
-
-def punctuality(costs: list[Cost]) -> str:
-    """Return the table of flights under the real clock."""
-    head = ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms")
-    rows = [
-        [
-            each.vehicles,
-            each.control["ticks"],
-            each.control["late_ticks"],
-            f"{each.control['compute_ms']['p50']:.1f}",
-            f"{each.control['compute_ms']['p99']:.1f}",
-            f"{each.control['period_ms']['p99']:.1f}",
-            f"{each.control['period_ms']['max']:.1f}",
-        ]
-        for each in costs
-    ]
-    return markdown(head, rows)
 
 
 def main() -> None:
     """Fly every size, one after the other, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
-    parser.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
-    given = parser.parse_args()
-    clock, duration_s = ("real", REAL_DURATION_S) if given.real else ("virtual", DURATION_S)
-    costs = [alone(count, clock, duration_s) for count in given.counts]
-    print(punctuality(costs) if given.real else growth(costs))
-    load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")
+    parsing = parser(__doc__, COUNTS)
+    parsing.add_argument("--real", action="store_true", help="under the real clock, over UDP: are ticks in time?")
+    given = parsing.parse_args()
+    clock: ClockName = "real" if given.real else "virtual"
+    duration_s = REAL_DURATION_S if given.real else DURATION_S
+    print(markdown(HEADS[clock], [alone(row, count, clock, duration_s) for count in given.counts]))
+    print_load()
 
 
 if __name__ == "__main__":

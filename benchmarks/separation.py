@@ -20,16 +20,10 @@ TIMES = 30
 def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
     """Return vehicles in rows, nearly alike in speed and heading; a stranger comes towards the first column of them."""
     random, side = np.random.default_rng(1), int(np.ceil(np.sqrt(count)))
+    noise = random.uniform((-0.3, -0.01), (0.3, 0.01), (count, 2)).tolist()
     rows = [
-        [
-            -spacing_m * (i // side),
-            spacing_m * (i % side),
-            100.0,
-            22 + random.uniform(-0.3, 0.3),
-            random.uniform(-0.01, 0.01),
-            0.0,
-        ]
-        for i in range(count)
+        [-spacing_m * (i // side), spacing_m * (i % side), 100.0, 22 + faster_mps, turned_rad, 0.0]
+        for i, (faster_mps, turned_rad) in enumerate(noise)
     ]
     if stranger:
         rows[-1] = [STRANGER_AHEAD_M, spacing_m, 100.0, 22.0, np.pi, 0.0]

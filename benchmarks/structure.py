@@ -13,6 +13,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from statistics import median
 from types import FrameType
+from unittest.mock import Mock
 
 from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram, MemoryNetwork
@@ -20,7 +21,6 @@ from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
-from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.studies.dataset import markdown
 from sim_vehicles.config import fleet_config
@@ -36,19 +36,14 @@ FLOWN_S = 300.0
 
 def sources(package: str) -> dict[str, str]:
     """Return the modules of a package, by their dotted names."""
-    return {_dotted(path): path.read_text() for path in sorted((ROOT / package).rglob("*.py"))}
+    paths = {path: path.relative_to(ROOT).with_suffix("").parts for path in sorted((ROOT / package).rglob("*.py"))}
+    return {".".join(parts).removesuffix(".__init__"): path.read_text() for path, parts in paths.items()}
 
 
 def counted(texts: list[str]) -> list[int]:
     """Return how many modules, classes and lines these are."""
     classes = sum(isinstance(node, ast.ClassDef) for text in texts for node in ast.walk(ast.parse(text)))
     return [len(texts), classes, sum(len(text.splitlines()) for text in texts)]
-
-
-def lengths(texts: list[str]) -> list[int]:
-    """Return the lines of each function."""
-    nodes = [node for text in texts for node in ast.walk(ast.parse(text))]
-    return [(node.end_lineno or 0) - node.lineno + 1 for node in nodes if isinstance(node, ast.FunctionDef)]
 
 
 def imported(tree: ast.Module, modules: set[str]) -> Iterator[str]:
@@ -69,19 +64,6 @@ def circle(modules: dict[str, ast.Module]) -> list[str] | None:
     except CycleError as error:
         return error.args[1]
     return None
-
-
-class Unrecorded:
-    """A recorder that keeps nothing."""
-
-    def frames(self, now: Instant, raws: list[bytes]) -> None:
-        """Drop them."""
-
-    def tick(self, tick: Tick) -> None:
-        """Drop it."""
-
-    def event(self, event: Event) -> None:
-        """Drop it."""
 
 
 class Traced(Station):
@@ -117,17 +99,13 @@ def way() -> list[str]:
     """Return the files of the station and the wire that run from a position to the setpoints."""
     scenario = load_scenario(ROOT / "configs" / "quickstart.yaml")
     clock = VirtualClock()
-    network, station = MemoryNetwork(clock), Traced(scenario, Unrecorded())
+    network, station = MemoryNetwork(clock), Traced(scenario, Mock())
     network.attach(Fleet(fleet_config(scenario)))
     network.attach(station)
     network.run(lambda: station.done or seconds_between(Instant(0), clock.now()) > FLOWN_S)
     places = (Path(file) for file in station.files or ())
     within = (place.relative_to(ROOT) for place in places if place.is_relative_to(ROOT))
     return sorted(str(place) for place in within if place.parts[0] in PACKAGES)
-
-
-def _dotted(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 def main() -> None:
@@ -139,8 +117,10 @@ def main() -> None:
     rows["of these, written from a table"] = counted([text for text in everything.values() if WRITTEN in text])
     head = ["package", "modules", "classes", "lines"]
     print(markdown(head, [[package, *map(str, counts)] for package, counts in rows.items()]))
-    print(f"\nlines of a function, median: {median(lengths(list(everything.values()))):g}")
-    closed = circle({name: ast.parse(text) for name, text in everything.items()})
+    trees = {name: ast.parse(text) for name, text in everything.items()}
+    functions = [node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    print(f"\nlines of a function, median: {median((f.end_lineno or 0) - f.lineno + 1 for f in functions):g}")
+    closed = circle(trees)
     print(f"circle of imports: {' -> '.join(closed or ['none'])}")
     files = way()
     own = [file for file in files if file.startswith("gcs_formation")]

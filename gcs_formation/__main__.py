@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from airlink.cli.commands import start
+from airlink.cli import start
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from airlink.cli.commands import default_directory
+from airlink.cli import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.load import settings
 from formation_scenario.orders import Answer, parse_order

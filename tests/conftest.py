@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from airlink.cli.commands import OBJECTS, calculate_in_one_thread
+from airlink.cli import OBJECTS, calculate_in_one_thread
 
 calculate_in_one_thread()  # as commands do; a third less processor time where eigenvalues are tested
 # How long an example takes says nothing on a busy machine; the same examples in every run do.

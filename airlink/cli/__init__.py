@@ -1,1 +1,259 @@
-"""The command `airlink-proxy`, and what the command lines of all three packages share."""
+"""What the command lines of all packages share: commands imported when chosen, options, output directories, endings."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import math
+import os
+import signal
+import sys
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from difflib import get_close_matches
+from enum import IntEnum
+from importlib import import_module
+from itertools import chain, count
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import click
+
+from airlink import clock
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+RUN = "run.yaml"
+"""The file that makes a directory that of a run."""
+OBJECTS = 100_000
+"""Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
+COMPILED = not str(clock.__file__).endswith(".py")
+"""Whether this installation has its modules of plain numbers compiled."""
+VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
+"""What `--version` prints."""
+
+
+def start(module: str) -> None:
+    """Run the function `main` of a module, imported only now, so that Ctrl-C ends its import quietly too.
+
+    It looks for garbage seldom, and not as it ends, when the system takes all memory back.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)  # until the command installs a handler of its own
+    gc.set_threshold(OBJECTS)
+    atexit.register(gc.freeze)
+    calculate_in_one_thread()
+    import_module(module).main()
+
+
+def calculate_in_one_thread() -> None:
+    """Have OpenBLAS start no threads as numpy is imported, unless the environment says how many.
+
+    No sum then depends on the number of cores, and none wait for work in a loop: 0.05 to 0.1 s of a short command.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+@contextmanager
+def looking_seldom() -> Generator[None]:
+    """Within, it looks for garbage no more often than commands do; afterwards as before."""
+    before = gc.get_threshold()
+    if 0 < before[0] < OBJECTS:
+        gc.set_threshold(OBJECTS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+def examples(*lines: str) -> str:
+    """Return the end of a command's help."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+class Command(click.Command):
+    """A command that ends with status 3 where nobody takes its words: by click alone it's 1, or a traceback."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Read the arguments, of which some (`--version`, `--help`) are answered at once."""
+        with heard():
+            return super().make_context(info_name, args, parent, **extra)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Carry it out."""
+        with heard():
+            return super().invoke(ctx)
+
+
+class ImportedWhenChosen(Command, click.Group):
+    """A group that imports a command only when it is used, so that none pays for the imports of another."""
+
+    def __init__(self, *args: Any, entries: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:
+        """Offer `entries`: by the name of a command, and of its object, the module and the line in the list."""
+        super().__init__(*args, **kwargs)
+        self.entries = entries
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names."""
+        return sorted([*super().list_commands(ctx), *self.entries])
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of a name, None if there is none."""
+        if cmd_name not in self.entries:
+            return super().get_command(ctx, cmd_name)
+        module, _ = self.entries[cmd_name]
+        return getattr(import_module(module), cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the arguments name; for an unknown one, fail with the names that are allowed."""
+        names = self.list_commands(ctx)
+        if args[0] not in names and not ctx.resilient_parsing:
+            near = get_close_matches(args[0], names, n=1)
+            nearest = f" (did you mean '{near[0]}'?)" if near else ""
+            ctx.fail(f"found command '{args[0]}'; allowed: {', '.join(names)}{nearest}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self.entries[name][1]) for name in self.list_commands(ctx)])
+
+
+class WholeNumber(click.IntRange):
+    """A whole number in a range."""
+
+    name = "integer"
+
+
+class Number(click.FloatRange):
+    """A finite number in a range."""
+
+    name = "number"
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+class Directory(click.Path):
+    """A directory to write into; "" isn't one."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | os.PathLike[str]:
+        """Return the path."""
+        if not os.fspath(value):
+            self.fail("found ''; allowed: a directory", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+SECONDS = Number(0)
+"""A duration or a mission time, s."""
+OUT = Directory()
+"""Where a command writes to."""
+SEED = WholeNumber(0, 2**63 - 1)
+"""A seed of the random streams: the same range as the scenario's key `seed`."""
+
+
+def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
+    """Return why a command may not write into a directory, in words; None if it may.
+
+    Args:
+        path: a directory, which need not exist.
+        overwrite: whether what an earlier command wrote there may be replaced.
+        mark: the file by which a directory of such a command is known.
+
+    Raises:
+        OSError: the directory can't be read.
+    """
+    if any("\ud800" <= each <= "\udfff" for each in str(path)):
+        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
+    if not path.is_dir() or next(path.iterdir(), None) is None:
+        return None
+    if not (path / mark).is_file():
+        return f"found files in {path}, and no {mark} of an earlier run; allowed: a new directory, or an empty one"
+    if overwrite:
+        return None
+    found = f"found an earlier run in {path}"
+    return f"{found}; allowed: another directory, or --overwrite (in Python overwrite=True), which replaces that run"
+
+
+def default_directory(name: str) -> Path:
+    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
+    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
+    return next(path for path in paths if not path.exists())
+
+
+class Status(IntEnum):
+    """Exit statuses of all commands."""
+
+    FINE = 0
+    EXPECTATION_BROKEN = 1
+    BAD_USAGE = 2
+    COULD_NOT_GO_ON = 3
+    INTERRUPTED = 130
+
+
+def say(text: str, status: Status) -> Status:
+    """Print a message to standard error; return the status."""
+    click.echo(text, err=True)
+    return status
+
+
+def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
+    """Print a message to standard error and exit."""
+    sys.exit(say(text, status))
+
+
+@contextmanager
+def heard() -> Generator[None]:
+    """Within, exit where what is said can't be written (a full disk, a pipe whose reader has gone).
+
+    What is left of it is dropped; otherwise Python would fail to write it once more as it ends, and choose the status.
+    """
+    try:
+        yield
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        try:
+            say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+        except OSError:
+            os.dup2(nowhere, sys.__stderr__.fileno() if sys.__stderr__ else nowhere)
+        os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else nowhere)
+        sys.exit(Status.COULD_NOT_GO_ON)
+
+
+@contextmanager
+def raised() -> Generator[None]:
+    """Within, the first Ctrl-C or SIGTERM raises KeyboardInterrupt; the second ends the process at once."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    taken = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, _raise)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+def _raise(_number: int, _frame: FrameType | None) -> None:
+    for number in SIGNALS:
+        signal.signal(number, _end)
+    raise KeyboardInterrupt
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    os._exit(Status.INTERRUPTED)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import click
 
-from airlink.cli.commands import SEED, VERSION, Command
-from airlink.cli.exit_status import Status, fail
+from airlink.cli import SEED, VERSION, Command, Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
@@ -30,66 +30,51 @@ Example:
 """
 
 
-@dataclass(frozen=True)
-class Key:
-    """One key: which field it sets, how its value is read and shown, what is allowed."""
+class Key(NamedTuple):
+    """One key: which field it sets, in which unit and range, and values that have a word."""
 
     field: str
     help: str
-    allowed: str
-    read: Callable[[str], Any]
-    show: Callable[[Any], str] = str
+    low: float = 0.0
+    high: float = -1.0
+    units: float = 1.0
+    """How many of the unit one SI unit has."""
+    words: Mapping[str, Any] = MappingProxyType({})
 
+    @property
+    def allowed(self) -> str:
+        """What may be set, in words."""
+        return ", ".join([*([f"{self.low:g} to {self.high:.0f}"] if self.low <= self.high else []), *self.words])
 
-def _number(field: str, help_text: str, low: float, high: float, units: float = 1.0) -> Key:
-    """Return the key of a number from `low` to `high`, in a unit of which one SI unit has `units`."""
-
-    def read(text: str) -> float:
+    def read(self, text: str) -> Any:  # noqa: ANN401 - whatever a word stands for
+        """Return the field's value; ValueError for one that isn't allowed."""
+        if text in self.words:
+            return self.words[text]
         value = float(text)
-        if not low <= value <= high:
+        if not self.low <= value <= self.high:
             raise ValueError(text)
-        return value / units
+        return value / self.units
 
-    return Key(field, help_text, f"{low:g} to {high:.0f}", read, lambda value: f"{value * units:g}")
-
-
-def _word(field: str, help_text: str, words: Mapping[str, Any]) -> Key:
-    """Return the key of a value that has a word."""
-
-    def read(text: str) -> Any:  # noqa: ANN401 - whatever a word stands for
-        if text not in words:
-            raise ValueError(text)
-        return words[text]
-
-    return Key(field, help_text, ", ".join(words), read, {value: word for word, value in words.items()}.__getitem__)
-
-
-def _or_none(number: Key) -> Key:
-    """Return a key whose value may be `none` too."""
-    return Key(
-        number.field,
-        number.help,
-        f"{number.allowed}, none",
-        lambda text: None if text == "none" else number.read(text),
-        lambda value: "none" if value is None else number.show(value),
-    )
+    def show(self, value: Any) -> str:  # noqa: ANN401
+        """Return the field's value as it is set."""
+        return next((word for word, named in self.words.items() if named == value), "") or f"{value * self.units:g}"
 
 
 MOST_MS: Final = 600_000.0
 SWITCH: Final = {"on": True, "off": False}
 NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
-BURST: Final = _number("mean_burst", "mean number of datagrams lost in a row, none: each on its own", 1.0, 1e6)
+BURST: Final = "mean number of datagrams lost in a row, none: each on its own"
 KEYS = {
-    "delay-ms": _number("delay_s", "delay", 0.0, MOST_MS, 1e3),
-    "jitter-ms": _number("jitter_s", "standard deviation of the delay", 0.0, MOST_MS, 1e3),
-    "distribution": _word("distribution", "of the jitter: normal, uniform or pareto", NAMES),
-    "loss": _number("loss", "probability that a datagram is lost", 0.0, 1.0),
-    "mean-burst": _or_none(BURST),
-    "duplicate": _number("duplicate", "probability that a datagram comes twice", 0.0, 1.0),
-    "rate-kbps": _number("rate_bps", "data rate; 0: no limit", 0.0, 1e6, 1e-3),
-    "queue-ms": _number("queue_s", "longest wait for the data rate", 0.0, MOST_MS, 1e3),
-    "reorder": _word("reorder", "whether datagrams may overtake others", SWITCH),
-    "outage": _word("outage", "whether everything is lost", SWITCH),
+    "delay-ms": Key("delay_s", "delay", 0.0, MOST_MS, 1e3),
+    "jitter-ms": Key("jitter_s", "standard deviation of the delay", 0.0, MOST_MS, 1e3),
+    "distribution": Key("distribution", "of the jitter: normal, uniform or pareto", words=NAMES),
+    "loss": Key("loss", "probability that a datagram is lost", 0.0, 1.0),
+    "mean-burst": Key("mean_burst", BURST, 1.0, 1e6, words={"none": None}),
+    "duplicate": Key("duplicate", "probability that a datagram comes twice", 0.0, 1.0),
+    "rate-kbps": Key("rate_bps", "data rate; 0: no limit", 0.0, 1e6, 1e-3),
+    "queue-ms": Key("queue_s", "longest wait for the data rate", 0.0, MOST_MS, 1e3),
+    "reorder": Key("reorder", "whether datagrams may overtake others", words=SWITCH),
+    "outage": Key("outage", "whether everything is lost", words=SWITCH),
 }
 
 
@@ -131,9 +116,7 @@ class Console:
     """Applies lines from standard input; answers each with the new settings, or with what is allowed."""
 
     def __init__(self, relay: Relay) -> None:
-        """Change the impairments of `relay`."""
-        self._relay = relay
-        self._begun = b""
+        self._relay, self._begun = relay, b""
 
     def take(self, data: bytes) -> None:
         """Apply the lines that `data` completes; empty `data` is the end of input and completes the last one."""
@@ -191,19 +174,14 @@ def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _set(relay: Relay, options: dict[str, str | None]) -> None:
-    """Apply the options; those for one direction override those for both.
-
-    Raises:
-        UsageError: a value isn't allowed.
-    """
+    """Apply the options, of which those for one direction override those for both; UsageError: one isn't allowed."""
     for way in Direction:
         for prefix in ("", f"{way.name.lower()}-"):
             for name in KEYS:
                 text = options[f"{prefix}{name}".replace("-", "_")]
-                if text is None:
-                    continue
                 try:
-                    relay.impairments[way] = changed(relay.impairments[way], name, text)
+                    if text is not None:
+                        relay.impairments[way] = changed(relay.impairments[way], name, text)
                 except ImpairmentError as error:
                     raise click.UsageError(f"--{prefix}{error}") from error
 

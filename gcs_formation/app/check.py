@@ -15,17 +15,8 @@ from formation_scenario.expectation import SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.slot_assignment import planned_slots
-from gcs_formation.app.check_end import final_circles
-from gcs_formation.app.check_speed import little_left
-from gcs_formation.app.check_warnings import (
-    assembly,
-    goes_round,
-    never_reached,
-    refused_rate,
-    slots_of_no_shape,
-    split_errors,
-    ways_s,
-)
+from gcs_formation.app import check_warnings
+from gcs_formation.app.check_flight import final_circles, little_left
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law import consensus_margins, follower_margins
@@ -49,9 +40,11 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
         "lag_margin": _finite(lags_off),
         "mismatch_margin_lags_off_s": _finite(mismatch_lags_off_s),
-        **_design(scenario),
+        **(
+            {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if by_design(scenario) else {}
+        ),
         "loop_delay_s": configured_loop_delay_s(scenario),
-        "assembly": assembly(scenario)._asdict(),
+        "assembly": check_warnings.assembly(scenario)._asdict(),
         "warnings": list(warnings(scenario, margins, lags_off)),
     }
 
@@ -73,7 +66,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
-    lines.append(f"# {assembly(scenario)}")
+    lines.append(f"# {check_warnings.assembly(scenario)}")
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
@@ -81,23 +74,15 @@ def check_text(scenario: Scenario) -> str:
 
 def common_limits(scenario: Scenario) -> Iterator[str]:
     """Yield within which limits a formation of several kinds flies, and whose each of them is."""
-    first = scenario.vehicles[0].model
-    if any(vehicle.model != first for vehicle in scenario.vehicles):
-        slowest, fastest, climbs, turns = (
-            pick(scenario.vehicles, key=lambda vehicle: getattr(vehicle.model, name))
-            for pick, name in (
-                (max, "speed_min_mps"),
-                (min, "speed_max_mps"),
-                (min, "climb_max_mps"),
-                (min, "turn_rate_max_rps"),
-            )
-        )
-        yield (
-            f"what all vehicles can fly: {slowest.model.speed_min_mps:g} m/s (vehicle {slowest.vehicle_id}) to "
-            f"{fastest.model.speed_max_mps:g} m/s (vehicle {fastest.vehicle_id}), climbs of "
-            f"{climbs.model.climb_max_mps:g} m/s (vehicle {climbs.vehicle_id}), turns of "
-            f"{turns.model.turn_rate_max_rps:g} rad/s (vehicle {turns.vehicle_id})"
-        )
+    if all(vehicle.model == scenario.vehicles[0].model for vehicle in scenario.vehicles):
+        return
+    limits = {"speed_min_mps": max, "speed_max_mps": min, "climb_max_mps": min, "turn_rate_max_rps": min}
+    slowest, fastest, climbs, turns = (
+        f"{getattr(whose.model, name):g} {'rad/s' if name.endswith('rps') else 'm/s'} (vehicle {whose.vehicle_id})"
+        for name, pick in limits.items()
+        for whose in [pick(scenario.vehicles, key=lambda vehicle: getattr(vehicle.model, name))]
+    )
+    yield f"what all vehicles can fly: {slowest} to {fastest}, climbs of {climbs}, turns of {turns}"
 
 
 def configured_loop_delay_s(scenario: Scenario) -> float:
@@ -106,14 +91,13 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
     Under a mutual law every loop waits for the latest state of all vehicles.
     """
     rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
-    if law_kind(scenario).mutual:
-        steps = [step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)]
-        ways = [(max(up for up, _ in map(ways_s, steps)), max(down for _, down in map(ways_s, steps)))]
-    else:
-        following = planned_slots(scenario)
-        loops = (vehicle for vehicle in scenario.vehicles if vehicle.vehicle_id in following)
-        ways = [ways_s(step) for vehicle in loops for step in scenario.link_steps(vehicle)]
-    return max((loop_delay_s(up, down, *rates) for up, down in ways), default=loop_delay_s(0, 0, *rates))
+    mutual = law_kind(scenario).mutual
+    following = {} if mutual else planned_slots(scenario)
+    flown = [vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following]
+    ways = [check_warnings.ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
+    if mutual:
+        ways = [(max(up for up, _ in ways), max(down for _, down in ways))]
+    return max(loop_delay_s(up, down, *rates) for up, down in ways)
 
 
 def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
@@ -161,20 +145,16 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
-    yield from split_errors(scenario)
+    yield from check_warnings.split_errors(scenario)
     yield from little_left(scenario)
     yield from final_circles(scenario)
-    for found in slots_without_room(scenario, ROOM_M):
-        asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
-        yield f"{found}, {asked}: no {ROOM_M:g} m left for errors"
-    if text := slots_of_no_shape(scenario):
-        yield text
-    if text := refused_rate(scenario):
-        yield text
-    yield from never_reached(scenario)
+    asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
+    yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
+    yield from filter(None, (check_warnings.slots_of_no_shape(scenario), check_warnings.refused_rate(scenario)))
+    yield from check_warnings.never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
-    if text := goes_round(scenario):
+    if text := check_warnings.goes_round(scenario):
         yield text
 
 
@@ -197,13 +177,6 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     along_s, across_s = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
     yield f"#   {min(along_s, across_s):.3f}: along {along_s:.3f}, across {across_s:.3f}"
-
-
-def _design(scenario: Scenario) -> dict[str, Any]:
-    """Return what the law's gains hold, by channel, as `design`; nothing where equation (7) is all that is known."""
-    if not by_design(scenario):
-        return {}
-    return {"design": {name: _finite(vars(each)) for name, each in figures(scenario).items()}}
 
 
 def _design_text(scenario: Scenario) -> Iterator[str]:

@@ -41,53 +41,46 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
         return
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
     for vehicle in scenario.followers:
-        at_s = max(times_s, key=lambda at_s: abs(behind_m(scenario, vehicle, at_s)))
-        error_m = behind_m(scenario, vehicle, at_s)
+        at_s = max(times_s, key=lambda at_s: abs(_behind_m(scenario, vehicle, at_s)))
+        error_m = _behind_m(scenario, vehicle, at_s)
         if abs(error_m) >= LEAST_M:
+            leaders = f", the leader's {_split(scenario, scenario.leader, at_s)}," if scenario.leader else ""
             yield (
-                f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{_leaders(scenario, at_s)} leave a "
+                f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{leaders} leave a "
                 f"constant error of {abs(error_m):.2f} m along the path ({'behind' if error_m > 0 else 'ahead of'} its "
                 f"slot{f', from {at_s:g} s on' if at_s else ''}): round trips don't tell how a delay is split, "
                 "telemetry.clock: gnss does"
             )
 
 
-def behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:
+def _behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:
     """Return how far behind its slot the splits of its link and the leader's leave a follower, m."""
-    leader = scenario.leader
-    return scenario.path.speed_mps * (_early_s(scenario, vehicle, at_s) - _early_s(scenario, leader, at_s))
+    early_s = [
+        (up_s - down_s) / 2 for up_s, down_s in (_ways_at_s(scenario, v, at_s) for v in (vehicle, scenario.leader))
+    ]
+    return scenario.path.speed_mps * (early_s[0] - early_s[1])
 
 
 def ways_s(step: LinkStep) -> tuple[float, float]:
-    """Return the mean delays up and down, s."""
-    return _mean_s(step.uplink), _mean_s(step.downlink)
+    """Return the mean delays up and down, s; recorded delays are added to the constant one."""
+
+    def mean_s(way: Impairment) -> float:
+        recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
+        return (way.delay_ms + recorded_ms) / 1e3
+
+    return mean_s(step.uplink), mean_s(step.downlink)
 
 
-def _early_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> float:
-    """Return how much too early a vehicle's clock is mapped; a virtual leader has none."""
+def _ways_at_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> tuple[float, float]:
+    """Return the mean delays of a vehicle's link at a time; a virtual leader has none."""
     if vehicle is None:
-        return 0.0
-    up_s, down_s = ways_s(_step(scenario, vehicle, at_s))
-    return (up_s - down_s) / 2
-
-
-def _step(scenario: Scenario, vehicle: Vehicle, at_s: float) -> LinkStep:
-    return [step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1]
+        return 0.0, 0.0
+    return ways_s([step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
 
 
 def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
-    up_s, down_s = ways_s(_step(scenario, vehicle, at_s))
+    up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
     return f"{1e3 * up_s:g} ms up and {1e3 * down_s:g} ms down"
-
-
-def _leaders(scenario: Scenario, at_s: float) -> str:
-    return f", the leader's {_split(scenario, scenario.leader, at_s)}," if scenario.leader else ""
-
-
-def _mean_s(way: Impairment) -> float:
-    """Return the mean delay of one direction, s; recorded delays are added to the constant one."""
-    recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
-    return (way.delay_ms + recorded_ms) / 1e3
 
 
 class Assembly(NamedTuple):
@@ -98,19 +91,20 @@ class Assembly(NamedTuple):
     lap_radius_m: float
 
     def __str__(self) -> str:
-        needed = (
-            "" if self.least_run_in_s is None else f"begins at once after a run-in of {self.least_run_in_s:.1f} s; "
-        )
-        return (
-            f"assembly: {needed}a lap, if it is missed, takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
-        )
+        least_s = self.least_run_in_s
+        needed = "" if least_s is None else f"begins at once after a run-in of {least_s:.1f} s; "
+        lap = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
+        return f"assembly: {needed}a lap, if it is missed, {lap}"
 
 
 def assembly(scenario: Scenario) -> Assembly:
     """Return what a scenario's start needs."""
-    radius_m = hold_radius_m(scenario)
-    least_s = least_run_in_s(scenario) if scenario.start.in_air else None
-    return Assembly(least_s, _lap_s(scenario, radius_m), radius_m)
+    radius_m, speed_mps = hold_radius_m(scenario), scenario.path.speed_mps
+    least_s = _least_run_in_s(scenario) if scenario.start.in_air else None
+    # Round from where the leader turns off before the path until it has its start again.
+    before_m, run_in_m = DECISION_S * speed_mps, max(scenario.start.run_in_s, SETTLE_S) * speed_mps
+    round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
+    return Assembly(least_s, (round_m + run_in_m - before_m) / speed_mps + DECISION_S, radius_m)
 
 
 def goes_round(scenario: Scenario) -> str | None:
@@ -129,7 +123,7 @@ def goes_round(scenario: Scenario) -> str | None:
     )
 
 
-def least_run_in_s(scenario: Scenario) -> float:
+def _least_run_in_s(scenario: Scenario) -> float:
     """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
 
     Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot. A heartbeat that
@@ -186,14 +180,6 @@ def _spaced(chance: Array, each_s: float) -> Array:
     return spread
 
 
-def _lap_s(scenario: Scenario, radius_m: float) -> float:
-    """Return how long the leader goes round, from where it turns off before the path until it has its start again."""
-    speed, before_m = scenario.path.speed_mps, DECISION_S * scenario.path.speed_mps
-    run_in_m = max(scenario.start.run_in_s, SETTLE_S) * speed
-    round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
-    return (round_m + run_in_m - before_m) / speed + DECISION_S
-
-
 def refused_rate(scenario: Scenario) -> str | None:
     """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
     planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
@@ -225,13 +211,8 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
     for i, entry in enumerate(scenario.expect):
         if entry.to_s > whole_s:
             yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
-    planned = {
-        "formation.changes": scenario.formation.changes,
-        "links.changes": scenario.links.changes,
-        "disturbances": scenario.disturbances,
-        "orders": scenario.orders,
-        "faults": scenario.faults,
-    }
+    planned = {"formation.changes": scenario.formation.changes, "links.changes": scenario.links.changes}
+    planned |= {key: getattr(scenario, key) for key in ("disturbances", "orders", "faults")}
     times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
     times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
     for key, at_s in times_s.items():

@@ -111,7 +111,8 @@ class Confirmation:
             return
         if self._gate.awaits_word and not self._asked:
             self._asked = True
-            _discard(self._terminal)
+            while _is_ready(self._terminal) and os.read(self._terminal, MOST_BYTES):
+                pass  # what was typed before the question
             self._recorder.event(Event(now, "confirm", self._gate.question()))
         if self._asked and _is_ready(self._terminal):
             read = os.read(self._terminal, MOST_BYTES)
@@ -130,9 +131,3 @@ class Confirmation:
 
 def _is_ready(terminal: int) -> bool:
     return bool(select.select([terminal], [], [], 0.0)[0])
-
-
-def _discard(terminal: int) -> None:
-    """Forget what was typed before the question."""
-    while _is_ready(terminal) and os.read(terminal, MOST_BYTES):
-        pass

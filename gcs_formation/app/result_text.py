@@ -21,17 +21,12 @@ WIDE = 10**6
 MOST_ROWS = 24
 WHOLE = 0.995
 """Share of the time that is said to be all of it."""
-TABLE_WIDTH = 80
-"""Of tables in a pipe or a file; lines of words are whole there."""
 WIDTH = 80
+"""Of a status page, and of tables in a pipe or a file; lines of words are whole there."""
 SHORT = {
-    Member.STARTING: "starting",
-    Member.FLYING: "in formation",
-    Member.PARTED: "its pilot's",
-    Member.UNHEARD: "not heard",
-    Member.HOLDING: "told to loiter",
-    Member.RETURNING: "coming back",
-}
+    Member.STARTING: "starting", Member.FLYING: "in formation", Member.PARTED: "its pilot's",
+    Member.UNHEARD: "not heard", Member.HOLDING: "told to loiter", Member.RETURNING: "coming back",
+}  # fmt: skip
 
 
 class Group(NamedTuple):
@@ -73,49 +68,38 @@ def _joined(wordings: Sequence[Sequence[str]]) -> str:
 
 
 def _lines(groups: Sequence[Group]) -> list[str]:
+    """Return a row a line: the first column, and texts in the last, set left; figures right."""
     heads = [head for group in groups for head in group.heads]
-    count = len(groups[0].rows)
-    rows = [heads, *([cell for group in groups for cell in group.rows[i]] for i in range(count))]
+    rows = [heads, *([cell for row in each for cell in row] for each in zip(*(g.rows for g in groups), strict=True))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [_row(row, widths) for row in rows]
-
-
-def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Return a row: the first column, and texts in the last, set left; figures right."""
-    first = cells[0].ljust(widths[0])
-    rest = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)]
-    return GAP.join((first, *rest)).rstrip()
+    return [
+        GAP.join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def summary_text(summary: Summary, directory: Path, width: int | None = None) -> str:
-    """Return the run's figures as a table, the verdicts, and where its files are.
-
-    Args:
-        summary: of the run.
-        directory: the run's.
-        width: of the terminal, characters; None: not on a terminal.
-    """
+    """Return the run's figures as a table, the verdicts, and where its files are; `width`: of a terminal, if on one."""
     figures = summary.to_dict()
     words = [_headline(figures), _source(figures)]
-    rows = table(_follower_groups(figures), width or TABLE_WIDTH) if figures["followers"] else []
+    rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
     left = len(figures["followers"]) - MOST_ROWS
-    more = [f"… and {left} more in summary.json"] if left > 0 else []
-    after = [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches]
-    lines = [*_wrapped(words, width), *rows, *_wrapped([*more, *after, f"recorded in {directory}"], width)]
-    return "\n".join(lines)
+    after = [f"… and {left} more in summary.json"] if left > 0 else []
+    after += [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches, f"recorded in {directory}"]
+    return "\n".join([*_wrapped(words, width), *rows, *_wrapped(after, width)])
 
 
 def result_line(summary: Summary) -> str:
     """Return how a run came out, for a log."""
-    verdicts = [verdict.held for verdict in summary.verdicts]
+    verdicts, figures = [verdict.held for verdict in summary.verdicts], summary.to_dict()
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
-    said = [f"{count} {name}" for name, count in counts.items() if count] or ["none"]
-    violations = summary.to_dict()["safety"]["violations"]
-    flown_s = summary.to_dict()["duration_s"]
-    said_of = f"expectations: {', '.join(said)}; safety: {violations} violations"
-    if undone := summary.to_dict()["undone"]:
-        said_of += f"; {len(undone)} not done as planned"
-    return f"{'result':<16}  flown to t = {flown_s:.1f} s; {said_of}"
+    said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
+    undone = f"; {len(figures['undone'])} not done as planned" if figures["undone"] else ""
+    outcome = f"expectations: {said}; safety: {figures['safety']['violations']} violations{undone}"
+    return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 
 
 def _wrapped(lines: Sequence[str], width: int | None) -> list[str]:
@@ -149,21 +133,17 @@ def _source(figures: dict[str, Any]) -> str:
 
 def _follower_groups(figures: dict[str, Any]) -> list[Group]:
     """Return the table's columns: the largest errors stay longest, then when each settled."""
-    shown = list(figures["followers"].items())[:MOST_ROWS]
-    axes = [[follower[f"error_{axis}_m"] for axis in "xyz"] for _, follower in shown]
-    links = [figures["links"][vehicle] for vehicle, _ in shown]
+    shown = dict(list(figures["followers"].items())[:MOST_ROWS])
+    axes = {vehicle: [follower[f"error_{axis}_m"] for axis in "xyz"] for vehicle, follower in shown.items()}
+    links = [figures["links"][vehicle] for vehicle in shown]
+    largest = [(vehicle, *(_number(axis["max"]) for axis in own)) for vehicle, own in axes.items()]
+    ways = [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links]
     return [
-        Group(
-            ("vehicle", "max x", "y", "z"),
-            [(vehicle, *(_number(axis["max"]) for axis in own)) for (vehicle, _), own in zip(shown, axes, strict=True)],
-            keep=4,
-        ),
-        Group(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes], keep=1),
-        Group(("settled s",), [(_number(follower["settled_at_s"], 1),) for _, follower in shown], keep=3),
+        Group(("vehicle", "max x", "y", "z"), largest, keep=4),
+        Group(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
+        Group(("settled s",), [(_number(follower["settled_at_s"], 1),) for follower in shown.values()], keep=3),
         Group(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
-        Group(
-            ("up", "down"), [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links], 0
-        ),
+        Group(("up", "down"), ways, keep=0),
     ]
 
 
@@ -204,17 +184,15 @@ def _groups(station: Station) -> list[Group]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
     errors = [NOTHING if tick is None else tick.error_m[each.column] for each in vehicles.values()]
+    places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.margins.used[each.column] for each in vehicles.values()]
-    state = [(_state(station, vehicle),) for vehicle in vehicles.values()]
     return [
-        Group(
-            ("vehicle", "x", "y", "z"), [(str(i), *_cells(own, 2)) for i, own in zip(vehicles, errors, strict=True)], 5
-        ),
-        Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], 2),
-        Group(("up", "down"), [_cells([1e3 * way_s for way_s in v.ways_s], 0) for v in vehicles.values()], 1),
-        Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], 0),
-        Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], 3),
-        Group(("state",), state, 4),
+        Group(("vehicle", "x", "y", "z"), places, keep=5),
+        Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
+        Group(("up", "down"), [_cells([1e3 * way_s for way_s in v.ways_s], 0) for v in vehicles.values()], keep=1),
+        Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], keep=0),
+        Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
+        Group(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
     ]
 
 

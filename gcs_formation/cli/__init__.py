@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, ImportedWhenChosen, examples
+from airlink.cli import VERSION, ImportedWhenChosen, examples
 
 EXAMPLES = examples(
     "gcs-formation init                                           writes quickstart.yaml",
@@ -17,17 +17,17 @@ EXAMPLES = examples(
 )
 
 COMMANDS = {
-    "check": ("gcs_formation.cli.scenario", "Validate a scenario; print its graph and its delay margins."),
+    "check": ("gcs_formation.cli.no_flight", "Validate a scenario; print its graph and its delay margins."),
     "compare": ("gcs_formation.cli.study", "Fly a scenario by several laws and set them side by side."),
     "fly": ("gcs_formation.cli.run_and_fly", "Fly a scenario with vehicles that are up already."),
     "identify": ("gcs_formation.cli.run_and_fly", "Find a vehicle's model from a flight; write a vehicle file."),
-    "init": ("gcs_formation.cli.scenario", "Write an example scenario to begin with."),
-    "report": ("gcs_formation.cli.run_directory", "Draw the figures and the page of a finished run."),
+    "init": ("gcs_formation.cli.no_flight", "Write an example scenario to begin with."),
+    "report": ("gcs_formation.cli.no_flight", "Draw the figures and the page of a finished run."),
     "run": ("gcs_formation.cli.run_and_fly", "Fly a scenario with emulated vehicles."),
-    "schema": ("gcs_formation.cli.scenario", "Print the JSON schema of scenarios, or the reference of their keys."),
+    "schema": ("gcs_formation.cli.no_flight", "Print the JSON schema of scenarios, or the reference of their keys."),
     "stress": ("gcs_formation.cli.study", "Fly random scenarios and look for what must never be."),
     "study": ("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
-    "tell": ("gcs_formation.cli.run_directory", "Give a flight under way an order."),
+    "tell": ("gcs_formation.cli.no_flight", "Give a flight under way an order."),
 }
 
 

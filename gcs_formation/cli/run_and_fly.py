@@ -11,16 +11,15 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, Number, WholeNumber, default_directory, examples
-from airlink.cli.exit_status import Status, fail, say
+from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import Scenario, ScenarioError
-from gcs_formation.app.fly import fly as fly_scenario
-from gcs_formation.app.fly import rehearsal_text, rehearse
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
+from gcs_formation.app.run import fly as fly_scenario
+from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.cli.scenario import load
+from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.summary import Summary
@@ -53,12 +52,7 @@ def _options(command: Command) -> Command:
     """Add what `run` and `fly` have in common."""
     for option in reversed(
         (
-            click.option(
-                "--speedup",
-                type=Number(0.01, 1000),
-                default=1.0,
-                help="Real clock: X times faster.",
-            ),
+            click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Real clock: X times faster."),
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
@@ -76,10 +70,7 @@ def _options(command: Command) -> Command:
 @click.argument("scenario", type=click.Path(path_type=Path))
 @_options
 @click.option(
-    "--clock",
-    type=click.Choice(["real", "virtual"]),
-    default="real",
-    help="virtual: as fast as possible, repeatable.",
+    "--clock", type=click.Choice(["real", "virtual"]), default="real", help="virtual: as fast as possible, repeatable."
 )
 def run(clock: ClockName, **given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
@@ -130,21 +121,13 @@ def _resume(given: dict[str, Any]) -> None:
 
 
 def _done(
-    flown: Fly[Result],
-    conclude: Callable[..., Status],
-    *,
-    scenario: Path,
-    seed: int | None,
-    overrides: tuple[str, ...],
-    out: Path | None,
-    quiet: bool,
-    as_json: bool,
-    **given: Any,
+    flown: Fly[Result], conclude: Callable[..., Status], *, scenario: Path, quiet: bool, as_json: bool, **given: Any
 ) -> Status:
     """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status.
 
-    `given` are the fields of `RunOptions` that have an option of their name.
+    `given` are the scenario's seed and other keys, where it is recorded, and the fields of `RunOptions` by their names.
     """
+    seed, overrides, out = (given.pop(name) for name in ("seed", "overrides", "out"))
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts:
         loaded = load(scenario, (*overrides, *seeded))
@@ -185,24 +168,20 @@ def _tell_rehearsal(
 
 
 def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool) -> Status:
+    """Tell what came of a flight, on a terminal in its width; where standard error is a log, in a line as well."""
     if as_json:
         click.echo(json.dumps(summary.to_dict(), indent=2))
     if not quiet:
-        _tell(summary, options, as_json=as_json)
+        stream = sys.stderr if as_json else sys.stdout
+        width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+        if sys.stderr is not None and not sys.stderr.isatty():
+            click.echo(result_line(summary), err=True)
+        click.echo(summary_text(summary, options.out, width), err=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
         click.echo(broken, err=True)
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
-
-
-def _tell(summary: Summary, options: RunOptions, *, as_json: bool) -> None:
-    """Print the summary, on a terminal in its width; where standard error is a log, a line on the result as well."""
-    stream = sys.stderr if as_json else sys.stdout
-    width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
-    if sys.stderr is not None and not sys.stderr.isatty():
-        click.echo(result_line(summary), err=True)
-    click.echo(summary_text(summary, options.out, width), err=as_json)
 
 
 def _interrupted(options: RunOptions) -> Status:
@@ -223,19 +202,11 @@ LOGS = (".tlog", ".bin")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
-def identify(
-    source: Path,
-    out: Path | None,
-    run_dir: Path | None,
-    vehicle: int | None,
-    overrides: tuple[str, ...],
-    quiet: bool,
-    as_json: bool,
-    **given: Any,
-) -> None:
+def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
     from gcs_formation.identify import command  # noqa: PLC0415 - a flight fits and draws nothing
 
+    out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
     recorded, believed = source, None
     if not source.is_dir() and source.suffix.lower() not in LOGS:
         believed = load(source, overrides)

@@ -12,17 +12,16 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import OUT, SECONDS, SEED, WholeNumber, default_directory, examples, refusal
-from airlink.cli.exit_status import Status, fail, raised, say
+from airlink.cli import OUT, SECONDS, SEED, Status, WholeNumber, default_directory, examples, fail, raised, refusal, say
 from airlink.words import counted
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
 from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan
 from gcs_formation.studies.flight import fly
-from gcs_formation.studies.keys import INVARIANTS, Study
-from gcs_formation.studies.plan import Plan
-from gcs_formation.studies.preparation import MANY, planned_of, prepare, refly_task
+from gcs_formation.studies.plan import Plan, Planned
+from gcs_formation.studies.preparation import MANY, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
 
 STUDY_EXAMPLES = examples(
@@ -78,11 +77,20 @@ def study() -> None:
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
+    workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
+    out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
     try:
         planned, base = prepare(study, many=given["yes"])
-    except ScenarioError as error:
+        with raised(), StudyProgress(quiet=given["quiet"]) as progress:
+            outcome = fly_study(planned, base, out, workers, progress, **kind)
+    except KeyboardInterrupt:
+        fail(f"interrupted; what was flown is in {out}; {again}", Status.INTERRUPTED)
+    except (ScenarioError, RecordError) as error:
         fail(str(error))
-    sys.exit(_fly(planned, base, **given))
+    except RunAbortedError as error:
+        kept = f"what was flown is in {out}; {again}" if next(read_journal(out), None) else "nothing was flown"
+        fail(f"{error}; {kept}", Status.COULD_NOT_GO_ON)
+    sys.exit(_conclude(outcome, out, quiet=given["quiet"]))
 
 
 @study.command(name="fly", epilog=STUDY_EXAMPLES)
@@ -102,9 +110,10 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -
     if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
         fail(refused)
     study = Study.model_validate(plan["study"])
-    kept = out or directory / AGAIN / f"{flight:06d}"
+    kept, row = out or directory / AGAIN / f"{flight:06d}", rows[flight]
+    planned = Planned(flight, int(row["seed"]), {name: row[name] for name in study.columns if name in row})
     try:
-        row = fly(refly_task(planned_of(study, rows[flight]), study, plan["base"], kept))
+        row = fly(refly_task(planned, study, plan["base"], kept))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     if row["exit"] > Status.EXPECTATION_BROKEN:
@@ -113,25 +122,6 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -
         click.echo(f"{name}: {row[name]}")
     click.echo(f"recorded in {kept}")
     sys.exit(row["exit"])
-
-
-def _fly(planned: Study, base: dict[Any, Any], **given: Any) -> Status:
-    workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
-    out, again = given["out"], "--resume goes on with it"
-    progress = StudyProgress(quiet=given["quiet"])
-    try:
-        with raised(), progress:
-            outcome = fly_study(
-                planned, base, out, workers, progress, resume=given["resume"], overwrite=given["overwrite"]
-            )
-    except KeyboardInterrupt:
-        return say(f"interrupted; what was flown is in {out}; {again}", Status.INTERRUPTED)
-    except RecordError as error:
-        return say(str(error), Status.BAD_USAGE)
-    except RunAbortedError as error:
-        kept = f"what was flown is in {out}; {again}" if next(read_journal(out), None) else "nothing was flown"
-        return say(f"{error}; {kept}", Status.COULD_NOT_GO_ON)
-    return _conclude(outcome, out, quiet=given["quiet"])
 
 
 def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
@@ -183,9 +173,17 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     against invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained;
     every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
     """
-    if out is not None:
-        _refuse(out, count, overwrite=overwrite)
-    plan = Plan(_study(count, seed, hard=hard))
+    if out is not None and count != 1:
+        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
+    try:
+        if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
+            fail(refused)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fail(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written")
+    keys = {"name": "stress", "random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}}
+    plan = Plan(Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"}))
     try:
         with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
@@ -201,17 +199,8 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
 
 
-def _study(count: int, seed: int, *, hard: bool) -> Study:
-    keys = {"random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}, "metrics": [INVARIANTS]}
-    return Study.model_validate({**keys, "name": "stress", "record": "none"})
-
-
 def _name_broken(rows: Iterable[Row], command: str) -> int:
-    """Name what each flight broke; return how many broke something.
-
-    Raises:
-        RunAbortedError: a flight couldn't be flown, through no fault of its own.
-    """
+    """Name what each flight broke; return how many broke something. RunAbortedError: one couldn't be flown."""
     wrong = 0
     for row in rows:
         if row[INVARIANTS] is None:
@@ -222,20 +211,6 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
             click.echo(f"seed {row['seed']}: {'' if completed else 'completed: '}{text}", err=True)
             click.echo(f"  again: gcs-formation {command} --count 1 --seed {row['seed']} --out DIR", err=True)
     return wrong
-
-
-def _refuse(out: Path, count: int, *, overwrite: bool) -> None:
-    """Refuse a directory that can't be written, or one for many flights."""
-    if count != 1:
-        fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
-    try:
-        refused = refusal(out, overwrite=overwrite)
-        if refused is None:
-            out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        refused = f"cannot write {out}: {error.strerror}; allowed: a directory that can be written"
-    if refused is not None:
-        fail(refused)
 
 
 @click.command(epilog=COMPARE_EXAMPLES)
@@ -256,24 +231,27 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
     without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
     """
-    from gcs_formation.studies.compare import compare_laws  # noqa: PLC0415 - what a study needn't import
+    from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - what a study needn't import
 
-    overrides = (*given["overrides"], *(() if seed is None else (f"seed={seed}",)))
-    directory = out or default_directory(f"{scenario.stem}-laws")
-    between_s, workers = (given["from_s"], given["to_s"]), Processes(given["jobs"])
-    laws, until_s, overwrite = given["laws"], given["until_s"], given["overwrite"]
+    overrides = (*given.pop("overrides"), *(() if seed is None else (f"seed={seed}",)))
+    directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
+    between_s = given.pop("from_s"), given.pop("to_s")
     try:
-        found = compare_laws(scenario, laws, overrides, directory, workers, between_s, until_s, overwrite=overwrite)
+        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
+    comparison, said, page, interrupted = flown
     if as_json:
-        click.echo(json.dumps(found.comparison, indent=2))
-    click.echo(found.text, err=as_json)
-    broken, stopped = found.broken(), found.stopped()
+        click.echo(json.dumps(comparison, indent=2))
+    click.echo(f"{comparison_text(comparison)}\nwrote {page}", err=as_json)
+    broken, stopped = (
+        [f"{law}: {text}" for law, status, words in said if status == wanted for text in words.splitlines()]
+        for wanted in (Status.EXPECTATION_BROKEN, Status.COULD_NOT_GO_ON)
+    )
     for text in (*broken, *stopped):
         click.echo(text, err=True)
-    if found.interrupted:
+    if interrupted:
         sys.exit(say("interrupted; the laws whose flights were over are compared", Status.INTERRUPTED))
     sys.exit(Status.COULD_NOT_GO_ON if stopped else Status.EXPECTATION_BROKEN if broken else Status.FINE)

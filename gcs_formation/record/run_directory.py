@@ -11,7 +11,7 @@ from typing import IO, Any, BinaryIO, Final, TextIO
 
 from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
-from airlink.cli.commands import RUN, refusal
+from airlink.cli import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.frame import frame_length

@@ -1,1 +1,264 @@
-"""Figures and one self-contained page of a finished run."""
+"""A run, read back from its directory: a finished one, or what one left that has no summary."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pyarrow as pa
+
+from airlink.endpoint import VehicleId
+from airlink.frame import ParserCounts
+from flight_model.arrays import Array
+from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.gains import redesigned
+from gcs_formation.errors import RecordError
+from gcs_formation.record.expectations import LinkFigures, RunOutcome
+from gcs_formation.record.figures_of_merit import if_finite
+from gcs_formation.record.flight import Columns, Flight, split, table
+from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
+from gcs_formation.record.summary import SCHEMA, summarise
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
+from gcs_formation.stability import scenario_delay_margin
+
+Events = tuple[Mapping[str, Any], ...]
+LINK_DELAYS = ("delay_s", "up_s", "down_s")
+UNKNOWN_IN_LINKS = (
+    "injected_delay_ms", "injected_up_ms", "injected_down_ms", "injected_loss",
+    "measured_loss", "frames_in", "frames_out", "frames_bad", "frames_implausible",
+)  # fmt: skip
+UNKNOWN_IN_CONTROL = ("late_ticks",)
+UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
+"""Figures that only the process which flew could have given."""
+WORST_WITHOUT_ERRORS = -1.0
+EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
+"""Columns of every time series."""
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run as its figures need it. `whole` has every tick; `flown`, those from the path's start to its end."""
+
+    scenario: Scenario
+    summary: Mapping[str, Any]
+    events: Events
+    whole: Flight
+    flown: Flight
+    clock_s: Array
+    """(T,) times of all ticks on the run's clock."""
+    zero_s: float
+    """The clock's time at mission time 0; of the first tick where the path was never begun."""
+    begun: bool
+    """Whether the leader ever started along its path. If not, `flown` is everything."""
+    missing: tuple[str, ...] = ()
+    """What the record of an unfinished run lacks, in words."""
+
+    @property
+    def whole_time_s(self) -> Array:
+        """(T,) mission times of all ticks, negative before the path."""
+        return self.clock_s - self.zero_s
+
+    @property
+    def time_s(self) -> Array:
+        """(K,) mission times of the flown ticks."""
+        return next(iter(self.flown.vehicles.values()))["t_s"] - self.zero_s
+
+    @property
+    def scenario_in_force(self) -> Scenario:
+        """The scenario with the gains that it was flown by at the end: slow links have them designed anew."""
+        return _in_force(self.scenario, self.events)
+
+    @property
+    def leader(self) -> VehicleId | None:
+        """The vehicle that leads first, None when a virtual leader does."""
+        return self.scenario.leader.vehicle_id if self.scenario.leader else None
+
+    @property
+    def followers(self) -> tuple[VehicleId, ...]:
+        """The vehicles that follow, in the scenario's order, and last the leader where that has followed another."""
+        led = (self.leader,) if self.leader is not None and self.flown.has_followed(self.leader) else ()
+        return (*(vehicle.vehicle_id for vehicle in self.scenario.followers), *led)
+
+    def worst_first(self) -> list[VehicleId]:
+        """Return the followers by falling root mean square of their flown errors."""
+
+        def rms(vehicle: VehicleId) -> float:
+            known = self.flown.error(vehicle)
+            known = known[np.isfinite(known).all(axis=1)]
+            return float(np.sqrt(np.mean(known**2))) if known.size else WORST_WITHOUT_ERRORS
+
+        return sorted(self.followers, key=rms, reverse=True)
+
+
+def load_run(directory: Path) -> RunData:
+    """Return the run recorded in a directory.
+
+    Raises:
+        RecordError: it isn't the directory of a run, nothing was flown, or a file of it can't be read.
+    """
+    finished = _is_finished(directory)
+    try:
+        scenario = load_scenario(directory / SCENARIO)
+        if not finished:
+            return _unfinished(directory, scenario)
+        summary = _summary(directory / SUMMARY)
+        events = _events(directory / EVENTS)
+        columns = read_parquet(directory / TIMESERIES)
+    except (OSError, ValueError, pa.ArrowException, ScenarioError) as error:
+        raise RecordError(f"cannot read the run in {directory}: {error}") from error
+    missing = sorted(set(EXPECTED) - set(columns))
+    if missing:
+        found = f"found no column {missing[0]} in {directory / TIMESERIES}"
+        raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
+    whole = Flight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
+    return _run_data(scenario, summary, events, whole)
+
+
+def _is_finished(directory: Path) -> bool:
+    """Return whether a run wrote all that it had to; what one without a summary recorded is in its spool."""
+    if not directory.is_dir():
+        raise RecordError(f"found no directory {directory}; expected: the directory of a run")
+    if not (directory / SCENARIO).is_file():
+        raise RecordError(f"found no {SCENARIO} in {directory}; expected: the directory of a run")
+    if (directory / TIMESERIES).is_file() and (directory / SUMMARY).is_file():
+        return True
+    if not (directory / SPOOL).is_file():
+        missing = [name for name in (TIMESERIES, SUMMARY) if not (directory / name).is_file()]
+        raise RecordError(f"found no {' and no '.join(missing)} in {directory}, and no {SPOOL} of an unfinished run")
+    return False
+
+
+def _summary(path: Path) -> Mapping[str, Any]:
+    summary: Any = json.loads(path.read_text(encoding="utf-8"))
+    found: Any = cast("dict[str, Any]", summary).get("schema") if isinstance(summary, dict) else None
+    if found != SCHEMA:
+        raise ValueError(f"found schema {found} in {path.name}; expected: {SCHEMA}")
+    return cast("dict[str, Any]", summary)
+
+
+def _events(path: Path) -> Events:
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
+    return tuple(json.loads(line) for line in lines if line.strip())
+
+
+def _run_data(
+    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: Flight, missing: tuple[str, ...] = ()
+) -> RunData:
+    any_vehicle = next(iter(whole.vehicles.values()))
+    mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
+    known = np.flatnonzero(flying(any_vehicle) & np.isfinite(mission_s))
+    first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
+    flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in whole.vehicles.items()}
+    zero_s = float(clock_s[first] - (mission_s[first] if known.size else 0.0))
+    flight = Flight(flown, whole.truth)
+    return RunData(scenario, summary, events, whole, flight, clock_s, zero_s, bool(known.size), missing)
+
+
+def _vehicles(path: Path, scenario: Scenario, columns: Mapping[str, Array]) -> dict[VehicleId, Columns]:
+    """Return each vehicle's columns: at every tick the file has a row for each, always in the same order."""
+    count, rows = len(scenario.vehicles), columns["t_s"].size
+    if rows == 0:
+        raise RecordError(f"found no control tick in {path}: nothing was flown")
+    if rows % count:
+        raise RecordError(f"found {rows} rows in {path}; expected: a multiple of {count}, one for each vehicle")
+    grid = {name: values.reshape(-1, count) for name, values in columns.items()}
+    ids = zip(grid["network"][0].tolist(), grid["vehicle"][0].tolist(), strict=True)
+    column = {VehicleId(*identity): i for i, identity in enumerate(ids)}
+    expected = [vehicle.vehicle_id for vehicle in scenario.vehicles]
+    if set(column) != set(expected):
+        raise RecordError(f"found vehicles {_names(column)} in {path}; expected: {_names(expected)}")
+    return {v: {name: values[:, column[v]] for name, values in grid.items()} for v in expected}
+
+
+def _names(vehicles: Iterable[VehicleId]) -> str:
+    return ", ".join(map(str, vehicles))
+
+
+def _unfinished(directory: Path, scenario: Scenario) -> RunData:
+    """Return what an unfinished run recorded: from its spool, its events, and the ground truth if that was written."""
+    from gcs_formation.app.run import recorded_truth  # noqa: PLC0415 - few reports need what flies
+    from gcs_formation.record.unfinished import recorded_events  # noqa: PLC0415
+
+    events, cut_off = recorded_events(directory)
+    columns = read_spool(directory / SPOOL)
+    truth = recorded_truth(directory)
+    if truth is not None:
+        known = columns["t_s"] <= truth["time_s"][-1]
+        columns = {name: values[known] for name, values in columns.items()}
+    if not columns["t_s"].size:
+        phases = [str(event.get("text")) for event in events if event.get("kind") == "phase"]
+        last = f"the last phase of the run was {phases[-1] if phases else 'connecting'}"
+        raise RecordError(f"found no control tick in {directory}: {last}, and nothing was flown")
+    unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
+    injected_s = {each.vehicle_id: unknown_s for each in scenario.vehicles}
+    flight = split(table(columns, scenario, truth, injected_s), scenario)
+    summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
+    words = _missing(scenario, flight, events, cut_off=cut_off)
+    return _run_data(scenario, summary, events, flight, words)
+
+
+def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenario:
+    delays_s = [event["design_delay_s"] for event in events if event.get("kind") == "design"]
+    return redesigned(scenario, delays_s[-1]) if delays_s else scenario
+
+
+def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
+    t_s = next(iter(flight.vehicles.values()))["t_s"]
+    return RunOutcome(
+        scenario=scenario,
+        clock="unknown",
+        flight=flight,
+        links={
+            identity: LinkFigures(
+                delays_s=np.column_stack([own[name] for name in LINK_DELAYS]),
+                delay_times_s=own["mission_time_s"],
+                measured_loss=0.0,
+                frames_in=0,
+                frames_out=0,
+                frames_bad=0,
+            )
+            for identity, own in flight.vehicles.items()
+        },
+        ticks_s=np.array((t_s, t_s, np.full(t_s.shape, np.nan))),
+        delay_margin_s=if_finite(scenario_delay_margin(scenario)),
+        worst_loop_delay_s=None,
+        margin_used=max(float(np.fmax.reduce(own["margin_used"], initial=0.0)) for own in flight.vehicles.values()),
+        received=ParserCounts(),
+        frames_refused=0,
+        simulated_s=float(t_s[-1]),
+        wall_s=0.0,
+        cut_short=True,
+    )
+
+
+def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary without the figures that only the process which flew could have given."""
+    return summary | {
+        "wall_s": None,
+        "links": {name: link | dict.fromkeys(UNKNOWN_IN_LINKS) for name, link in summary["links"].items()},
+        "received": dict.fromkeys(summary["received"]),
+        "control": summary["control"] | dict.fromkeys(UNKNOWN_IN_CONTROL),
+        "expect": [
+            entry | ({"value": None, "held": None} if entry["metric"].partition(".")[0] in UNKNOWN else {})
+            for entry in summary["expect"]
+        ],
+    }
+
+
+def _missing(scenario: Scenario, flight: Flight, events: Events, *, cut_off: bool) -> tuple[str, ...]:
+    failures = [str(event.get("text")) for event in events if event.get("kind") == "failure"]
+    why = f"the run failed: {failures[-1]}" if failures else "the run was killed, or it has not ended yet"
+    mission_s = float(flight.mission_time_s[-1])
+    reached = f"t = {mission_s:.1f} s, of {scenario.duration_s:g} s"
+    end = reached if np.isfinite(mission_s) else "a moment of the assembly: t = 0 wasn't reached"
+    return (
+        f"{SUMMARY}: {why}; what follows is from the record up to then",
+        f"whatever came after {end}",
+        "what was injected into the links, losses and counts of frames, late ticks, computing times",
+        *(() if flight.truth else ("ground truth: errors are from telemetry, as the law saw them",)),
+        *(("the end of the last event",) if cut_off else ()),
+    )

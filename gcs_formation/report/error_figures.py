@@ -12,27 +12,12 @@ from matplotlib.figure import Figure
 from flight_model.arrays import Array, Mask
 from formation_scenario.expectation import SETTLED_M, Expectation
 from gcs_formation.record.timeseries import DISTURBANCE
-from gcs_formation.report.geometry import evenly, extremes
+from gcs_formation.report import RunData, style
 from gcs_formation.report.gusts import GustError, gusts
-from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import (
-    GREY,
-    INK,
-    LIMIT,
-    LINE,
-    THIN,
-    axes_grid,
-    column_of,
-    legend_below,
-    marks,
-    new_figure,
-    note,
-)
 from gcs_formation.report.time_axes import (
-    BUCKETS,
     Group,
     at_least,
-    draw_marks,
+    draw_line,
     everyone,
     finished,
     followers_of,
@@ -85,31 +70,29 @@ def assembly(run: RunData) -> Figure:
     group, followers = everyone(run), followers_of(run)
     before = run.whole_time_s <= 0.0
     time_s = run.whole_time_s[before]
-    figure = new_figure(10.0)
+    places = [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles]
+    figure = style.new_figure(10.0)
     above, beside = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
-    _tracks(above.subplots(), group, [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles])
-    rows = column_of(axes_grid(beside, 2, 1, sharex=True), 0)
-    group.draw(rows[0], time_s, [run.whole.place_in_flight(vehicle)[before, 2] for vehicle in group.vehicles])
-    rows[0].set_ylabel("height, m")
+    _tracks(above.subplots(), group, places)
+    heights, distances = style.column_of(style.axes_grid(beside, 2, 1, sharex=True), 0)
+    group.draw(heights, time_s, [place[:, 2] for place in places])
+    heights.set_ylabel("height, m")
     away = [np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in followers.vehicles]
-    followers.draw(rows[1], time_s, [np.maximum(distance, IN_SLOT_M) for distance in away])
-    rows[1].set_yscale("log")
-    rows[1].set_ylabel("distance from slot, m")
-    rows[1].set_xlabel(time_label(run))
-    span(rows[0], float(time_s[0]), 0.0)
-    legend_below(figure)
+    followers.draw(distances, time_s, [np.maximum(distance, IN_SLOT_M) for distance in away])
+    distances.set(yscale="log", ylabel="distance from slot, m", xlabel=time_label(run))
+    span(heights, (time_s[0], 0.0))
+    style.legend_below(figure)
     return figure
 
 
 def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
-    shown = evenly(len(places[0]), TRACK_POINTS)
+    shown = style.evenly(len(places[0]), TRACK_POINTS)
     for vehicle, place in zip(group.vehicles, places, strict=True):
         axes.plot(place[shown, 1], place[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
         axes.plot(place[-1, 1], place[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(MARGIN)
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
+    axes.set(xlabel="east, m", ylabel="north, m")
 
 
 def disturbed(run: RunData) -> bool:
@@ -123,14 +106,13 @@ def disturbance(run: RunData) -> Figure:
     group = everyone(run)
     values = [[run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in DISTURBANCE]
     shown = 3 if np.nan_to_num(np.array(values[2])).any() else 2
-    figure = new_figure(3.2 + 2.8 * shown)
-    grid = axes_grid(figure, shown, 1, sharex=True)
-    for (axes,), label, series in zip(grid, LABELS, values, strict=False):
+    figure = style.new_figure(3.2 + 2.8 * shown)
+    grid = style.axes_grid(figure, shown, 1, sharex=True)
+    for (axes,), series in zip(grid, values, strict=False):
         group.draw(axes, run.time_s, series)
         at_least(axes, -LEAST_MPS, LEAST_MPS)
-        axes.set_ylabel(label)
-    span(grid[0][0], float(run.time_s[0]), float(run.time_s[-1]))
-    return finished(figure, run, grid)
+    span(grid[0][0], run.time_s)
+    return finished(figure, run, grid, LABELS[:shown])
 
 
 def has_followers(run: RunData) -> bool:
@@ -140,22 +122,19 @@ def has_followers(run: RunData) -> bool:
 
 def errors(run: RunData) -> Figure:
     """Draw the errors x, y and z of every follower."""
-    group = followers_of(run)
-    figure = new_figure(12.5)
-    time_s = run.time_s
+    group, gusted = followers_of(run), gusts(run)
+    figure = style.new_figure(12.5)
     values = np.stack([run.flown.error(vehicle) for vehicle in group.vehicles])
     windows = error_windows(run)
-    grid = axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
-    gusted = gusts(run)
+    grid = style.axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
     for column, window in enumerate(windows):
-        for row, (axis, label) in enumerate(AXES.items()):
-            _panel(grid[row][column], group, time_s[window], values[:, window, row])
-            _expected(grid[row][column], run.scenario.expect, axis)
-            _after_gusts(grid[row][column], gusted, axis)
-            at_least(grid[row][column], -LEAST_M, LEAST_M)
-            if column == 0:
-                grid[row][column].set_ylabel(label)
-    return finished(figure, run, grid)
+        for row, axis in enumerate(AXES):
+            axes = grid[row][column]
+            _panel(axes, group, run.time_s[window], values[:, window, row])
+            _expected(axes, run.scenario.expect, axis)
+            _after_gusts(axes, gusted, axis)
+            at_least(axes, -LEAST_M, LEAST_M)
+    return finished(figure, run, grid, AXES.values())
 
 
 def transient_end_s(run: RunData) -> float | None:
@@ -185,14 +164,13 @@ def error_windows(run: RunData) -> list[Mask]:
 
 
 def _panel(axes: Axes, group: Group, time_s: Array, values: Array) -> None:
-    """Draw (F, T) errors of one axis."""
     size = np.abs(values[np.isfinite(values)])
     usual = max(float(np.median(size)), 1e-3) if size.size else np.inf
     if size.size and size.max() > max(GONE_M, STANDS_OUT * usual):
         axes.set_yscale("symlog", linthresh=10 ** np.ceil(np.log10(usual)))
     group.draw(axes, time_s, list(values))
     axes.axhline(0.0, color="#606060", lw=0.4, zorder=1.2)
-    span(axes, float(time_s[0]), float(time_s[-1]))
+    span(axes, time_s)
 
 
 def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
@@ -203,7 +181,7 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
         if bound.metric == f"error_{axis}_m.max" and bound.below and bound.below < 2.0 * max(high, -low):
             reach = max(begin, bound.from_s), min(end, bound.to_s)
             if reach[0] < reach[1]:
-                _both_ways(axes, reach, bound.below, "expected bound", color=LIMIT, ls=(0, (1, 1.5)))
+                _both_ways(axes, reach, bound.below, "expected bound", color=style.LIMIT, ls=(0, (1, 1.5)))
 
 
 def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
@@ -212,36 +190,29 @@ def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
     for error in gusted:
         reach = max(begin, error.at_s), min(end, error.to_s)
         if error.axis == axis and reach[0] < reach[1]:
-            _both_ways(axes, reach, error.allowed_m, ALLOWED, color=INK, ls=(0, (6, 2)))
-            _both_ways(axes, reach, error.least_m, LEAST, color=INK, ls=(0, (1, 1.5)))
+            _both_ways(axes, reach, error.allowed_m, ALLOWED, color=style.INK, ls=(0, (6, 2)))
+            _both_ways(axes, reach, error.least_m, LEAST, color=style.INK, ls=(0, (1, 1.5)))
 
 
 def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
     for sign in (-1, 1):
-        axes.plot(reach, [sign * size] * 2, lw=THIN, label=label, zorder=1.8, **look)
+        axes.plot(reach, [sign * size] * 2, lw=style.THIN, label=label, zorder=1.8, **look)
 
 
 def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]) -> Figure:
     """Draw the largest |error| of runs by several laws over spans of time beside each other, with the first's marks."""
-    figure = new_figure(13.5)
+    figure = style.new_figure(13.5)
     lines = {law: (run.time_s, largest_around_m(run)) for law, run in runs.items() if run.followers}
     if not lines:
-        note(figure.add_subplot(), "no law flew any follower")
+        style.note(figure.add_subplot(), "no law flew any follower")
         return figure
-    grid = axes_grid(figure, 3, len(spans), sharex="col", sharey="row", width_ratios=(0.6, 1.0)[-len(spans) :])
-    columns = [column_of(grid, index) for index in range(len(spans))]
-    for column, (begin, end) in zip(columns, spans, strict=True):
-        for axis, axes in enumerate(column):
+    grid = style.axes_grid(figure, 3, len(spans), sharex="col", sharey="row", width_ratios=(0.6, 1.0)[-len(spans) :])
+    for axis, row in enumerate(grid):
+        for axes, (begin, end) in zip(row, spans, strict=True):
             _laws(axes, {law: (time_s, error_m[:, axis]) for law, (time_s, error_m) in lines.items()}, begin, end)
-        column[-1].set_xlabel("mission time, s")
-    draw_marks(columns, marks(next(iter(runs.values()))))
-    for axis, (row, label) in enumerate(zip(grid, SIZES, strict=True)):
-        row[0].set_ylabel(label)
         most = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
         row[0].set_ylim(LEAST_SIZE_M, 2.0 * most)
-    figure.align_ylabels(columns[0])
-    legend_below(figure)
-    return figure
+    return finished(figure, next(iter(runs.values())), grid, SIZES)
 
 
 def largest_around_m(run: RunData) -> Array:
@@ -263,11 +234,10 @@ def _laws(axes: Axes, lines: Mapping[str, tuple[Array, Array]], begin: float, en
     for index, (law, (time_s, error_m)) in enumerate(lines.items()):
         colour, dash = LAW_COLOURS[index % len(LAW_COLOURS)], DASHES[index % len(DASHES)]
         kept = (time_s >= begin) & (time_s <= end)
-        within_s, sizes_m = time_s[kept], np.maximum(error_m[kept], LEAST_SIZE_M)
-        shown = extremes(sizes_m, BUCKETS)
-        axes.plot(within_s[shown], sizes_m[shown], color=colour, ls=dash, lw=LINE, label=law)
+        sizes_m = np.maximum(error_m[kept], LEAST_SIZE_M)
+        draw_line(axes, time_s[kept], sizes_m, color=colour, ls=dash, lw=style.LINE, label=law)
         highest_m = max(highest_m, float(sizes_m.max(initial=LEAST_SIZE_M)))
     if highest_m <= LEAST_SIZE_M:
-        note(axes, "all below 1 mm")
-    axes.axhline(SETTLED_M, color=GREY, lw=THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
-    span(axes, begin, end)
+        style.note(axes, "all below 1 mm")
+    axes.axhline(SETTLED_M, color=style.GREY, lw=style.THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
+    span(axes, (begin, end))

@@ -14,8 +14,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Vehicle
 from formation_scenario.environment import StepDisturbance
-from formation_scenario.vehicles import VehicleModel
-from gcs_formation.report.run_data import RunData
+from gcs_formation.report import RunData
 
 SHARE, SPARE_M = 1.5, 0.05
 """What a law is held to: so many times the least possible, and this much more."""
@@ -66,11 +65,6 @@ def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, a
     return SHARE * least_gust_error_m(gust_mps, round_trip_s, accel_max_mps2) + SPARE_M
 
 
-def accel_limits_mps2(model: VehicleModel, speed_mps: float) -> tuple[float, float]:
-    """Return how hard a vehicle can accelerate along its way and, by turning, across it."""
-    return model.accel_max_mps2, speed_mps * model.turn_rate_max_rps
-
-
 class GustError(NamedTuple):
     """One follower's error along one slot axis after a gust, until the next one, and what it's held against, m."""
 
@@ -93,13 +87,9 @@ def gusts(run: RunData) -> list[GustError]:
     if not run.begun:
         return []
     end_s = float(run.time_s[-1])
-    starts = [at_s for at_s in _instants(run) if float(run.time_s[0]) <= at_s < end_s]
-    return [error for at_s, to_s in pairwise([*starts, end_s]) for error in _worst(run, at_s, to_s)]
-
-
-def _instants(run: RunData) -> list[float]:
     steps = [each for each in run.scenario.disturbances if isinstance(each, StepDisturbance)]
-    return sorted({at_s for step in steps for at_s in (step.at_s, step.end_s) if math.isfinite(at_s)})
+    starts = {at_s for step in steps for at_s in (step.at_s, step.end_s) if run.time_s[0] <= at_s < end_s}
+    return [error for at_s, to_s in pairwise([*sorted(starts), end_s]) for error in _worst(run, at_s, to_s)]
 
 
 def _worst(run: RunData, at_s: float, to_s: float) -> Iterator[GustError]:
@@ -136,15 +126,13 @@ def _errors(
     psi = run.flown.heading(leader if scenario.formation.frame == "leader_heading" else identity)[tick]
     along_mps = np.array(((np.cos(psi), np.sin(psi)), (-np.sin(psi), np.cos(psi)))) @ gust_mps
     round_trip_s = _response_s(run, identity, at_s, tick)
-    limits = accel_limits_mps2(vehicle.model, scenario.path.speed_mps)
+    model = vehicle.model
+    limits_mps2 = model.accel_max_mps2, scenario.path.speed_mps * model.turn_rate_max_rps
     sizes = np.abs(run.flown.error(identity)[run.flown.window(float(run.time_s[tick]), to_s)])
     for i, axis in enumerate("xy"):
-        found_m = float(np.fmax.reduce(sizes[:, i], initial=np.nan))
+        found_m, gust = float(np.fmax.reduce(sizes[:, i], initial=np.nan)), (along_mps[i], round_trip_s, limits_mps2[i])
         if np.isfinite((psi, round_trip_s, found_m)).all():
-            least_m, allowed_m = (
-                float(bound(along_mps[i], round_trip_s, limits[i]))
-                for bound in (least_gust_error_m, allowed_gust_error_m)
-            )
+            least_m, allowed_m = float(least_gust_error_m(*gust)), float(allowed_gust_error_m(*gust))
             yield GustError(at_s, to_s, identity, axis, round_trip_s, least_m, allowed_m, found_m)
 
 

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: their frame, tables and cards."""
+"""Self-contained HTML pages: their frame, and what a run's page has in words, tables and cards."""
 
 from __future__ import annotations
 
@@ -10,12 +10,21 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+import yaml
+
+from formation_scenario.environment import StepDisturbance
 from gcs_formation.record.expectations import WORDS
-from gcs_formation.report.run_data import RunData
+from gcs_formation.report import RunData
+from gcs_formation.report.gusts import gusts
 
 MOST_EVENTS = 500
 AXES = ("x", "y", "z")
 NONE = "–"
+STEP_MPS = 0.6
+"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+REPORTED_M = {"x": 0.22, "y": 0.5}
+"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
 SIGNS = {"below": "<", "above": ">"}
 
 
@@ -31,12 +40,16 @@ def asset(name: str) -> str:
     return (files("gcs_formation.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def figure(name: str, title: str, caption: str, path: Path) -> str:
-    """Return a picture with its caption, its file embedded."""
-    image = b64encode(path.read_bytes()).decode("ascii")
+CAPTIONS: dict[str, dict[str, str]] = yaml.safe_load(asset("captions.yaml"))
+
+
+def figure(name: str, path: Path, title: str = "", first: str = "") -> str:
+    """Return a picture with its caption, its file embedded; `first` is said before what is said of all such figures."""
+    said, image = CAPTIONS[name.partition("-")[0]], b64encode(path.read_bytes()).decode("ascii")
+    title = escape(title or said["title"])
     return (
-        f'<figure id="figure-{name}"><img alt="{escape(title)}" src="data:image/png;base64,{image}">'
-        f"<figcaption><b>{escape(title)}.</b> {escape(caption)}</figcaption></figure>\n"
+        f'<figure id="figure-{name}"><img alt="{title}" src="data:image/png;base64,{image}">'
+        f"<figcaption><b>{title}.</b> {escape(first + said['caption'])}</figcaption></figure>\n"
     )
 
 
@@ -51,12 +64,22 @@ def number(value: float | None, digits: int = 3, unit: str = "") -> str:
     return NONE if value is None else f"{value:.{digits}f}{unit}".replace("-", "−")
 
 
+def brief(value: float | None) -> str:
+    """Return a figure in four digits, or a dash for none."""
+    return NONE if value is None else f"{value:.4g}".replace("-", "−")
+
+
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: Iterable[int] = (0,)) -> str:
     """Return a table; columns of text are set left, figures right."""
-    left = set(text_columns)
-    head = "".join(f'<th scope="col"{_kind(i in left)}>{escape(name)}</th>' for i, name in enumerate(heads))
+    kinds = [' class="text"' if i in set(text_columns) else "" for i in range(len(heads))]
+    head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for kind, name in zip(kinds, heads, strict=True))
     body = "\n".join(
-        "<tr>" + "".join(f"<td{_kind(i in left)}>{_inner(cell)}</td>" for i, cell in enumerate(row)) + "</tr>"
+        "<tr>"
+        + "".join(
+            f"<td{kind}>{cell if isinstance(cell, Html) else escape(cell)}</td>"
+            for kind, cell in zip(kinds, row, strict=True)
+        )
+        + "</tr>"
         for row in rows
     )
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table></div>'
@@ -89,51 +112,31 @@ def missing(texts: Sequence[str]) -> str:
     return f'<section id="missing"><h2>Missing from this record</h2><ul>{items}</ul></section>' if items else ""
 
 
-def count(value: int | None) -> str:
-    """Return a count, or a dash where it isn't known."""
-    return NONE if value is None else str(value)
-
-
 def cards(run: RunData) -> str:
     """Return the key figures."""
-    summary = run.summary
-    control, safety, stability = summary["control"], summary["safety"], summary["stability"]
-    limits = run.scenario.safety
+    summary, control, stability = run.summary, run.summary["control"], run.summary["stability"]
+    factor, loop_delay_s = summary["real_time_factor"], number(stability["worst_loop_delay_s"], 2, " s")
+    pace = f"{summary['clock']} clock" + (f", {factor:.1f} × real time" if factor else "")
+    least = {"separation": run.scenario.safety.separation_m, "clearance": run.scenario.safety.clearance_m}
     found = [
-        _card("Flown", number(summary["duration_s"], 1, " s"), _pace(summary)),
-        *_settled_cards(summary["followers"]),
-        _safety_card("Least separation", safety["min_separation_m"], limits.separation_m),
-        _safety_card("Least clearance", safety["min_clearance_m"], limits.clearance_m),
-        _card(
-            "Late ticks",
-            count(control["late_ticks"]),
-            f"of {control['ticks']}; {number(control['rate_hz'], 0)} Hz",
+        ("Flown", number(summary["duration_s"], 1, " s"), pace),
+        *_settled(summary["followers"]),
+        *(
+            (f"Least {what}", number(summary["safety"][f"min_{what}_m"], 1, " m"), f"limit {limit:g} m")
+            for what, limit in least.items()
         ),
-        _card(
-            "Delay margin",
-            number(stability["delay_margin_s"], 2, " s"),
-            f"longest loop delay {number(stability['worst_loop_delay_s'], 2, ' s')}",
-        ),
+        ("Late ticks", _count(control["late_ticks"]), f"of {control['ticks']}; {number(control['rate_hz'], 0)} Hz"),
+        ("Delay margin", number(stability["delay_margin_s"], 2, " s"), f"longest loop delay {loop_delay_s}"),
     ]
-    return "\n".join(found)
+    return "\n".join(map(_card, found))
 
 
-def _card(name: str, value: str, detail: str) -> str:
-    parts = {"name": name, "value": value, "detail": detail}
-    inner = "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in parts.items())
-    return f'<div class="card">{inner}</div>'
+def _card(texts: tuple[str, str, str]) -> str:
+    kinds = zip(("name", "value", "detail"), texts, strict=True)
+    return f'<div class="card">{"".join(f"""<div class="{kind}">{escape(text)}</div>""" for kind, text in kinds)}</div>'
 
 
-def _safety_card(name: str, value: float | None, limit: float) -> str:
-    return _card(name, number(value, 1, " m"), f"limit {limit:g} m")
-
-
-def _pace(summary: Mapping[str, Any]) -> str:
-    factor = summary["real_time_factor"]
-    return f"{summary['clock']} clock" + (f", {factor:.1f} × real time" if factor else "")
-
-
-def _settled_cards(followers: Mapping[str, Any]) -> list[str]:
+def _settled(followers: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     if not followers:
         return []
     times = [follower["settled_at_s"] for follower in followers.values()]
@@ -145,49 +148,36 @@ def _settled_cards(followers: Mapping[str, Any]) -> list[str]:
         if (figures := follower[f"error_{axis}_m"])["steady_max"] is not None
     ]
     largest, name, axis = max(steady, default=(None, "", ""))
+    last = f"the last at {max(settled):.1f} s" if settled else "never within 0.5 m for 10 s"
+    whose = f"vehicle {name}, axis {axis}" if name else "none settled"
     return [
-        _card(
-            "Settled",
-            f"{len(settled)} of {len(times)}",
-            f"the last at {max(settled):.1f} s" if settled else "never within 0.5 m for 10 s",
-        ),
-        _card(
-            "Largest steady error",
-            number(largest, 3, " m"),
-            f"vehicle {name}, axis {axis}" if name else "none settled",
-        ),
+        ("Settled", f"{len(settled)} of {len(times)}", last),
+        ("Largest steady error", number(largest, 3, " m"), whose),
     ]
 
 
 def followers(summary: Mapping[str, Any]) -> str:
-    """Return the errors of every follower."""
+    """Return the errors of every follower, and how much its setpoints moved."""
     keys = [(axis, key) for axis in AXES for key in ("rms", "max", "steady_max")]
-    times = "settled, s", "left, s", "in slot", "followed"
-    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys), *times]
+    heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys)]
     rows = [
         [
             name,
             *(number(follower[f"error_{axis}_m"][key]) for axis, key in keys),
-            number(follower["settled_at_s"], 1),
-            number(follower["left_at_s"], 1),
-            _share(follower["in_slot_share"]),
-            _share(follower.get("followed_share")),
+            *(number(follower[key], 1) for key in ("settled_at_s", "left_at_s")),
+            *(_share(follower.get(key)) for key in ("in_slot_share", "followed_share")),
         ]
         for name, follower in summary["followers"].items()
     ]
-    return table(heads, rows) + _effort(summary) if rows else '<p class="note">No vehicle followed.</p>'
-
-
-def _effort(summary: Mapping[str, Any]) -> str:
-    """Return how much the setpoints of every follower moved."""
     units = {"speed": "m/s", "heading": "rad", "height": "m"}
-    figures = {"step_p95": "steps, p95, {}", "variation_per_s": "variation a second, {}"}
-    heads = [f"{channel} {text.format(unit)}" for channel, unit in units.items() for text in figures.values()]
-    rows = [
-        [name, *(number(follower["effort"][channel][figure]) for channel in units for figure in figures)]
+    moved = {"step_p95": "steps, p95, {}", "variation_per_s": "variation a second, {}"}
+    effort = [
+        [name, *(number(follower["effort"][channel][figure]) for channel in units for figure in moved)]
         for name, follower in summary["followers"].items()
     ]
-    return table(["Vehicle", *heads], rows)
+    channels = [f"{channel} {text.format(unit)}" for channel, unit in units.items() for text in moved.values()]
+    errors = table([*heads, "settled, s", "left, s", "in slot", "followed"], rows)
+    return errors + table(["Vehicle", *channels], effort) if rows else '<p class="note">No vehicle followed.</p>'
 
 
 def expectations(summary: Mapping[str, Any]) -> str:
@@ -198,7 +188,7 @@ def expectations(summary: Mapping[str, Any]) -> str:
             str(entry.get("follower", "")),
             f"{entry.get('from_s', 0):g} to {entry['to_s']:g}" if "to_s" in entry else NONE,
             " and ".join(f"{sign} {entry[key]:g}" for key, sign in SIGNS.items() if key in entry),
-            NONE if entry["value"] is None else f"{entry['value']:.4g}".replace("-", "−"),
+            brief(entry["value"]),
             badge(entry["held"], ": ".join(filter(None, (WORDS[entry["held"]], entry.get("reason"))))),
         ]
         for entry in summary["expect"]
@@ -220,9 +210,8 @@ def links(summary: Mapping[str, Any]) -> str:
             *(number(link[key], 1) for key in ("injected_up_ms", "injected_down_ms")),
             *(number(link["measured_delay_ms"][key], 1) for key in ("p50", "p99")),
             *(number(link[key], 1) for key in ("measured_up_ms", "measured_down_ms")),
-            _share(link["injected_loss"]),
-            _share(link["measured_loss"]),
-            *(count(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
+            *(_share(link[key]) for key in ("injected_loss", "measured_loss")),
+            *(_count(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
         ]
         for name, link in summary["links"].items()
     ]
@@ -232,36 +221,17 @@ def links(summary: Mapping[str, Any]) -> str:
 def control(summary: Mapping[str, Any]) -> str:
     """Return the timing of the control loop."""
     found = summary["control"]
-    period, compute = found["period_ms"], found["compute_ms"]
-    heads = [
-        "Rate, Hz",
-        "ticks",
-        "late",
-        "period p50, ms",
-        "p99, ms",
-        "max, ms",
-        "computing p50, ms",
-        "p99, ms",
-    ]
-    row = [
-        number(found["rate_hz"], 1),
-        str(found["ticks"]),
-        count(found["late_ticks"]),
-        *(number(period[key], 2) for key in ("p50", "p99", "max")),
-        *(number(compute[key], 2) for key in ("p50", "p99")),
-    ]
-    return table(heads, [row], ())
+    heads = ["Rate, Hz", "ticks", "late", "period p50, ms", "p99, ms", "max, ms", "computing p50, ms", "p99, ms"]
+    taken = [found["period_ms"][key] for key in ("p50", "p99", "max")]
+    taken += [found["compute_ms"][key] for key in ("p50", "p99")]
+    counts = str(found["ticks"]), _count(found["late_ticks"])
+    return table(heads, [[number(found["rate_hz"], 1), *counts, *(number(each, 2) for each in taken)]], ())
 
 
 def events(run: RunData) -> str:
     """Return the events in order."""
     rows = [
-        [
-            number(float(event["t_s"]) - run.zero_s, 1),
-            str(event.get("kind", "")),
-            str(event.get("vehicle", "")),
-            str(event.get("text", "")),
-        ]
+        [number(float(event["t_s"]) - run.zero_s, 1), *(str(event.get(key, "")) for key in ("kind", "vehicle", "text"))]
         for event in run.events[:MOST_EVENTS]
     ]
     more = len(run.events) - MOST_EVENTS
@@ -270,13 +240,74 @@ def events(run: RunData) -> str:
     return table(heads, rows, (1, 2, 3)) + tail
 
 
+def _count(value: int | None) -> str:
+    return NONE if value is None else str(value)
+
+
 def _share(value: float | None) -> str:
     return NONE if value is None else f"{100 * value:.2f} %"
 
 
-def _kind(text: bool) -> str:
-    return ' class="text"' if text else ""
+def beside_the_paper(run: RunData) -> str:
+    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
+    step = _step(run)
+    if step is None:
+        return ""
+    window = run.flown.window(step.at_s, float(run.time_s[-1]))
+    errors_m = np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers])
+    most = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
+    rows = [
+        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found)]
+        for axis, found in zip(AXES, most, strict=True)
+    ]
+    rows += [
+        [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
+        for what in ("separation", "clearance")
+    ]
+    heads = ["Worst follower", "paper", "this run"]
+    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
 
 
-def _inner(cell: str) -> str:
-    return cell if isinstance(cell, Html) else escape(cell)
+def after_gusts(run: RunData) -> str:
+    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
+    rows = [
+        [
+            f"{error.at_s:g} s, {error.axis}",
+            str(error.vehicle),
+            *(number(value) for value in error[4:]),
+            badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
+        ]
+        for error in gusts(run)
+    ]
+    if not rows:
+        return ""
+    heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
+    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(CAPTIONS["gusts"]["caption"])}</p>'
+
+
+def _step(run: RunData) -> StepDisturbance | None:
+    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
+    if not run.begun or not run.followers:
+        return None
+    alike = (
+        each
+        for each in run.scenario.disturbances
+        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
+    )
+    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
+
+
+def _conditions(run: RunData, step: StepDisturbance) -> str:
+    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
+    everybody = step.vehicles == "all" or run.leader in step.vehicles
+    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
+    delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
+    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
+    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
+    frame = run.scenario.formation.frame.replace("_heading", "'s")
+    return (
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
+        "The paper says that it acts on every vehicle; it gives "
+        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
+        "errors of an estimate can't be told from its text."
+    )

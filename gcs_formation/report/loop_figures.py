@@ -17,49 +17,29 @@ from gcs_formation.record import figures_of_merit
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.flight import Columns
 from gcs_formation.record.timeseries import CHANNELS, INJECTED_MEAN
+from gcs_formation.report import RunData, style
 from gcs_formation.report.error_figures import WIDTHS, error_windows
-from gcs_formation.report.geometry import extremes
-from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import (
-    ASKED,
-    FOLLOWERS,
-    GREY,
-    INK,
-    LIMIT,
-    NEAREST,
-    THIN,
-    axes_grid,
-    column_of,
-    new_figure,
-    note,
-)
-from gcs_formation.report.time_axes import BUCKETS, Group, everyone, finished, followers_of, span
+from gcs_formation.report.time_axes import Group, draw_line, everyone, finished, followers_of, span
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
-NAMES = {
-    "speed": ("speed_mps", "airspeed_mps"),
-    "heading": ("heading_rad", "heading_rad"),
-    "height": ("height_m", "height_m"),
-}
-"""Columns of setpoint and response."""
+COLUMNS = {"speed": "speed_mps", "heading": "heading_rad", "height": "height_m"}
+"""Of a setpoint; the response to a speed is an airspeed."""
 STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
 STRETCHES = 200
-"""Of time, over which the steps of a tick are summed up."""
+"""Of time, over which is summed up what jumps from tick to tick: steps, delay and age."""
 LEAST_STEP = 0.01
 """What an axis of steps reaches to at least."""
 LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
 SILENT = 8.0
 """How many times the median age the axis of ages reaches at most: a silent vehicle would flatten all others."""
-WINDOWS = 200
-"""Stretches of time over which delay and age, which jump from tick to tick, are summed up."""
 
 
 def setpoints(run: RunData) -> Figure:
     """Draw setpoint and response of the leader and of the followers with the largest errors."""
     shown = _shown(run)
-    figure = new_figure(11.5)
-    grid = axes_grid(figure, 3, len(shown), sharex=True, sharey="row")
+    figure = style.new_figure(11.5)
+    grid = style.axes_grid(figure, 3, len(shown), sharex=True, sharey="row")
     for column, vehicle in enumerate(shown):
         name = f"leader ({vehicle})" if vehicle == run.leader else f"vehicle {vehicle}"
         grid[0][column].annotate(
@@ -67,19 +47,18 @@ def setpoints(run: RunData) -> Figure:
             ha="center", fontweight="bold",
         )  # fmt: skip
         for row, channel in enumerate(LABELS):
-            _follow(grid[row][column], run, *followed(run, vehicle, channel))
-    for row, label in enumerate(LABELS.values()):
-        grid[row][0].set_ylabel(label)
-    finished(figure, run, grid, labels=False)
-    return figure
+            setpoint, response = followed(run, vehicle, channel)
+            draw_line(grid[row][column], run.time_s, setpoint, color=style.ASKED, lw=1.2, label="setpoint")
+            draw_line(grid[row][column], run.time_s, response, color=style.INK, lw=style.THIN, label="response")
+            span(grid[row][column], run.time_s)
+    return finished(figure, run, grid, LABELS.values(), labels=False)
 
 
 def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Array]:
     """Return setpoint and response (K,) of a channel over the flown time; headings in degrees, without jumps."""
     columns = run.flown.vehicles[vehicle]
-    true = "true_" if run.flown.truth else ""
-    asked, became = NAMES[channel]
-    setpoint, response = columns[f"setpoint_{asked}"], columns[true + became]
+    asked, true = COLUMNS[channel], "true_" if run.flown.truth else ""
+    setpoint, response = columns[f"setpoint_{asked}"], columns[true + asked.replace("speed", "airspeed")]
     if channel != "heading":
         return setpoint, response
     steady = _unwrapped_deg(response)
@@ -94,33 +73,29 @@ def has_gains(run: RunData) -> bool:
 
 def gains(run: RunData) -> Figure:
     """Draw one follower's gains as shares of their nominal values: the worst of those that follow longest."""
-    followers = run.worst_first()
-    figure = new_figure(11.0)
+    figure = style.new_figure(11.0)
     windows = error_windows(run)
-    grid = axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])
-    columns = max((run.flown.vehicles[each] for each in followers), key=_ticks_following)
+    grid = style.axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])
+    columns = max((run.flown.vehicles[each] for each in run.worst_first()), key=_ticks_following)
     for column, window in enumerate(windows):
-        for axes, gain in zip(column_of(grid, column), GAINS, strict=True):
-            _gain(axes, run, columns, gain, window)
-    for row, label in zip(grid, GAINS.values(), strict=True):
-        row[0].set_ylabel(f"{label} / nominal")
-    return finished(figure, run, grid)
+        for row, gain in zip(grid, GAINS, strict=True):
+            _gain(row[column], run, columns, gain, window)
+    return finished(figure, run, grid, [f"{label} / nominal" for label in GAINS.values()])
 
 
 def steps(run: RunData) -> Figure:
     """Draw how far each follower's setpoints moved from tick to tick."""
     group = followers_of(run)
-    figure = new_figure(11.0)
-    grid = axes_grid(figure, len(STEPS), 1, sharex=True)
-    for (axes,), (channel, label) in zip(grid, STEPS.items(), strict=True):
+    figure = style.new_figure(11.0)
+    grid = style.axes_grid(figure, len(STEPS), 1, sharex=True)
+    for (axes,), channel in zip(grid, STEPS, strict=True):
         sizes = [setpoint_steps(run.flown.vehicles[vehicle], channel) for vehicle in group.vehicles]
         if channel == "heading":
             sizes = [np.degrees(size) for size in sizes]
         group.draw_spread(axes, run.time_s, sizes, STRETCHES)
         axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), LEAST_STEP))
-        axes.set_ylabel(label)
-    span(grid[0][0], float(run.time_s[0]), float(run.time_s[-1]))
-    return finished(figure, run, grid)
+    span(grid[0][0], run.time_s)
+    return finished(figure, run, grid, STEPS.values())
 
 
 def _ticks_following(columns: Columns) -> int:
@@ -133,29 +108,18 @@ def _shown(run: RunData) -> list[VehicleId]:
     return leaders + [vehicle for vehicle in run.followers if vehicle in worst and vehicle not in leaders]
 
 
-def _follow(axes: Axes, run: RunData, setpoint: Array, response: Array) -> None:
-    for values, colour, width, name in (
-        (setpoint, ASKED, 1.2, "setpoint"),
-        (response, INK, THIN, "response"),
-    ):
-        shown = extremes(values, BUCKETS)
-        axes.plot(run.time_s[shown], values[shown], color=colour, lw=width, label=name)
-    span(axes, float(run.time_s[0]), float(run.time_s[-1]))
-
-
 def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -> None:
     law, time_s = run.scenario_in_force.law, run.time_s[window]
-    for channel, colour in zip(CHANNELS, FOLLOWERS, strict=False):
+    for channel, colour in zip(CHANNELS, style.FOLLOWERS, strict=False):
         nominal: PidGains = getattr(law, channel)
         values = columns[f"{gain}_{channel}"][window] / (getattr(nominal, gain) or np.nan)
-        shown = extremes(values, BUCKETS)
         label = f"{channel}: $k_p$ {nominal.kp:.3g}, $k_i$ {nominal.ki:.3g}/s, $k_d$ {nominal.kd:.3g} s"
-        axes.plot(time_s[shown], values[shown], color=colour, lw=0.8, label=label)
+        draw_line(axes, time_s, values, color=colour, lw=0.8, label=label)
     gains_range = gain_range(run.scenario)
     if gains_range.span > 0.0:
         low, high = gains_range.base, gains_range.base + gains_range.span
-        axes.axhspan(low, high, color=GREY, alpha=0.12, lw=0, label="range of the fuzzy scheduler")
-    span(axes, float(time_s[0]), float(time_s[-1]))
+        axes.axhspan(low, high, color=style.GREY, alpha=0.12, lw=0, label="range of the fuzzy scheduler")
+    span(axes, time_s)
 
 
 def _unwrapped_deg(heading_rad: Array) -> Array:
@@ -170,47 +134,40 @@ def _unwrapped_deg(heading_rad: Array) -> Array:
 def latency(run: RunData) -> Figure:
     """Draw each link's one-way delay, injected and measured, how old telemetry was, and what was used of the margin."""
     group, followers = _slowest(run, everyone(run)), _slowest(run, followers_of(run))
-    figure = new_figure(12.5)
-    rows = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
+    figure = style.new_figure(12.5)
+    grid = style.axes_grid(figure, 3, 1, sharex=True)
+    delay, age, margin = style.column_of(grid, 0)
     delays, ages, injected = (
         [1e3 * _used(run, vehicle, name) for vehicle in group.vehicles] for name in ("delay_s", "age_s", INJECTED_MEAN)
     )
-    group.draw_spread(rows[0], run.time_s, delays, WINDOWS)
-    group.draw_spread(rows[1], run.time_s, ages, WINDOWS)
-    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
+    group.draw_spread(delay, run.time_s, delays, STRETCHES)
+    group.draw_spread(age, run.time_s, ages, STRETCHES)
+    span(delay, run.time_s)
     if np.nan_to_num(injected).any():
-        group.draw_medians(rows[0], run.time_s, injected, WINDOWS, "injected")
-    _from_zero(rows[0])
-    _age_scale(rows[1], np.stack(ages))
-    _margin_used(rows[2], run, followers)
-    rows[0].set_ylabel("one-way delay, ms")
-    rows[1].set_ylabel("age of telemetry, ms")
-    rows[2].set_ylabel("margin used, %")
-    return finished(figure, run, [[axes] for axes in figure.axes])
+        group.draw_medians(delay, run.time_s, injected, STRETCHES, "injected")
+    _from_zero(delay)
+    _age_scale(age, np.stack(ages))
+    _margin_used(margin, run, followers)
+    return finished(figure, run, grid, ("one-way delay, ms", "age of telemetry, ms", "margin used, %"))
 
 
 def separation(run: RunData) -> Figure:
     """Draw the least distance of any two vehicles, and every vehicle's height above ground."""
-    group = everyone(run)
-    limits = run.scenario.safety
-    figure = new_figure(9.5)
-    rows = column_of(axes_grid(figure, 2, 1, sharex=True), 0)
-    window = np.ones(run.time_s.shape, dtype=bool)
-    least = figures_of_merit.separation_m(run.flown, window)
+    group, limits = everyone(run), run.scenario.safety
+    figure = style.new_figure(9.5)
+    grid = style.axes_grid(figure, 2, 1, sharex=True)
+    apart, above = style.column_of(grid, 0)
     if len(group.vehicles) > 1:
+        least = figures_of_merit.separation_m(run.flown, np.ones(run.time_s.shape, dtype=bool))
         least = np.where(np.isfinite(least), least, np.nan)
-        shown = extremes(least, BUCKETS)
-        rows[0].plot(run.time_s[shown], least[shown], color=NEAREST, lw=1.2, label="nearest pair")
-        _limit(rows[0], limits.separation_m)
+        draw_line(apart, run.time_s, least, color=style.NEAREST, lw=1.2, label="nearest pair")
+        _limit(apart, limits.separation_m)
     else:
-        note(rows[0], "one vehicle: nothing to be separated from")
-    heights = [run.flown.clearance(vehicle) for vehicle in group.vehicles]
-    group.draw(rows[1], run.time_s, heights)
-    _limit(rows[1], limits.clearance_m)
-    rows[0].set_ylabel("least separation, m")
-    rows[1].set_ylabel("height above ground, m")
-    span(rows[0], float(run.time_s[0]), float(run.time_s[-1]))
-    return finished(figure, run, [[axes] for axes in figure.axes])
+        style.note(apart, "one vehicle: nothing to be separated from")
+    group.draw(above, run.time_s, [run.flown.clearance(vehicle) for vehicle in group.vehicles])
+    _limit(above, limits.clearance_m)
+    span(apart, run.time_s)
+    return finished(figure, run, grid, ("least separation, m", "height above ground, m"))
 
 
 def _used(run: RunData, vehicle: VehicleId, name: str) -> Array:
@@ -234,7 +191,7 @@ def _age_scale(axes: Axes, ages_ms: Array) -> None:
     if known.size and known.max() > most_ms:
         axes.set_ylim(top=most_ms)
         beyond = f"a silent vehicle: up to {known.max() / 1e3:.1f} s"
-        axes.text(0.99, 0.96, beyond, transform=axes.transAxes, ha="right", va="top", color=GREY)
+        axes.text(0.99, 0.96, beyond, transform=axes.transAxes, ha="right", va="top", color=style.GREY)
 
 
 def _from_zero(axes: Axes) -> None:
@@ -246,15 +203,15 @@ def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
     """Draw each follower's share of its delay margin in use, and the share from which an event reports it."""
     used = [100.0 * run.flown.vehicles[vehicle]["margin_used"] for vehicle in followers.vehicles]
     if not used:
-        note(axes, "no followers: no loops")
+        style.note(axes, "no followers: no loops")
         return
     followers.draw(axes, run.time_s, used)
-    axes.axhline(100.0 * NEAR, color=LIMIT, lw=0.9, ls=(0, (5, 2)), label="near the margin")
+    axes.axhline(100.0 * NEAR, color=style.LIMIT, lw=0.9, ls=(0, (5, 2)), label="near the margin")
     axes.set_ylim(0.0, max(axes.get_ylim()[1], 100.0))
 
 
 def _limit(axes: Axes, limit: float) -> None:
     """Draw a safety limit, with the axes from 0 on."""
-    axes.axhline(limit, color=LIMIT, lw=0.9, ls=(0, (5, 2)), label="safety limit")
+    axes.axhline(limit, color=style.LIMIT, lw=0.9, ls=(0, (5, 2)), label="safety limit")
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0), max(high, 1.5 * limit))

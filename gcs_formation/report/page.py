@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario
-from formation_scenario.environment import StepDisturbance
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
-from gcs_formation.report import html
-from gcs_formation.report.error_figures import transient_end_s
-from gcs_formation.report.figures import Plate, write_figures
-from gcs_formation.report.geometry import Indices, evenly, extremes, path_m, reach
+from gcs_formation.report import RunData, html, load_run
+from gcs_formation.report.error_figures import (
+    assembled_first,
+    assembly,
+    disturbance,
+    disturbed,
+    errors,
+    has_followers,
+    transient_end_s,
+)
 from gcs_formation.report.gusts import gusts
-from gcs_formation.report.html import AXES, asset, badge, document, figure, number, table
-from gcs_formation.report.run_data import RunData, load_run
-from gcs_formation.report.style import FOLLOWERS, marks
+from gcs_formation.report.html import asset, document, figure
+from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
+from gcs_formation.report.plan_figures import plan, trajectory
+from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, print_style, reach, save
 from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000
@@ -38,36 +45,52 @@ GROUND_CELLS = 120
 """Along the longer side of the ground that is shown."""
 GROUND_AROUND_M = 1000.0
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
-STEP_MPS = 0.6
-"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
-REPORTED_M = {"x": 0.22, "y": 0.5}
-"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
-BOUND = (
-    "Nothing can act before the round trip T has passed; then a vehicle accelerates by a at most. So whatever the law, "
-    "the largest error is at least |D| T + D²/(2 a) along a slot axis; ours is held to 1.5 times that and 0.05 m. T is "
-    "as measured before the gust, with sampling and hold by their means: an error may stay a little below the least "
-    "possible where the gust comes just before a sample. D is the change of the follower's disturbance beyond its "
-    "leader's. Shown is the follower nearest to its bound."
-)
 GROUND_CAPTION = " The browner the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
+class Plate(NamedTuple):
+    """A figure: the function that draws it, and whether a run has anything for it to show; it is left out otherwise."""
+
+    draw: Callable[[RunData], Figure]
+    has_something: Callable[[RunData], bool] = lambda _: True
+
+    @property
+    def name(self) -> str:
+        """Its file's name without the suffix."""
+        return self.draw.__name__
+
+
+PLATES = (
+    Plate(disturbance, disturbed), Plate(errors, has_followers), Plate(trajectory), Plate(plan),
+    Plate(assembly, assembled_first), Plate(setpoints), Plate(steps, has_followers), Plate(gains, has_gains),
+    Plate(separation), Plate(latency),
+)  # fmt: skip
+
+
 def embedded(run: RunData) -> dict[str, Any]:
     """Return the data of the page's plots, ready for JSON; times are mission times in s, unknown values None."""
-    group = everyone(run)
-    names = list(group.vehicles)
+    group, everybody = everyone(run), list(everyone(run).vehicles)
     return {
         "begun": run.begun,
         "flown_s": _rounded(run.time_s[[0, -1]], TIME_DIGITS),
         "steady_s": transient_end_s(run),
-        "vehicles": [_vehicle(run, vehicle) for vehicle in names],
-        "worst": [names.index(vehicle) for vehicle in run.worst_first()],
+        "vehicles": [_vehicle(run, vehicle) for vehicle in everybody],
+        "worst": [everybody.index(vehicle) for vehicle in run.worst_first()],
         "errors": _errors(run, group),
         "tracks": _tracks(run, group),
         "path": _path(run),
         "ground": _ground(run),
-        "bounds": _bounds(run),
+        "bounds": [
+            {
+                "axis": error.axis,
+                "from": round(error.at_s, TIME_DIGITS),
+                "to": round(error.to_s, TIME_DIGITS),
+                "allowed": round(error.allowed_m, ERROR_DIGITS),
+                "least": round(error.least_m, ERROR_DIGITS),
+            }
+            for error in gusts(run)
+        ],
         "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
     }
 
@@ -79,45 +102,23 @@ def as_script(data: dict[str, Any]) -> str:
 
 
 def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
-    if vehicle == run.leader:
-        return {"name": str(vehicle), "role": "leader", "colour": None}
-    return {
-        "name": str(vehicle),
-        "role": "follower",
-        "colour": FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)],
-    }
+    leads = vehicle == run.leader
+    colour = None if leads else FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)]
+    return {"name": str(vehicle), "role": "leader" if leads else "follower", "colour": colour}
 
 
 def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
     """Return each follower's errors at their extremes, with the times of these."""
-    count = max(len(run.followers), 1)
-    buckets = int(np.clip(ERROR_POINTS // (6 * count), FEWEST_BUCKETS, MOST_BUCKETS))
-    time_s = run.whole_time_s
+    buckets = int(np.clip(ERROR_POINTS // (6 * max(len(run.followers), 1)), FEWEST_BUCKETS, MOST_BUCKETS))
     found: list[dict[str, Any]] = []
     for index, vehicle in enumerate(group.vehicles):
-        if vehicle not in run.followers:
-            continue
-        error_m = run.whole.error(vehicle)
-        series = dict[str, Any]()
-        for axis, values in zip("xyz", error_m.T, strict=True):
-            kept = extremes(values, buckets)
-            series[axis] = {"t": _rounded(time_s[kept], TIME_DIGITS), "v": _rounded(values[kept], ERROR_DIGITS)}
-        found.append({"vehicle": index, **series})
+        if vehicle in run.followers:
+            found.append({"vehicle": index})
+            for axis, values in zip("xyz", run.whole.error(vehicle).T, strict=True):
+                kept = extremes(values, buckets)
+                times = _rounded(run.whole_time_s[kept], TIME_DIGITS)
+                found[-1][axis] = {"t": times, "v": _rounded(values[kept], ERROR_DIGITS)}
     return found
-
-
-def _bounds(run: RunData) -> list[dict[str, Any]]:
-    """Return the bounds on errors after gusts that act on followers only, and the least errors possible."""
-    return [
-        {
-            "axis": error.axis,
-            "from": round(error.at_s, TIME_DIGITS),
-            "to": round(error.to_s, TIME_DIGITS),
-            "allowed": round(error.allowed_m, ERROR_DIGITS),
-            "least": round(error.least_m, ERROR_DIGITS),
-        }
-        for error in gusts(run)
-    ]
 
 
 def _tracks(run: RunData, group: Group) -> dict[str, Any]:
@@ -130,17 +131,13 @@ def _tracks(run: RunData, group: Group) -> dict[str, Any]:
 
 
 def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
-    north, east, height = run.whole.place(vehicle)[kept].T
+    below = run.whole.vehicles[vehicle][GROUND[0]][kept]
+    named = zip(("north", "east", "height", "below"), (*run.whole.place(vehicle)[kept].T, below), strict=True)
     heading = run.whole.heading(vehicle)[kept]
     known = np.isfinite(heading)
     heading[known] = np.unwrap(heading[known])
-    return {
-        "north": _rounded(north, PLACE_DIGITS),
-        "east": _rounded(east, PLACE_DIGITS),
-        "height": _rounded(height, PLACE_DIGITS),
-        "below": _rounded(run.whole.vehicles[vehicle][GROUND[0]][kept], PLACE_DIGITS),
-        "heading": _rounded(heading, ANGLE_DIGITS),
-    }
+    track = {name: _rounded(values, PLACE_DIGITS) for name, values in named}
+    return {**track, "heading": _rounded(heading, ANGLE_DIGITS)}
 
 
 def _path(run: RunData) -> dict[str, Any]:
@@ -172,80 +169,23 @@ def _rounded(values: Array, digits: int) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
 
 
-def beside_the_paper(run: RunData) -> str:
-    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
-    step = _step(run)
-    if step is None:
-        return ""
-    found = _largest_m(run, step.at_s)
-    rows = [
-        [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found[axis])]
-        for axis in AXES
-    ]
-    rows += [
-        [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]
-        for what in ("separation", "clearance")
-    ]
-    heads = ["Worst follower", "paper", "this run"]
-    return f'{table(heads, rows)}<p class="note">{escape(_conditions(run, step))}</p>'
-
-
-def after_gusts(run: RunData) -> str:
-    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
-    rows = [
-        [
-            f"{error.at_s:g} s, {error.axis}",
-            str(error.vehicle),
-            *(number(value) for value in error[4:]),
-            badge(error.found_m <= error.allowed_m, "held" if error.found_m <= error.allowed_m else "broken"),
-        ]
-        for error in gusts(run)
-    ]
-    if not rows:
-        return ""
-    heads = ["Gust on followers only", "Vehicle", "T, s", "least possible, m", "held to, m", "largest |error|, m", ""]
-    return f'{table(heads, rows, (0, 1, 6))}<p class="note">{escape(BOUND)}</p>'
-
-
-def _step(run: RunData) -> StepDisturbance | None:
-    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
-    if not run.begun or not run.followers:
-        return None
-    alike = (
-        each
-        for each in run.scenario.disturbances
-        if isinstance(each, StepDisturbance) and np.allclose(np.abs(each.velocity_mps), (STEP_MPS, STEP_MPS, 0.0))
-    )
-    return next((each for each in alike if each.at_s + 60.0 <= float(run.time_s[-1])), None)
-
-
-def _largest_m(run: RunData, from_s: float) -> dict[str, float | None]:
-    window = run.flown.window(from_s, float(run.time_s[-1]))
-    errors = np.abs(np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers]))
-    most = np.fmax.reduce(errors)
-    return {axis: float(most[i]) if np.isfinite(most[i]) else None for i, axis in enumerate(AXES)}
-
-
-def _conditions(run: RunData, step: StepDisturbance) -> str:
-    """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
-    everybody = step.vehicles == "all" or run.leader in step.vehicles
-    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
-    delays_ms = [link["injected_delay_ms"] for link in run.summary["links"].values()]
-    known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
-    links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
-    frame = run.scenario.formation.frame.replace("_heading", "'s")
-    return (
-        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
-        "The paper says that it acts on every vehicle; it gives "
-        "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
-        "errors of an estimate can't be told from its text."
-    )
+def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]:
+    """Draw every figure that the run has something for into a directory; yield each with its file."""
+    directory.mkdir(exist_ok=True)
+    for plate in PLATES:
+        path = directory / f"{plate.name}.png"
+        if not plate.has_something(run):
+            path.unlink(missing_ok=True)
+            continue
+        with print_style():
+            save(plate.draw(run), path)
+        yield plate, path
 
 
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
-    summary, compared = run.summary, beside_the_paper(run) + after_gusts(run)
-    gallery = "".join(figure(plate.name, plate.title, plate.caption, path) for plate, path in plates)
+    summary, compared = run.summary, html.beside_the_paper(run) + html.after_gusts(run)
+    gallery = "".join(figure(plate.name, path) for plate, path in plates)
     return document(
         str(summary["name"]),
         "report.html",
@@ -275,13 +215,10 @@ def _subtitle(run: RunData) -> str:
     followers = f"{count} follower{'s' * (count != 1)}" if count else "no followers"
     law = law_kind(scenario).name
     prediction = "with" if scenario.law.delay_compensation else "without"
-    parts = (
-        f"{leader} and {followers}",
-        f"{scenario.formation.shape} of {scenario.formation.spacing_m:g} m",
-        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation",
-        f"seed {run.summary['seed']}",
+    return (
+        f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
+        f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
     )
-    return "; ".join(parts)
 
 
 def _error_source(run: RunData) -> str:
@@ -296,11 +233,7 @@ def _error_source(run: RunData) -> str:
     )
 
 
-def _unsaid(text: str) -> None:
-    """Leave it to the page, which says it as well."""
-
-
-def write_report(run_dir: Path, lacks: Callable[[str], None] = _unsaid) -> Path:
+def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
     `lacks` is called with each thing that the record of an unfinished run lacks, in words.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import LightSource, LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -14,9 +15,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from flight_model.arrays import Array
-from gcs_formation.report.geometry import Snapshot, evenly, path_m, reach, snapshot, snapshot_ticks
-from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import GREY, INK, LIGHT, THIN, WIDTH_CM, axes_grid, legend_below, new_figure
+from gcs_formation.report import RunData, style
 from gcs_formation.report.time_axes import Group, everyone, span, time_label
 
 SPACE_RATIO = 0.4
@@ -40,15 +39,22 @@ LETTER_PT = 15.0
 TRACK_POINTS = 3000
 STILLS = 12
 """Times at which everyone's place is dotted into the plan."""
+BEFORE_CHANGE_S = 1.0
+SNAPSHOTS = 4
 FEW_S = 20.0
 """A flight no longer than this is timed by tenths of a second."""
+
+
+Side = tuple[float, float]
+Places = npt.NDArray[np.complexfloating[Any, Any]]
+"""Complex: north and, imaginary, east."""
 
 
 class Extent(NamedTuple):
     """Limits of the axes: (least, greatest) in m; a plan has no height."""
 
-    north: tuple[float, float]
-    east: tuple[float, float]
+    north: Side
+    east: Side
     height: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -61,28 +67,25 @@ class Extent(NamedTuple):
         """Unit of the horizontal axes, in m and by name."""
         return (1000.0, "km") if self.longest >= KILOMETRES_FROM_M else (1.0, "m")
 
-    @property
-    def tall(self) -> bool:
-        """Whether north reaches further than east."""
-        return self.north[1] - self.north[0] > self.east[1] - self.east[0]
-
 
 def trajectory(run: RunData) -> Figure:
     """Draw the tracks in space over the ground below, heights stretched; with terrain, also heights over time."""
     group = everyone(run)
     profile = run.scenario.terrain is not None
-    figure = new_figure(15.0 if profile else 10.5)
+    figure = style.new_figure(15.0 if profile else 10.5)
     figure.set_layout_engine("none")
     place = (-0.13, 0.26, 1.23, 0.84) if profile else (-0.13, -0.04, 1.23, 1.16)
     axes = cast("Axes3D", figure.add_axes(place, projection="3d", computed_zorder=False))
-    shown = evenly(run.time_s.size, TRACK_POINTS)
+    shown = style.evenly(run.time_s.size, TRACK_POINTS)
     space = _space(run)
     _ground(axes, run, space)
     unit, name = space.unit
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         north, east, up = run.flown.place_in_flight(vehicle)[shown].T
         below = run.flown.vehicles[vehicle]["ground_height_m"][shown] if profile else np.full_like(up, space.height[0])
-        axes.plot(east / unit, north / unit, below, color="#9A9A9A" if profile else "#DCDCDC", lw=THIN, zorder=SHADOW)
+        axes.plot(
+            east / unit, north / unit, below, color="#9A9A9A" if profile else "#DCDCDC", lw=style.THIN, zorder=SHADOW
+        )
         look = group.look(vehicle)
         axes.plot(east / unit, north / unit, up, lw=0.8, label=group.label(vehicle), zorder=TRACK, **look)
     _frame_space(axes, space)
@@ -91,24 +94,28 @@ def trajectory(run: RunData) -> Figure:
     axes.set_zlabel("height, m", labelpad=6)
     if profile:
         _profile(figure.add_axes((0.11, 0.13, 0.86, 0.2)), run, group)
-    legend_below(figure, outside=False)
+    style.legend_below(figure, outside=False)
     return figure
 
 
 def _space(run: RunData) -> Extent:
     """Return limits around the flown tracks and, with terrain, the ground below them."""
-    low, high = reach(np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles]))
-    longest = max(float((high - low)[:2].max()), 10.0)
-    half = np.maximum((high - low)[:2], NARROWEST * longest) * 0.52
-    middle = (low + high)[:2] / 2
-    (south, west), (north, east) = middle - half, middle + half
+    low, high = style.reach(np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles]))
+    north, east = _sides(low[:2], high[:2], NARROWEST, 10.0, 0.52)
     if run.scenario.terrain is None:
         floor = float(low[2] - 0.15 * max((high[2] - low[2]) * 1.1, 10.0))
     else:
         below = np.concatenate([own["ground_height_m"] for own in run.flown.vehicles.values()])
         floor = float(np.fmin.reduce(below, initial=low[2]))
     top = float(high[2]) + 0.1 * max(float(high[2]) - floor, 10.0)
-    return Extent((float(south), float(north)), (float(west), float(east)), (floor, top))
+    return Extent(north, east, (floor, top))
+
+
+def _sides(low: Array, high: Array, slimmest: float, smallest_m: float, share: float) -> tuple[Side, Side]:
+    """Return both sides around what reaches from `low` to `high`: `share` of them to each side, none too narrow."""
+    half = share * np.maximum(high - low, slimmest * max(float((high - low).max()), smallest_m))
+    (south, west), (north, east) = ((low + high) / 2 + sign * half for sign in (-1.0, 1.0))
+    return (float(south), float(north)), (float(west), float(east))
 
 
 def _ground(axes: Axes3D, run: RunData, space: Extent) -> None:
@@ -147,15 +154,15 @@ def _frame_space(axes: Axes3D, space: Extent) -> None:
 
 def _profile(axes: Axes, run: RunData, group: Group) -> None:
     """Draw everyone's height over time, and the ground below the leader (the first follower without one)."""
-    shown = evenly(run.time_s.size, TRACK_POINTS)
+    shown = style.evenly(run.time_s.size, TRACK_POINTS)
     time_s = run.time_s[shown]
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
-    span(axes, float(time_s[0]), float(time_s[-1]))
+    span(axes, time_s)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         axes.plot(time_s, run.flown.place_in_flight(vehicle)[shown, 2], lw=0.8, **group.look(vehicle))
     low = min(0.0, float(np.fmin.reduce(below, initial=0.0)))
     axes.fill_between(time_s, below, low, color="#D9D3B8", lw=0)
-    axes.plot(time_s, below, color=GREY, lw=THIN)
+    axes.plot(time_s, below, color=style.GREY, lw=style.THIN)
     axes.set_ylim(bottom=low)
     axes.set_xlabel(time_label(run))
     axes.set_ylabel("height, m")
@@ -165,66 +172,63 @@ def plan(run: RunData) -> Figure:
     """Draw tracks and path from above, and the formation at a few times, all to scale."""
     group = everyone(run)
     stills = [snapshot(run, tick) for tick in snapshot_ticks(run)]
-    path = path_m(run)
+    path = style.path_m(run)
     extent = _extent(run)
     figure, main, small, aspect = _layout(extent, len(stills))
     _tracks(main, run, group, path)
     _lettered(main, stills)
     _frame(main, extent)
     _formations(small, run, group, stills, aspect)
-    legend_below(figure)
+    style.legend_below(figure)
     return figure
 
 
 def _extent(run: RunData) -> Extent:
     """Return the extent of the flown tracks, with a margin and not too slim."""
-    low, high = reach(np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles]))
-    half = (0.5 + MARGIN) * np.maximum(high - low, SLIMMEST * max(float((high - low).max()), SMALLEST_M))
-    (south, west), (north, east) = (low + high) / 2 - half, (low + high) / 2 + half
-    return Extent((float(south), float(north)), (float(west), float(east)))
+    low, high = style.reach(
+        np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
+    )
+    return Extent(*_sides(low, high, SLIMMEST, SMALLEST_M, 0.5 + MARGIN))
 
 
 def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float]:
     """Return a figure, axes for the plan, small ones beside it (if tall) or below, and their height by width."""
     ratio = (extent.north[1] - extent.north[0]) / (extent.east[1] - extent.east[0])
-    if extent.tall:
-        width_cm = min(LONG_CM / ratio + 1.5, 0.5 * WIDTH_CM)
+    if ratio > 1.0:
+        width_cm = min(LONG_CM / ratio + 1.5, 0.5 * style.WIDTH_CM)
         height_cm = min(LONG_CM, (width_cm - 1.2) * ratio)
-        figure = new_figure(height_cm + 2.2)
-        parts = figure.subfigures(1, 2, squeeze=False, width_ratios=[width_cm, WIDTH_CM - width_cm])
+        figure = style.new_figure(height_cm + 2.2)
+        parts = figure.subfigures(1, 2, squeeze=False, width_ratios=[width_cm, style.WIDTH_CM - width_cm])
         rows, columns = ceil(count / 2), 2
-        aspect = (height_cm / rows - 1.2) / ((WIDTH_CM - width_cm - 1.4) / 2 - 0.3)
+        aspect = (height_cm / rows - 1.2) / ((style.WIDTH_CM - width_cm - 1.4) / 2 - 0.3)
     else:
         height_cm = LONG_CM * ratio + 1.5
-        figure = new_figure(height_cm + 6.0)
+        figure = style.new_figure(height_cm + 6.0)
         parts = figure.subfigures(2, 1, squeeze=False, height_ratios=[height_cm, 4.5])
         rows, columns, aspect = 1, count, 1.0
     main, beside = parts.ravel().tolist()
-    small = [axes for row in axes_grid(beside, rows, columns) for axes in row]
-    for spare in small[count:]:
-        spare.set_axis_off()
-    return figure, main.subplots(), small[:count], float(np.clip(aspect, 0.8, 2.0))
+    small = style.panels(beside, rows, columns, count)
+    return figure, main.subplots(), small, float(np.clip(aspect, 0.8, 2.0))
 
 
 def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     axes.plot(path[:, 1], path[:, 0], color="#F0C27A", lw=3.0, alpha=0.7, label="path", solid_capstyle="butt")
-    shown = evenly(run.time_s.size, TRACK_POINTS)
-    dots = evenly(run.time_s.size, STILLS)
+    shown = style.evenly(run.time_s.size, TRACK_POINTS)
+    dots = style.evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         place = run.flown.place_in_flight(vehicle)
-        axes.plot(place[shown, 1], place[shown, 0], lw=THIN, label=group.label(vehicle), **group.look(vehicle))
+        axes.plot(place[shown, 1], place[shown, 0], lw=style.THIN, label=group.label(vehicle), **group.look(vehicle))
         axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=group.colour(vehicle))
-    axes.plot(path[0, 1], path[0, 0], ls="", marker="o", ms=6, mfc="none", mec=INK, mew=0.9, label="start")
+    axes.plot(path[0, 1], path[0, 0], ls="", marker="o", ms=6, mfc="none", mec=style.INK, mew=0.9, label="start")
 
 
 def _lettered(axes: Axes, stills: Sequence[Snapshot]) -> None:
     """Name the places of the snapshots, to the right of the way that the leader goes."""
     for still, letter in zip(stills, LETTERS, strict=False):
-        north, east = still.reference
-        away = LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad)
+        place, away = still.reference, (LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad))
         axes.annotate(
-            letter, (east, north), xytext=away, textcoords="offset points", fontweight="bold",
-            ha="center", va="center", arrowprops={"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkB": 1},
+            letter, (place.imag, place.real), xytext=away, textcoords="offset points", fontweight="bold",
+            ha="center", va="center", arrowprops={"arrowstyle": "-", "lw": 0.5, "color": style.GREY, "shrinkB": 1},
         )  # fmt: skip
 
 
@@ -252,12 +256,14 @@ def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Seque
     digits = 0 if run.time_s[-1] - run.time_s[0] > FEW_S else 1
     size = 2.5 if group.banded else 5.0
     for axes, still, letter in zip(small, stills, LETTERS, strict=False):
-        axes.plot(*still.slots_m.T, ls="", marker="o", ms=1.4 * size, mfc="none", mec=GREY, mew=THIN, label="slot")
+        axes.plot(
+            *still.slots_m.T, ls="", marker="o", ms=1.4 * size, mfc="none", mec=style.GREY, mew=style.THIN, label="slot"
+        )
         for vehicle, place, turn in zip(vehicles, still.places_m, still.headings_rad, strict=True):
             colour = group.colour(vehicle)
             pointed = (3, 0, float(-np.degrees(turn)) if np.isfinite(turn) else 0.0)
-            shown = GREY if colour == LIGHT else colour
-            axes.plot(*place, ls="", marker=pointed, ms=size, color=shown, zorder=2 + (colour != LIGHT))
+            shown = style.GREY if colour == style.LIGHT else colour
+            axes.plot(*place, ls="", marker=pointed, ms=size, color=shown, zorder=2 + (colour != style.LIGHT))
         axes.set_xlim(centre[0] - half, centre[0] + half)
         axes.set_ylim(centre[1] - half * aspect, centre[1] + half * aspect)
         axes.set_aspect("equal")
@@ -277,3 +283,58 @@ def _view(places_m: Array, aspect: float) -> tuple[Array, float]:
     near = known[away <= 6.0 * max(float(np.median(away)), 10.0)]
     low, high = near.min(axis=0), near.max(axis=0)
     return (low + high) / 2, 0.62 * max(high[0] - low[0], (high[1] - low[1]) / aspect, 20.0)
+
+
+class Snapshot(NamedTuple):
+    """The formation at one tick: (N, 2) metres right and forward of the leader, or of the middle without one."""
+
+    tick: int
+    reference: complex
+    """North and, imaginary, east of the leader, or the middle, m."""
+    places_m: Array
+    slots_m: Array
+    """Of the followers, (F, 2)."""
+    headings_rad: Array
+    """(N,) clockwise from up."""
+    up_rad: float
+    """What is up: the leader's heading, or the mean of all."""
+
+
+def snapshot_ticks(run: RunData) -> list[int]:
+    """Return flown ticks worth a closer look: start, end, just before changes of shape, in between."""
+    time_s = run.time_s
+    begin, end = float(time_s[0]), float(time_s[-1])
+    changes = [c.at_s - BEFORE_CHANGE_S for c in run.scenario.formation.changes if begin < c.at_s < end]
+    wanted = sorted([begin, *changes[: SNAPSHOTS - 2], end])
+    while len(wanted) < SNAPSHOTS:
+        gap = int(np.argmax(np.diff(wanted)))
+        wanted.insert(gap + 1, (wanted[gap] + wanted[gap + 1]) / 2)
+    return sorted({min(int(np.searchsorted(time_s, at)), time_s.size - 1) for at in wanted})
+
+
+def snapshot(run: RunData, tick: int) -> Snapshot:
+    """Return the formation at a flown tick; within, places are complex: north and, imaginary, east."""
+    flight, vehicles = run.flown, list(run.flown.vehicles)
+    places, errors = (
+        np.array([of(vehicle)[tick, :2] for vehicle in vehicles]) @ (1.0, 1.0j)
+        for of in (flight.place_in_flight, flight.error)
+    )
+    headings = np.array([flight.heading(vehicle)[tick] for vehicle in vehicles])
+    leader = flight.leader_at(tick)
+    lead = vehicles.index(leader) if leader is not None and flight.airborne(leader)[tick] else None
+    reference = _mean(places) if lead is None else complex(places[lead])
+    up_rad = float(np.angle(_mean(np.exp(1j * headings))) if lead is None else headings[lead])
+    in_leaders_frame = lead is not None and run.scenario.formation.frame == "leader_heading"
+    slots = places + errors * np.exp(1j * (up_rad if in_leaders_frame else headings))
+    following = np.arange(len(vehicles)) != lead
+
+    def right_forward(of: Places) -> Array:
+        turned = (of - reference) * np.exp(-1j * up_rad)
+        return np.column_stack((turned.imag, turned.real))
+
+    return Snapshot(tick, reference, right_forward(places), right_forward(slots[following]), headings - up_rad, up_rad)
+
+
+def _mean(values: Places) -> complex:
+    known = values[np.isfinite(values)]
+    return complex(known.mean()) if known.size else 0j

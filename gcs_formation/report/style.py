@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import islice
+from importlib.resources import as_file, files
+from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
-from formation_scenario.fields import Timed, VehicleSelection
-from formation_scenario.formation import FormationChange
+from flight_model.arrays import Array
+from formation_scenario.fields import VehicleSelection
 from formation_scenario.links import ImpairmentPatch, LinkChange
-from gcs_formation.report.run_data import RunData
+from gcs_formation.report import RunData
 
-if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
-
+Indices = npt.NDArray[np.int64]
 CM = 1 / 2.54
 WIDTH_CM = 16.0
 DPI = 200
@@ -40,60 +41,30 @@ NEAREST = "#56B4E9"
 THIN = 0.6
 LINE = 0.9
 FONT_PT = 8.0
+"""As in print.mplstyle."""
 CHARACTER_PT = 4.9
 """Mean width of a character."""
 HANDLE_EM, BETWEEN_EM = 1.8, 1.4
 """Length of a legend's lines and what is between its columns, in sizes of the font."""
 MOST_COLUMNS = 5
 
-WHITE = (1.0, 1.0, 1.0, 1.0)
-
-SETTINGS: dict[RcKeyType, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": FONT_PT,
-    "axes.titlesize": FONT_PT,
-    "axes.labelsize": FONT_PT,
-    "xtick.labelsize": FONT_PT,
-    "ytick.labelsize": FONT_PT,
-    "legend.fontsize": FONT_PT,
-    "legend.frameon": False,
-    "axes.linewidth": THIN,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.5,
-    "xtick.major.width": THIN,
-    "ytick.major.width": THIN,
-    "lines.linewidth": LINE,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "axes3d.xaxis.panecolor": WHITE,
-    "axes3d.yaxis.panecolor": WHITE,
-    "axes3d.zaxis.panecolor": WHITE,
-}
+PATH_POINTS = 2000
 SAME_S = 0.5
 """Marks of one label no further apart than this are one."""
 MOST_EVENTS = 12
 """Events shown; a link that comes and goes would hide everything else."""
 WORDS = {
-    "delay_ms": "delay {:g} ms",
-    "jitter_ms": "jitter {:g} ms",
-    "loss": "loss {:.0%}",
-    "duplicate": "twice {:.0%}",
+    "delay_ms": "delay {:g} ms", "jitter_ms": "jitter {:g} ms", "loss": "loss {:.0%}", "duplicate": "twice {:.0%}",
     "rate_kbps": "{:g} kbit/s",
-}
+}  # fmt: skip
 
 
 @contextmanager
 def print_style() -> Generator[None]:
-    """Draw in this module's style, and leave Matplotlib's settings as they were."""
-    with mpl.rc_context():
+    """Draw as `print.mplstyle` says, and leave Matplotlib's settings as they were."""
+    with mpl.rc_context(), as_file(files("gcs_formation.report") / "assets" / "print.mplstyle") as settings:
         mpl.rcdefaults()
-        mpl.rcParams.update(SETTINGS)
+        mpl.rcParams.update(mpl.rc_params_from_file(settings, use_default_template=False))
         yield
 
 
@@ -102,18 +73,17 @@ def new_figure(height_cm: float) -> Figure:
     return Figure(figsize=(WIDTH_CM * CM, height_cm * CM), dpi=DPI, layout="constrained")
 
 
-def axes_grid(
-    figure: FigureBase,
-    rows: int,
-    columns: int,
-    *,
-    sharex: bool | Literal["col"] = False,
-    sharey: bool | Literal["row"] = False,
-    width_ratios: Sequence[float] | None = None,
-) -> list[list[Axes]]:
-    """Return axes by row and column."""
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey, width_ratios=width_ratios)
-    return cast("list[list[Axes]]", grid.tolist())
+def axes_grid(figure: FigureBase, rows: int, columns: int, **shared: Any) -> list[list[Axes]]:
+    """Return axes by row and column; `shared` as Matplotlib's `subplots` takes it."""
+    return cast("list[list[Axes]]", figure.subplots(rows, columns, squeeze=False, **shared).tolist())
+
+
+def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes]:
+    """Return so many axes, row after row; what else the grid has stays empty."""
+    made = [axes for row in axes_grid(figure, rows, columns) for axes in row]
+    for spare in made[count:]:
+        spare.set_axis_off()
+    return made[:count]
 
 
 def column_of(grid: Sequence[Sequence[Axes]], column: int) -> list[Axes]:
@@ -136,17 +106,12 @@ def legend_below(figure: Figure, *, outside: bool = True) -> None:
         handles, labels = axes.get_legend_handles_labels()
         named |= {str(label): handle for handle, label in zip(handles, labels, strict=True)}
     if named:
-        room_pt = 72.0 * figure.get_figwidth()
-        columns = _columns_that_fit([_width_pt(label) for label in named], room_pt)
+        columns = _columns_that_fit([_width_pt(label) for label in named], 72.0 * figure.get_figwidth())
         by_row = [label for column in range(columns) for label in list(named)[column::columns]]
         figure.legend(
-            [named[label] for label in by_row],
-            by_row,
-            loc="outside lower center" if outside else "lower center",
-            ncols=columns,
-            handlelength=HANDLE_EM,
-            columnspacing=BETWEEN_EM,
-        )
+            [named[label] for label in by_row], by_row, loc="outside lower center" if outside else "lower center",
+            ncols=columns, handlelength=HANDLE_EM, columnspacing=BETWEEN_EM,
+        )  # fmt: skip
 
 
 def _width_pt(label: str) -> float:
@@ -157,10 +122,8 @@ def _width_pt(label: str) -> float:
 
 def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
     """Return the most columns, filled row after row, that have room beside each other."""
-    for columns in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1):
-        if sum(max(widths_pt[column::columns]) for column in range(columns)) <= room_pt:
-            return columns
-    return 1
+    wide_pt = {n: sum(max(widths_pt[i::n]) for i in range(n)) for n in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1)}
+    return next((columns for columns, needed_pt in wide_pt.items() if needed_pt <= room_pt), 1)
 
 
 def note(axes: Axes, text: str) -> None:
@@ -168,66 +131,100 @@ def note(axes: Axes, text: str) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
 
 
+def extremes(values: Array, buckets: int) -> Indices:
+    """Return rising indices into (T,) values that keep every extreme a plot could show.
+
+    The series is cut into at most `buckets` pieces; of each the smallest, the largest and, where there is one, an
+    unknown (NaN) value are kept, so that a line through them spans the same range and breaks in the same places.
+    First and last are kept too. A series of no more than 2 * `buckets` values is kept whole.
+    """
+    size = values.size
+    if size <= 2 * buckets:
+        return np.arange(size)
+    width = -(-size // buckets)
+    padded = np.full(width * -(-size // width), values[-1])
+    padded[:size] = values
+    pieces = padded.reshape(-1, width)
+    unknown = np.isnan(pieces)
+    begin = np.arange(pieces.shape[0]) * width
+    kept = [
+        begin + np.where(unknown, np.inf, pieces).argmin(axis=1),
+        begin + np.where(unknown, -np.inf, pieces).argmax(axis=1),
+        (begin + unknown.argmax(axis=1))[unknown.any(axis=1)],
+        np.array([0, size - 1]),
+    ]
+    return np.unique(np.minimum(np.concatenate(kept), size - 1))
+
+
+def reach(places: Array) -> tuple[Array, Array]:
+    """Return the least and the greatest coordinates (D,) of those of (N, D) places that are known, 0 of none."""
+    known = places[np.isfinite(places).all(axis=1)]
+    known = known if known.size else np.zeros_like(places[:1])
+    return known.min(axis=0), known.max(axis=0)
+
+
+def evenly(size: int, count: int) -> Indices:
+    """Return at most `count` rising indices spread over a series of `size`, first and last included."""
+    if size <= count:
+        return np.arange(size)
+    return np.unique(np.round(np.linspace(0, size - 1, count)).astype(np.int64))
+
+
+def path_m(run: RunData) -> Array:
+    """Return the scenario's path, (P, 3) north, east, height."""
+    path = run.scenario.leader_path
+    points = path.at(np.linspace(0.0, path.length_m, PATH_POINTS))
+    return np.column_stack((points.north_m, points.east_m, points.height_m))
+
+
 class Mark(NamedTuple):
     """Something at a mission time, in a word or two."""
 
     time_s: float
     label: str
-    kind: str
-    """disturbance, fault, shape, link, order or lost."""
 
 
 def marks(run: RunData) -> list[Mark]:
-    """Return planned changes and events, changes of leader, orders and lost links, by time."""
-    begin, end = float(run.time_s[0]), float(run.time_s[-1])
-    found = [*_planned(run), *_happened(run)]
-    inside = (mark for mark in found if begin <= mark.time_s <= end)
-    return _merged(sorted(inside))
+    """Return planned changes and events, changes of leader, orders and lost links, by time; those alike once."""
+    kept: list[Mark] = []
+    for mark in sorted([*_planned(run), *_happened(run)]):
+        alike = any(mark.time_s - other.time_s <= SAME_S and other.label == mark.label for other in kept)
+        if run.time_s[0] <= mark.time_s <= run.time_s[-1] and not alike:
+            kept.append(mark)
+    return kept
 
 
 def _planned(run: RunData) -> Iterator[Mark]:
     if not run.begun:
         return
     scenario = run.scenario
-    for disturbance in scenario.disturbances:
-        yield from _passing(disturbance, "disturbance", "disturbance", disturbance.until_s)
-    for fault in scenario.faults:
-        yield from _passing(fault, fault.kind, "fault", fault.until_s)
+    named = (("disturbance", each) for each in scenario.disturbances), ((each.kind, each) for each in scenario.faults)
+    for name, each in chain(*named):
+        yield Mark(each.at_s, f"{name}{_of(each.vehicles)}")
+        if each.until_s is not None:
+            yield Mark(each.until_s, f"{name} over{_of(each.vehicles)}")
     for change in scenario.formation.changes:
-        yield Mark(change.at_s, _changed(change), "shape")
+        leader = f"leader {change.leader}" if change.leader is not None else ""
+        spacing = f"spacing {change.spacing_m:g} m" if change.shape is None and change.spacing_m is not None else ""
+        yield Mark(change.at_s, ", ".join(filter(None, (change.shape, spacing, leader))) or "slots")
     for change in scenario.links.changes:
-        yield Mark(change.at_s, f"{_link(change)}{_of(change.vehicles)}", "link")
+        yield Mark(change.at_s, f"{_link(change)}{_of(change.vehicles)}")
 
 
-def _changed(change: FormationChange) -> str:
-    """Return a change of the formation in a few words."""
-    leader = f"leader {change.leader}" if change.leader is not None else ""
-    spacing = f"spacing {change.spacing_m:g} m" if change.shape is None and change.spacing_m is not None else ""
-    return ", ".join(part for part in (change.shape or "", spacing, leader) if part) or "slots"
+def _happened(run: RunData) -> Iterator[Mark]:
+    marked = (Mark(float(e["t_s"]) - run.zero_s, words) for e in run.events if (words := _words(e)) is not None)
+    return islice(marked, MOST_EVENTS)
 
 
-def _passing(each: Timed, name: str, kind: str, until_s: float | None) -> Iterator[Mark]:
-    """Yield when something begins and, if it does, ends."""
-    yield Mark(each.at_s, f"{name}{_of(each.vehicles)}", kind)
-    if until_s is not None:
-        yield Mark(until_s, f"{name} over{_of(each.vehicles)}", kind)
-
-
-def _happened(run: RunData) -> list[Mark]:
-    marked = (Mark(float(e["t_s"]) - run.zero_s, *words) for e in run.events if (words := _words(e)) is not None)
-    return list(islice(marked, MOST_EVENTS))
-
-
-def _words(event: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return label and kind of an event that is worth a mark."""
-    vehicle = event.get("vehicle", "?")
+def _words(event: Mapping[str, Any]) -> str | None:
+    """Return the label of an event that is worth a mark."""
     match event.get("kind"), event.get("text"):
         case "link", "lost":
-            return f"link lost ({vehicle})", "lost"
+            return f"link lost ({event.get('vehicle', '?')})"
         case "leader", _:
-            return f"leader {vehicle}", "shape"
+            return f"leader {event.get('vehicle', '?')}"
         case "order", text if event.get("accepted"):
-            return str(text).removesuffix(": accepted"), "order"
+            return str(text).removesuffix(": accepted")
         case _:
             return None
 
@@ -239,22 +236,11 @@ def _of(vehicles: VehicleSelection) -> str:
 
 
 def _link(change: LinkChange) -> str:
-    ways = ("", "up ", "down ")
-    patches: tuple[ImpairmentPatch | None, ...] = (change, change.uplink, change.downlink)
+    ways: dict[str, ImpairmentPatch | None] = {"": change, "up ": change.uplink, "down ": change.downlink}
     words = [
         way + text.format(value)
-        for way, patch in zip(ways, patches, strict=True)
-        if patch is not None
+        for way, patch in ways.items()
         for key, text in WORDS.items()
-        if (value := getattr(patch, key)) is not None
+        if (value := getattr(patch, key, None)) is not None
     ]
     return ", ".join(words) or "link change"
-
-
-def _merged(ordered: Iterable[Mark]) -> list[Mark]:
-    kept: list[Mark] = []
-    for mark in ordered:
-        same = (other for other in kept if mark.time_s - other.time_s <= SAME_S and other.label == mark.label)
-        if next(same, None) is None:
-            kept.append(mark)
-    return kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,24 +12,7 @@ from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from gcs_formation.report.geometry import extremes
-from gcs_formation.report.run_data import RunData
-from gcs_formation.report.style import (
-    BAND,
-    CHARACTER_PT,
-    DPI,
-    FOLLOWERS,
-    GREY,
-    INK,
-    LIGHT,
-    LINE,
-    THIN,
-    WORST,
-    Mark,
-    column_of,
-    legend_below,
-    marks,
-)
+from gcs_formation.report import RunData, style
 
 LEVEL_PT = 10.0
 MOST_LEVELS = 5
@@ -38,9 +21,9 @@ BETWEEN_PT = 25.0
 BESIDE_PT = 1.0
 """Gap between a line's end and its name."""
 DARK = "#404040"
-UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": GREY, "lw": THIN}
+UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": style.GREY, "lw": style.THIN}
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-LINES_UP_TO = 2 * len(FOLLOWERS)
+LINES_UP_TO = 2 * len(style.FOLLOWERS)
 """Followers that get a line each: once through the colours solid, once dashed."""
 WIDTHS = (1.9, 1.5, 1.1, 0.8)
 """Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
@@ -54,10 +37,17 @@ def time_label(run: RunData) -> str:
     return "mission time, s" if run.begun else "time, s"
 
 
-def span(axes: Axes, begin_s: float, end_s: float) -> None:
-    """Show a span of time, also one of a single tick; from 0 on if it begins right after."""
+def span(axes: Axes, times_s: Sequence[float] | Array) -> None:
+    """Show the time from the first to the last of some, also of a single tick; from 0 on if it begins right after."""
+    begin_s, end_s = float(times_s[0]), float(times_s[-1])
     begin_s = 0.0 if 0.0 < begin_s < 0.01 * end_s else begin_s
     axes.set_xlim(begin_s, end_s if end_s > begin_s else begin_s + 1.0)
+
+
+def draw_line(axes: Axes, time_s: Array, values: Array, **look: Any) -> None:
+    """Draw a (T,) series by what a figure could show of it."""
+    shown = style.extremes(values, BUCKETS)
+    axes.plot(time_s[shown], values[shown], **look)
 
 
 def at_least(axes: Axes, low: float, high: float) -> None:
@@ -66,7 +56,7 @@ def at_least(axes: Axes, low: float, high: float) -> None:
     axes.set_ylim(min(shown[0], low), max(shown[1], high))
 
 
-def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[Mark], *, labels: bool = True) -> None:
+def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[style.Mark], *, labels: bool = True) -> None:
     """Draw a line at each mark through axes above each other, named over the topmost; call after setting limits.
 
     The figure grows by the room that names above each other take.
@@ -77,7 +67,7 @@ def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[Mark], *, labe
         inside = [mark for mark in shown if begin <= mark.time_s <= end]
         for axes in rows:
             for mark in inside:
-                axes.axvline(mark.time_s, color=GREY, lw=THIN, ls=(0, (4, 2)), zorder=1.5)
+                axes.axvline(mark.time_s, color=style.GREY, lw=style.THIN, ls=(0, (4, 2)), zorder=1.5)
         if labels:
             levels = max(levels, _label(rows[0], inside, BETWEEN_PT if number < len(columns) else 0.0))
     figure = columns[0][0].get_figure(root=True)
@@ -85,25 +75,25 @@ def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[Mark], *, labe
         figure.set_figheight(figure.get_figheight() + (levels - 1) * LEVEL_PT / 72)
 
 
-def finished(figure: Figure, run: RunData, grid: Sequence[Sequence[Axes]], *, labels: bool = True) -> Figure:
-    """Return a figure with what happened marked, its time axes named, and its legend; call after setting limits.
+def finished(
+    figure: Figure, run: RunData, grid: Sequence[Sequence[Axes]], names: Iterable[str], *, labels: bool = True
+) -> Figure:
+    """Return a figure with what happened marked, the rows of its axes over time named, and its legend.
 
-    Args:
-        figure: to finish.
-        run: what it shows.
-        grid: its axes over time, row by row.
-        labels: whether marks are named.
+    Call it after setting limits; `labels`: whether marks are named.
     """
-    columns = [column_of(grid, column) for column in range(len(grid[0]))]
-    draw_marks(columns, marks(run), labels=labels)
+    columns = [style.column_of(grid, column) for column in range(len(grid[0]))]
+    draw_marks(columns, style.marks(run), labels=labels)
     for axes in grid[-1]:
         axes.set_xlabel(time_label(run))
+    for axes, name in zip(columns[0], names, strict=True):
+        axes.set_ylabel(name)
     figure.align_ylabels(columns[0])
-    legend_below(figure)
+    style.legend_below(figure)
     return figure
 
 
-def _label(axes: Axes, marks: Sequence[Mark], beyond_pt: float) -> int:
+def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
     """Name marks above axes, beyond whose right end there is some room; return on how many levels.
 
     From the last to the first, so that the lines up to later names don't run through earlier ones.
@@ -123,15 +113,15 @@ def _label(axes: Axes, marks: Sequence[Mark], beyond_pt: float) -> int:
     return sum(bool(row) for row in taken)
 
 
-def _place(axes: Axes, mark: Mark, beyond_pt: float) -> tuple[float, float, float, Literal["left", "right"]]:
+def _place(axes: Axes, mark: style.Mark, beyond_pt: float) -> tuple[float, float, float, Literal["left", "right"]]:
     """Let a mark's name begin at its line, or end there, or else, in narrow axes, run across it.
 
     Return its begin and end from the left end of the axes, how far from the line it is aligned, in points, and how.
     """
     begin, end = axes.get_xlim()
-    width_pt = axes.bbox.width * 72 / DPI
+    width_pt = axes.bbox.width * 72 / style.DPI
     at_pt = (mark.time_s - begin) / (end - begin) * width_pt
-    wide_pt = CHARACTER_PT * (len(mark.label) + 1)
+    wide_pt = style.CHARACTER_PT * (len(mark.label) + 1)
     last_pt = width_pt + beyond_pt - wide_pt
     if last_pt < at_pt and wide_pt <= at_pt:
         return at_pt - wide_pt, at_pt, -BESIDE_PT, "right"
@@ -159,20 +149,20 @@ class Group:
     def colour(self, vehicle: VehicleId) -> str:
         """Return a vehicle's colour."""
         if vehicle == self.leader:
-            return INK
+            return style.INK
         if not self.banded:
-            return FOLLOWERS[self._number(vehicle) % len(FOLLOWERS)]
-        return WORST if vehicle == self.singled_out else LIGHT
+            return style.FOLLOWERS[self._number(vehicle) % len(style.FOLLOWERS)]
+        return style.WORST if vehicle == self.singled_out else style.LIGHT
 
     def look(self, vehicle: VehicleId) -> dict[str, Any]:
         """Return Matplotlib's colour and style of a vehicle's line: dashed for the second that has a colour."""
-        second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(FOLLOWERS)
+        second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(style.FOLLOWERS)
         return {"color": self.colour(vehicle), "ls": DASHED if second else SOLID}
 
     def width(self, vehicle: VehicleId) -> float:
         """Return the width of a vehicle's line."""
         if self.banded:
-            return LINE if self.stands_out(vehicle) else THIN
+            return style.LINE if self.stands_out(vehicle) else style.THIN
         return WIDTHS[0] if vehicle == self.leader else WIDTHS[1:][min(self._number(vehicle), len(WIDTHS) - 2)]
 
     def _number(self, vehicle: VehicleId) -> int:
@@ -181,7 +171,7 @@ class Group:
 
     def stands_out(self, vehicle: VehicleId) -> bool:
         """Whether a vehicle's line stands out from the others; such lines are drawn last."""
-        return self.colour(vehicle) != LIGHT
+        return self.colour(vehicle) != style.LIGHT
 
     def label(self, vehicle: VehicleId) -> str:
         """Return a vehicle's name in the legend; all that look alike have one."""
@@ -191,36 +181,37 @@ class Group:
             return f"vehicle {vehicle}"
         return f"vehicle {vehicle} ({self.why})" if vehicle == self.singled_out else "other followers"
 
+    def _lines(self, values: Sequence[Array]) -> Iterator[tuple[VehicleId, Array]]:
+        """Yield the series that are lines of their own."""
+        for vehicle, series in zip(self.vehicles, values, strict=True):
+            if not self.banded or vehicle == self.singled_out:
+                yield vehicle, series
+
     def draw(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
         """Draw one (T,) series of each vehicle, or how they spread and the one that is singled out."""
         if self.banded:
             _bands(axes, time_s, np.stack(values, axis=1))
-        for vehicle, series in zip(self.vehicles, values, strict=True):
-            if not self.banded or vehicle == self.singled_out:
-                shown = extremes(series, BUCKETS)
-                self._line(axes, vehicle, time_s[shown], series[shown])
+        for vehicle, series in self._lines(values):
+            draw_line(axes, time_s, series, **self._named(vehicle))
 
-    def _line(self, axes: Axes, vehicle: VehicleId, time_s: Array, series: Array) -> None:
-        axes.plot(time_s, series, lw=self.width(vehicle), label=self.label(vehicle), **self.look(vehicle))
+    def _named(self, vehicle: VehicleId) -> dict[str, Any]:
+        return {"lw": self.width(vehicle), "label": self.label(vehicle), **self.look(vehicle)}
 
     def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
         """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
         middle_s, pieces = _stretches(time_s, values, windows)
         if self.banded:
             _bands(axes, middle_s, np.concatenate(pieces, axis=1))
-        for vehicle, piece in zip(self.vehicles, pieces, strict=True):
-            if not self.banded or vehicle == self.singled_out:
-                low, middle, high = _percentiles(piece, (0, 50, 100))
-                self._line(axes, vehicle, middle_s, middle)
-                axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
+        for vehicle, piece in self._lines(pieces):
+            low, middle, high = _percentiles(piece, (0, 50, 100))
+            axes.plot(middle_s, middle, **self._named(vehicle))
+            axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
 
     def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:
         """Draw (T,) series over those of `draw_spread`, dotted: their medians over the same stretches."""
         middle_s, pieces = _stretches(time_s, values, windows)
-        for vehicle, piece in zip(self.vehicles, pieces, strict=True):
-            if not self.banded or vehicle == self.singled_out:
-                (middle,) = _percentiles(piece, (50,))
-                axes.plot(middle_s, middle, color=INK, lw=LINE, ls=DOTTED, label=label)
+        for _, piece in self._lines(pieces):
+            axes.plot(middle_s, _percentiles(piece, (50,))[0], color=style.INK, lw=style.LINE, ls=DOTTED, label=label)
 
 
 def followers_of(run: RunData) -> Group:
@@ -247,11 +238,10 @@ def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Ar
 def _bands(axes: Axes, time_s: Array, values: Array) -> None:
     """Draw the median, the 5th to 95th percentile and the extremes of (T, N) values."""
     least, low, middle, high, most = _percentiles(values, (0, 5, 50, 95, 100))
-    axes.fill_between(time_s, low, high, color=BAND, alpha=0.25, lw=0, label="5th to 95th percentile")
-    axes.plot(time_s, middle, color=BAND, label="median")
+    axes.fill_between(time_s, low, high, color=style.BAND, alpha=0.25, lw=0, label="5th to 95th percentile")
+    axes.plot(time_s, middle, color=style.BAND, label="median")
     for extreme in (least, most):
-        shown = extremes(extreme, BUCKETS)
-        axes.plot(time_s[shown], extreme[shown], color=GREY, lw=THIN, label="smallest and largest")
+        draw_line(axes, time_s, extreme, color=style.GREY, lw=style.THIN, label="smallest and largest")
 
 
 def _percentiles(values: Array, wanted: Sequence[float]) -> Array:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeAlias
 
 import click
 import pyarrow as pa
@@ -22,12 +22,14 @@ from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
+from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
-from gcs_formation.studies.keys import Study, Wanted
 from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
 from gcs_formation.studies.workers import Workers
 
+Base: TypeAlias = Mapping[Any, Plain]
+"""A scenario's keys."""
 TENTHS = 10
 SHOWN_EVERY_S = 0.5
 SCHEMA = 1
@@ -38,18 +40,16 @@ class StudyProgress:
     """Shows flights done, their rate, the time that is left, and failures."""
 
     def __init__(self, *, quiet: bool) -> None:
-        """Show nothing if `quiet`."""
         self._quiet = quiet
         self._live: Live | None = None
         if sys.stderr.isatty() and not quiet:
             self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
+            self._live.start()
         self._spent, self._shown_s = Stopwatch(), 0.0
         self._first: int | None = None
         self._tenths = 0
 
     def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -66,12 +66,13 @@ class StudyProgress:
         spent_s = self._spent.wall_s
         self._first = done - 1 if self._first is None else self._first
         text = progress_text(done, total, failed, (done - self._first) / max(spent_s, 1e-6))
-        if self._live is not None and (spent_s - self._shown_s > SHOWN_EVERY_S or done == total):
+        if self._live is None:
+            tenths = done * TENTHS // total
+            self.say(text if tenths > self._tenths else "")
+            self._tenths = max(tenths, self._tenths)
+        elif spent_s - self._shown_s > SHOWN_EVERY_S or done == total:
             self._shown_s = spent_s
             self._live.update(Text(text, no_wrap=True, overflow="ellipsis"), refresh=True)
-        elif self._live is None and not self._quiet and done * TENTHS // total > self._tenths:
-            self._tenths = done * TENTHS // total
-            click.echo(text, err=True)
 
 
 def progress_text(done: int, total: int, failed: int, rate_hz: float) -> str:
@@ -176,14 +177,7 @@ class StudyOutcome:
 
 
 def fly_study(
-    study: Study,
-    base: Mapping[Any, Plain],
-    out: Path,
-    workers: Workers,
-    shown: StudyProgress,
-    *,
-    resume: bool,
-    overwrite: bool,
+    study: Study, base: Base, out: Path, workers: Workers, shown: StudyProgress, *, resume: bool, overwrite: bool
 ) -> StudyOutcome:
     """Fly what a study lacks, and judge it.
 
@@ -208,12 +202,7 @@ def fly_study(
 
 
 def flights(
-    plan: Plan,
-    base: Mapping[Any, Plain],
-    out: Path | None,
-    workers: Workers,
-    shown: StudyProgress,
-    flown: Mapping[int, Row],
+    plan: Plan, base: Base, out: Path | None, workers: Workers, shown: StudyProgress, flown: Mapping[int, Row]
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a study's flights as they end, without those of `flown`; `out` keeps their records.
 
@@ -226,13 +215,12 @@ def flights(
     def task(planned: Planned) -> Task:
         return Task(planned, study, base, str(records / f"{planned.flight:06d}") if records is not None else None)
 
-    tasks = deque(task(planned) for planned in replayed(plan, flown.values()))
+    tasks = deque(map(task, replayed(plan, flown.values())))
     failed = sum(row["exit"] > 1 for row in flown.values())
     with workers:
         shown.say(workers.where)
         for row in workers.rows(tasks):
-            following = plan.after(row)
-            if following is not None:
+            if (following := plan.after(row)) is not None:
                 tasks.append(task(following))
             done.add(int(row["flight"]))
             failed += row["exit"] > 1

@@ -6,15 +6,13 @@ import json
 import shutil
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from airlink.cli.commands import refusal
-from airlink.cli.exit_status import raised
+from airlink.cli import Status, raised, refusal
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
@@ -25,14 +23,14 @@ from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import axis_figures, effort, least, separation_m
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import CHANNELS, ERROR
+from gcs_formation.report import RunData, load_run
 from gcs_formation.report.error_figures import law_errors
 from gcs_formation.report.html import document, figure, number, table
-from gcs_formation.report.run_data import RunData, load_run
 from gcs_formation.report.style import print_style, save
 from gcs_formation.stability import law_margins
-from gcs_formation.studies.flight import COULD_NOT_GO_ON, EXPECTED, Task, worst
+from gcs_formation.studies import Study
+from gcs_formation.studies.flight import Task, worst
 from gcs_formation.studies.flight import figure as figure_of
-from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.workers import Workers
 
@@ -50,85 +48,44 @@ SETTLING_S = 60.0
 HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
 EFFORTS = ("variation_per_s", "step_p95")
 NAME = "comparison"
-TITLE = "Largest error of any follower over time"
-CAPTION = (
-    "Drawn is the largest within a second before and after, so that errors that pass through zero are no dips; "
-    "what is below 1 mm is drawn there."
-)
 TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 Comparison = Mapping[str, Any]
 """What comparison.json holds: what was flown, the window (s), and each law's figures.
 
 Errors and effort are those of the worst follower; when the last one settled is of the whole flight; None where there is
-no figure. `aborted` says why a law has none.
+no figure. `aborted` says why a law has none; `warnings` are those of `check`.
 """
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Result of `compare`."""
-
-    comparison: Comparison
-    said: tuple[tuple[str, int, str], ...]
-    """Each law that was flown, its flight's exit status, and what was broken or why it could not go on, in lines."""
-    page: Path
-    interrupted: bool
-
-    @property
-    def text(self) -> str:
-        """The table, and where its files are."""
-        return f"{comparison_text(self.comparison)}\nwrote {self.page}"
-
-    def broken(self) -> list[str]:
-        """Return what each law broke of the scenario's expectations and safety limits."""
-        return self._of(EXPECTED)
-
-    def stopped(self) -> list[str]:
-        """Return which flights could not go on, and why."""
-        return self._of(COULD_NOT_GO_ON)
-
-    def _of(self, exit_status: int) -> list[str]:
-        return [
-            f"{law}: {text}" for law, status, words in self.said if status == exit_status for text in words.splitlines()
-        ]
 
 
 def compare_laws(
     file: Path,
-    names: str,
     overrides: tuple[str, ...],
     out: Path,
     workers: Workers,
+    *,
+    laws: str,
     between_s: tuple[float, float | None],
     until_s: float | None,
-    *,
     overwrite: bool,
-) -> Compared:
-    """Fly a scenario by each law on one seed, and write and return the comparison: a study of one parameter, the law.
+) -> tuple[Comparison, list[tuple[str, int, str]], Path, bool]:
+    """Fly a scenario by each law on one seed, write the comparison and its page: a study of one parameter, the law.
 
-    Args:
-        file: the scenario's.
-        names: of the laws, like "pid,fuzzy_pid".
-        overrides: of the scenario's keys, as `--set` takes them.
-        out: directory of it all.
-        workers: fly.
-        between_s: mission times between which errors count; None: the flights' end.
-        until_s: when flights end at the latest.
-        overwrite: whether an earlier comparison in `out` may be replaced.
+    Errors count between two mission times (None: the flights' end, `until_s` at the latest). Return the comparison,
+    each law's exit status and words, the page, and whether the flights were interrupted.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
         RecordError: the directory holds an earlier comparison or other files, or it can't be written.
         RunAbortedError: no flight can be flown.
     """
-    laws = named_laws(names)
+    names = named_laws(laws)
     scenario = load_scenario(file, overrides)
     window_s = _window(scenario, *between_s, until_s)
-    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in laws]  # a law's settings take precedence
+    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in names]  # a law's settings take precedence
     study = Study(record="full", until_s=until_s)
     tasks = [
         Task(Planned(number, flight.seed, {}), study, flight, str(out / law))
-        for number, (law, flight) in enumerate(zip(laws, flights, strict=True))
+        for number, (law, flight) in enumerate(zip(names, flights, strict=True))
     ]
     _claim(out, overwrite=overwrite)
     rows = dict[int, dict[str, Any]]()
@@ -139,11 +96,11 @@ def compare_laws(
                 rows[row["flight"]] = row
     except KeyboardInterrupt:
         interrupted = True
-    said = tuple((laws[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows))
-    flown = {law: words if status > EXPECTED else "" for law, status, words in said}
+    said = [(names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows)]
+    flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
     runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
-    return Compared(comparison, said, _write(comparison, runs, out), interrupted)
+    return comparison, said, _write(comparison, runs, out), interrupted
 
 
 def named_laws(names: str) -> tuple[str, ...]:
@@ -153,13 +110,9 @@ def named_laws(names: str) -> tuple[str, ...]:
         ScenarioError: a name isn't one of `LAWS`.
     """
     found = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
-    unknown = [name for name in found if name not in LAWS]
+    unknown = [f"found '{name}'{did_you_mean(name, LAWS)}" for name in found if name not in LAWS]
     if unknown:
-        allowed = ", ".join(LAWS)
-        problems = [
-            Problem("--laws", None, None, "", f"found '{name}'{did_you_mean(name, LAWS)}", allowed) for name in unknown
-        ]
-        raise ScenarioError(problems)
+        raise ScenarioError([Problem("--laws", None, None, "", text, ", ".join(LAWS)) for text in unknown])
     return found
 
 
@@ -173,11 +126,7 @@ def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: floa
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
-    """Make the directory, without what an earlier comparison has left in it.
-
-    Raises:
-        RecordError: it holds an earlier comparison or other files, or it can't be written.
-    """
+    """Make the directory, without what an earlier comparison has left in it; RecordError where that may not be."""
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
         if refused is not None:
@@ -195,26 +144,24 @@ def _claim(out: Path, *, overwrite: bool) -> None:
 def compared(
     flown: Mapping[str, str], runs: Mapping[str, RunData], scenario: Scenario, window_s: tuple[float, float]
 ) -> Comparison:
-    """Return the comparison of flights of a scenario.
+    """Return the comparison of a scenario's runs, errors counted from one mission time up to another, both included.
 
-    Args:
-        flown: why each law's run could not go on, "" where it could.
-        runs: those that could, by their laws.
-        scenario: that they flew.
-        window_s: mission times from which and up to which errors count, both included.
+    `flown`: why each law's run could not go on, "" where it could.
     """
     named = {"schema": SCHEMA, "name": scenario.name, "seed": scenario.seed, "frame": scenario.formation.frame}
-    each = {law: _figures(runs[law], window_s) if law in runs else _none(why) for law, why in flown.items()}
+    each = {
+        law: _figures(runs[law], window_s) if law in runs else _none() | {"aborted": why} for law, why in flown.items()
+    }
     return {**named, "from_s": window_s[0], "to_s": window_s[1], "laws": each}
 
 
-def _none(aborted: str) -> dict[str, Any]:
+def _none() -> dict[str, Any]:
     nothing = {"settled_at_s": None, **{name: dict.fromkeys(HEADS) for name in ERROR}, "effort": {}}
-    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None} | _said((), aborted)
+    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None, "warnings": ()}
 
 
 def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
-    within, stability = run.flown.window(*window_s), run.summary["stability"]
+    within, stability, scenario = run.flown.window(*window_s), run.summary["stability"], run.scenario
     efforts = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
     return {
         "settled_at_s": figure_of(run.summary, "settled_at_s"),
@@ -226,20 +173,15 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
         "min_separation_m": least(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
-    } | _said(tuple(warnings(run.scenario, law_margins(run.scenario), lag_margins(run.scenario)[0])), "")
-
-
-def _said(warned: tuple[str, ...], aborted: str) -> dict[str, Any]:
-    """Return what is said of a law: `check`'s warnings, of loops whose delay is near their margin; why it stopped."""
-    return {"warnings": warned, "aborted": aborted}
+        "warnings": tuple(warnings(scenario, law_margins(scenario), lag_margins(scenario)[0])),
+        "aborted": "",
+    }
 
 
 def _axis(run: RunData, window_s: tuple[float, float], axis: int) -> dict[str, float | None]:
     """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
-    settled_s = figure_of(run.summary, "settled_at_s")
-    found: list[dict[str, float | None]] = []
-    for vehicle in run.followers:
-        error_m = run.flown.error(vehicle)[:, axis]
+    settled_s, found = figure_of(run.summary, "settled_at_s"), list[dict[str, float | None]]()
+    for error_m in (run.flown.error(vehicle)[:, axis] for vehicle in run.followers):
         kept = run.flown.window(*window_s) & np.isfinite(error_m)
         found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
     return {name: worst(name, [each[name] for each in found]) for name in HEADS}
@@ -293,14 +235,9 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:
-    """Write a comparison's three files into a directory; return the page's path.
-
-    Raises:
-        RecordError: the directory can't be written.
-    """
+    """Write a comparison's three files into a directory; return the page's path. RecordError: they can't be written."""
     picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
     try:
-        out.mkdir(parents=True, exist_ok=True)
         (out / f"{NAME}.json").write_text(json.dumps(comparison, indent=2), encoding="utf-8")
         with print_style():
             save(law_errors(runs, _spans(comparison)), picture)
@@ -312,7 +249,7 @@ def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Pa
 
 def _page(comparison: Comparison, picture: Path) -> str:
     (heads, rows), notes = _table(comparison), _notes(comparison)
-    caption = TWO_SPANS + CAPTION if len(_spans(comparison)) > 1 else CAPTION
+    sets = [[law, ", ".join(LAWS[law])] for law in comparison["laws"]]
     return document(
         f"{comparison['name']}: laws side by side",
         "comparison.html",
@@ -321,8 +258,6 @@ def _page(comparison: Comparison, picture: Path) -> str:
         from_s=f"{comparison['from_s']:g}",
         to_s=f"{comparison['to_s']:g}",
         table=(table(["Law", *heads], rows) if rows else "") + (table(["Law", "note"], notes, (0, 1)) if notes else ""),
-        figure=figure(NAME, TITLE, caption, picture),
-        laws=table(
-            ["Law", "What it sets in the scenario"], [[law, ", ".join(LAWS[law])] for law in comparison["laws"]], (0, 1)
-        ),
+        figure=figure(NAME, picture, first=TWO_SPANS if len(_spans(comparison)) > 1 else ""),
+        laws=table(["Law", "What it sets in the scenario"], sets, (0, 1)),
     )

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
-from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure
+from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
+from gcs_formation.studies import Study
 from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
-from gcs_formation.studies.keys import Study
 from gcs_formation.studies.plan import clopper_pearson
 
 LEVELS_UP_TO = 12
@@ -61,9 +61,7 @@ def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
 
     The band is Clopper's and Pearson's, at each value by itself: it is narrow where few flights are.
     """
-    known, count = np.sort(values[np.isfinite(values)]), max(values.size, 1)
-    if least_is_worst:
-        known = known[::-1]
+    known, count = np.sort(values[np.isfinite(values)])[:: -1 if least_is_worst else 1], max(values.size, 1)
     worse = count - np.arange(1, known.size + 1)
     return Curve(known, worse / count, *clopper_pearson(worse, count, CONFIDENCE))
 
@@ -73,7 +71,7 @@ def distributions(flights: Flights) -> Figure:
     figure, panels = panels_of(len(flights.metrics))
     for axes, (name, values) in zip(panels, flights.metrics.items(), strict=False):
         axes.set_xlabel(name)
-        if counted(values[np.isfinite(values)]):
+        if not has_tail(values):
             _counts(axes, values)
             continue
         _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR if flights.by_chance else NONE)
@@ -87,17 +85,9 @@ def exceedances(flights: Flights) -> Figure:
     """Draw the share of flights that are worse than each value of each figure that has a tail."""
     named = {name: values for name, values in flights.metrics.items() if has_tail(values)}
     figure, panels = panels_of(len(named))
+    label, alpha = "share of flights that are worse than this value", CLEAR if flights.by_chance else NONE
     for axes, (name, values) in zip(panels, named.items(), strict=False):
-        everyone = np.ones(values.size, dtype=np.bool_)
-        _tail(
-            axes,
-            flights,
-            name,
-            everyone,
-            BAND,
-            "share of flights that are worse than this value",
-            CLEAR if flights.by_chance else NONE,
-        )
+        _tail(axes, flights, name, np.ones(values.size, dtype=np.bool_), BAND, label, alpha)
         _finish_tail(axes, flights, name, values.size)
     legend_below(figure)
     return figure
@@ -132,26 +122,21 @@ def split_by(flights: Flights) -> list[str]:
 
 
 def has_tail(values: Array) -> bool:
-    """Whether a figure has enough different values for its tail to be drawn."""
-    known = values[np.isfinite(values)]
-    return not counted(known)
+    """Whether a figure has enough different values for its tail to be drawn; else they are counted.
 
-
-def counted(known: Array) -> bool:
-    """Whether values are counted: a few whole numbers, or hardly any different ones."""
-    levels = np.unique(known)
-    return levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any())
+    That are a few whole numbers, or hardly any different ones.
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    return not (levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any()))
 
 
 def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]:
     """Return a figure with so many panels, in rows of a few."""
-    columns = min(max(count, 1), PANELS)
-    rows = -(-max(count, 1) // columns)
+    count = max(count, 1)
+    columns = min(count, PANELS)
+    rows = -(-count // columns)
     figure = new_figure(cell_cm * rows + 1.6)
-    panels = [axes for row in axes_grid(figure, rows, columns) for axes in row]
-    for spare in panels[count:]:
-        spare.set_axis_off()
-    return figure, panels[: max(count, 1)]
+    return figure, panels(figure, rows, columns, count)
 
 
 def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
@@ -162,7 +147,7 @@ def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
 
 def bounds_of(study: Study, metric: str) -> list[float]:
     """Return the bounds that the study expects of a figure."""
-    wanted = [each for each in study.expect if each.metric == metric]
+    wanted = (each for each in study.expect if each.metric == metric)
     return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
 
 
@@ -210,10 +195,8 @@ def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, 
 def _end(values: Array, least_is_worst: bool) -> float:
     """Return a value a little worse than all."""
     low, high = float(values.min()), float(values.max())
-    beyond = 0.05 * (high - low)
-    if is_wide(values):
-        beyond = 0.2 * (low if least_is_worst else high)
-    return low - beyond if least_is_worst else high + beyond
+    worst, sign = (low, -1.0) if least_is_worst else (high, 1.0)
+    return worst + sign * (0.2 * worst if is_wide(values) else 0.05 * (high - low))
 
 
 def _finish(axes: Axes, flights: Flights, metric: str) -> None:
@@ -226,8 +209,7 @@ def _finish(axes: Axes, flights: Flights, metric: str) -> None:
 
 def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
     """Scale a panel of tails; where an expectation allows a share of the flights, mark it: curves should be below."""
-    axes.set_xlabel(metric)
-    axes.set(yscale="log", ylim=(_floor(fewest), 1.1))
+    axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
     axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     _finish(axes, flights, metric)
     if metric in LEAST_IS_WORST:

@@ -20,20 +20,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from airlink.cli.commands import refusal
+from airlink.cli import refusal
 from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
+from gcs_formation.studies import DRAWN, LISTED, Bisection, Study
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.keys import DRAWN, LISTED, Bisection, Study
-from gcs_formation.studies.plan import Crossing, Planned, Row, columns_of
+from gcs_formation.studies.plan import Crossing, Planned, Row
 
-STUDY = "study.yaml"
-JOURNAL = "flights.jsonl"
-TABLE = "flights.parquet"
-RESULT = "study.json"
-TABLE_TEXT = "table.md"
+STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
+RESULT, TABLE_TEXT = "study.json", "table.md"
 FLIGHTS, AGAIN = "flights", "again"
 """Records of flights, and of those that were flown again."""
 NONE = "–"
@@ -43,23 +40,14 @@ class Dataset:
     """The rows of a study on disk."""
 
     def __init__(self, path: Path, study: Study, base: Mapping[Any, Plain], *, resume: bool, overwrite: bool) -> None:
-        """Open the directory of a study.
-
-        Raises:
-            RecordError: it has other files, or the study there is another one or is being flown, or it can't be
-                written.
-            RecordingError: the disk is full.
-        """
+        """Open the directory of a study; RecordError where that may not or can't be, RecordingError on a full disk."""
         self.path, self.study = path, study
-        plan = {
-            "study": study.model_dump(mode="json", by_alias=True, exclude_none=True),
-            "base": dict(base),
-            "version": VERSION,
-        }
+        keys = study.model_dump(mode="json", by_alias=True, exclude_none=True)
+        plan = {"study": keys, "base": dict(base), "version": VERSION}
         try:
             if resume:
                 self._check_same(plan)
-            elif (refused := refusal(path, overwrite=overwrite or not _flown(path), mark=STUDY)) is not None:
+            elif (refused := refusal(path, overwrite=overwrite or not any(read_journal(path)), mark=STUDY)) is not None:
                 raise RecordError(f"{refused}; or --resume, which flies what a study lacks")
             else:
                 path.mkdir(parents=True, exist_ok=True)
@@ -118,10 +106,10 @@ class Dataset:
 
     def _check_same(self, plan: Mapping[str, Any]) -> None:
         before = read_plan(self.path)
-        changed = [part for part in ("study", "base", "version") if _text(before[part]) != _text(plan[part])]
+        where = {"study": "the study file", "base": "its scenario", "version": f"the version, now {VERSION}"}
+        changed = [text for part, text in where.items() if _text(before[part]) != _text(plan[part])]
         if changed:
-            where = {"study": "the study file", "base": "its scenario", "version": f"the version, now {VERSION}"}
-            found = f"found another study in {self.path}: {' and '.join(where[part] for part in changed)} changed"
+            found = f"found another study in {self.path}: {' and '.join(changed)} changed"
             raise RecordError(f"{found}; allowed with --resume: the same; else another directory, or --overwrite")
 
     def _end_torn_line(self) -> None:
@@ -135,11 +123,6 @@ class Dataset:
         left = text.encode()
         while left:
             left = left[self._journal.write(left) :]
-
-
-def _flown(path: Path) -> bool:
-    """Whether a study's directory has a flight: of one that found no scheduler there is nothing to lose."""
-    return next(read_journal(path), None) is not None
 
 
 def _clear(path: Path) -> None:
@@ -179,29 +162,20 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
 
 def table(study: Study, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows as a table; parameters that are no numbers are text, in YAML."""
-    parameters = {name: _column(name, rows) for name in columns_of(study)}
-    figures = {name: pa.array([row[name] for row in rows], pa.float64()) for name in study.measured}
-    return pa.table(
-        {
-            "flight": pa.array([row["flight"] for row in rows], pa.int64()),
-            "seed": pa.array([row["seed"] for row in rows], pa.int64()),
-            **parameters,
-            **figures,
-            "exit": pa.array([row["exit"] for row in rows], pa.int64()),
-            "wall_s": pa.array([row["wall_s"] for row in rows], pa.float64()),
-            "cpu_s": pa.array([row["cpu_s"] for row in rows], pa.float64()),
-            "version": pa.array([row["version"] for row in rows], pa.string()),
-            "words": pa.array([row["words"] for row in rows], pa.string()),
-        }
-    )
+    kinds = {"flight": pa.int64(), "seed": pa.int64()} | dict.fromkeys(study.measured, pa.float64())
+    kinds |= {"exit": pa.int64(), "wall_s": pa.float64(), "cpu_s": pa.float64()}
+    kinds |= {"version": pa.string(), "words": pa.string()}
+    columns = {name: pa.array([row[name] for row in rows], kind) for name, kind in kinds.items()}
+    head = {name: columns.pop(name) for name in ("flight", "seed")}
+    return pa.table({**head, **{name: _column(name, rows) for name in study.columns}, **columns})
 
 
 def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> Any:  # noqa: ANN401 - an array of pyarrow
     values = [row.get(name) for row in rows]
     if all(value is None or isinstance(value, bool) for value in values):
         return pa.array(values, pa.bool_())
-    if all(value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in values):
-        return pa.array([None if value is None else float(value) for value in values], pa.float64())
+    if all(value is None or _is_number(value) for value in values):
+        return pa.array(values, pa.float64())
     return pa.array([value if isinstance(value, str) else _inline(value) for value in values], pa.string())
 
 
@@ -248,7 +222,7 @@ def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
     """Return the rows of the flights that came to an end."""
     ended = [row for row in rows if row["exit"] <= 1]
     parameters, levels = dict[str, Array](), dict[str, Sequence[str]]()
-    for name in columns_of(study):
+    for name in study.columns:
         values = [row.get(name) for row in ended]
         if not all(_is_number(value) for value in values):
             words = [str(value) for value in values]

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
-from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure
+from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure, panels
+from gcs_formation.studies import LISTED, Bisection, LogUniform
 from gcs_formation.studies.curves import CELL_CM, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
 from gcs_formation.studies.dataset import Flights
-from gcs_formation.studies.keys import LISTED, Bisection, LogUniform
 from gcs_formation.studies.plan import Row
 
 LISTED_UP_TO = 40
@@ -45,6 +45,7 @@ PURPLE = "#CC79A7"
 """Seen on a map's dark cells and on its light ones."""
 ROOM = ((9.0, 3), (12.0, 2))
 """Cells beside each other up to which each says its value, and in how many digits."""
+KEPT = ("kept", "broken")
 MAPS, MAP_CM = 2, 6.5
 """Maps beside each other, and how high one is."""
 
@@ -60,7 +61,7 @@ def marginals(flights: Flights, metric: str) -> Figure:
     for axes, name in zip(panels, names, strict=False):
         parameter = flights.parameters[name]
         axes.plot(parameter[known], values[known], ls="", marker=".", ms=4, color=GREY, label="flights")
-        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        cell = _binned(flights, name)
         inside = [known & (cell == i) for i in np.unique(cell[known])]
         low, middle, high = np.array([np.percentile(values[each], (5, 50, 95)) for each in inside]).T
         _along(axes, np.array([parameter[each].mean() for each in inside]), (low, middle, high), name in flights.levels)
@@ -94,8 +95,7 @@ def telling(flights: Flights, metric: str, most: int) -> list[str]:
     ranks = np.argsort(np.argsort(np.where(np.isnan(values), np.inf, values))).astype(np.float64)
 
     def between(name: str) -> float:
-        parameter = flights.parameters[name]
-        cell = cells_of(parameter, edges_of(flights, name, parameter.size // IN_A_BIN))
+        cell = _binned(flights, name)
         means = {i: ranks[cell == i].mean() for i in np.unique(cell).tolist()}
         return float(np.var([means[i] for i in cell.tolist()]))
 
@@ -116,24 +116,21 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
     found = pairs(flights, metric)
     columns = min(len(found), MAPS)
     figure = new_figure(1.6 + MAP_CM * -(-len(found) // columns))
-    panels = [axes for row in axes_grid(figure, -(-len(found) // columns), columns) for axes in row]
+    maps = panels(figure, -(-len(found) // columns), columns, len(found))
     tables = [_table(flights, flights.metrics[metric], pair) for pair in found]
     known = np.concatenate([table.cells[np.isfinite(table.cells)] for table in tables])
     norm = (LogNorm if is_wide(known) else Normalize)(float(known.min()), float(known.max()))
-    for axes, pair, table in zip(panels, found, tables, strict=False):
+    for axes, pair, table in zip(maps, found, tables, strict=True):
         axes.pcolormesh(table.columns, table.rows, np.ma.masked_invalid(table.cells), cmap=CELLS, norm=norm)
         if (digits := _room(table, columns)) > 0:
             _write(axes, table, norm, digits)
         if pair[0] not in flights.levels:
             _boundaries(axes, flights, metric, pair, table, logarithmic=isinstance(norm, LogNorm))
-        for axis, name in ((axes.xaxis, pair[0]), (axes.yaxis, pair[1])):
-            tick(flights, axis, name, below=axis is axes.xaxis)
+        tick(flights, axes.xaxis, pair[0], below=True)
+        tick(flights, axes.yaxis, pair[1], below=False)
         axes.grid(visible=False)
-    for spare in panels[len(found) :]:
-        spare.set_axis_off()
-    figure.colorbar(
-        ScalarMappable(norm, CELLS), ax=panels, label=f"{metric}, median", shrink=0.6 if len(found) > columns else 1.0
-    )
+    shrink = 0.6 if len(found) > columns else 1.0
+    figure.colorbar(ScalarMappable(norm, CELLS), ax=figure.axes, label=f"{metric}, median", shrink=shrink)
     legend_below(figure)
     return figure
 
@@ -189,9 +186,8 @@ def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) 
 def crossings_of(places: Array, values: Array, level: float) -> list[float]:
     """Return the places at which values cross a level, between neighbours that are known."""
     off = values - level
-    found = [
-        i for i in range(len(off) - 1) if np.isfinite(off[i : i + 2]).all() and (off[i] < 0.0) != (off[i + 1] < 0.0)
-    ]
+    known = np.isfinite(off[:-1]) & np.isfinite(off[1:])
+    found = np.flatnonzero(known & ((off[:-1] < 0.0) != (off[1:] < 0.0)))
     return [float(places[i] + (places[i + 1] - places[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
 
 
@@ -203,7 +199,6 @@ def _room(table: _Table, maps: int) -> int:
 
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
-    """Write each cell's value into it."""
     for row, column in np.argwhere(np.isfinite(table.cells)):
         place = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
         value = float(table.cells[row, column])
@@ -222,14 +217,12 @@ def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, A
     measured = {LOOP_DELAY, MARGIN_S} <= flights.metrics.keys()
     figure = new_figure(2.6 + 0.75 * len(found))
     (panels,) = axes_grid(figure, 1, 1 + measured, sharey=True)
-    _ends(panels[0], [(entry["kept"], entry["broken"]) for entry in found])
+    _ends(panels[0], [tuple(entry[key] for key in KEPT) for entry in found])
     panels[0].set_xlabel(search.parameter)
     panels[0].set_yticks(range(len(found)), labels=words)
     panels[0].set_ylim(len(found) - 0.5, -0.5)
     if measured:
-        ends = [
-            [_row_at(rows, entry, names, search.parameter, entry[key]) for key in ("kept", "broken")] for entry in found
-        ]
+        ends = [[_row_at(rows, entry, names, search.parameter, entry[key]) for key in KEPT] for entry in found]
         _ends(panels[1], [tuple(row.get(LOOP_DELAY) for row in each) for each in ends])
         for place, (kept, broken) in enumerate(ends):
             margin_s = kept.get(MARGIN_S, broken.get(MARGIN_S))
@@ -244,12 +237,10 @@ def _ends(axes: Axes, ends: Sequence[tuple[Any, ...]]) -> None:
     for place, (kept, broken) in enumerate(ends):
         if kept is not None and broken is not None:
             axes.plot([kept, broken], [place, place], color=BAND, lw=2.5, label="kept to broken")
-        else:
-            (at, marker, label) = (
-                (kept, ">", "kept up to the high end") if broken is None else (broken, "<", "broken at the low end")
-            )
-            if at is not None:
-                axes.plot(at, place, ls="", marker=marker, color=BAND, label=label)
+        elif kept is not None:
+            axes.plot(kept, place, ls="", marker=">", color=BAND, label="kept up to the high end")
+        elif broken is not None:
+            axes.plot(broken, place, ls="", marker="<", color=BAND, label="broken at the low end")
 
 
 def _sample(entry: Mapping[str, Any], names: Sequence[str], seeds: int) -> str:
@@ -277,6 +268,11 @@ def edges_of(flights: Flights, name: str, most: int) -> Array:
         return np.array([levels[0] - 0.5, levels[0] + 0.5])
     between = (levels[1:] + levels[:-1]) / 2.0
     return np.concatenate(([levels[0] - (between[0] - levels[0])], between, [levels[-1] + levels[-1] - between[-1]]))
+
+
+def _binned(flights: Flights, name: str) -> npt.NDArray[np.intp]:
+    values = flights.parameters[name]
+    return cells_of(values, edges_of(flights, name, values.size // IN_A_BIN))
 
 
 def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,7 +14,7 @@ from scipy.special import betaincinv, ndtri
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from formation_scenario import expectation
-from gcs_formation.studies.keys import DRAWN, Bisection, LogUniform, Normal, Parameter, Study, Uniform, Value, levels_of
+from gcs_formation.studies import DRAWN, Bisection, LogUniform, Normal, Parameter, Study, Uniform, Value, levels_of
 
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
@@ -26,7 +25,7 @@ Row: TypeAlias = Mapping[str, Any]
 
 def count_samples(study: Study) -> int:
     """Return how many samples a study has, without making them."""
-    sizes = [len(levels) for each in study.parameters.values() if (levels := levels_of(each)) is not None]
+    sizes = [len(levels) for levels in study.levels.values()]
     match study.design:
         case "grid":
             return math.prod(sizes)
@@ -38,13 +37,13 @@ def count_samples(study: Study) -> int:
 
 def samples(study: Study) -> list[Sample]:
     """Return the samples in order. A parameter with a distribution is missing where each flight draws its own."""
-    names = list(study.parameters)
+    names, listed = list(study.parameters), study.levels
     match study.design:
         case "grid":
-            listed = {name: levels for name in names if (levels := levels_of(study.parameters[name])) is not None}
             return [dict(zip(listed, values, strict=True)) for values in product(*listed.values())]
         case "one_at_a_time":
-            return _one_at_a_time(study)
+            first = {name: levels[0] for name, levels in listed.items()}
+            return [first, *({**first, name: value} for name, levels in listed.items() for value in levels[1:])]
         case _:
             return [
                 {name: at(study.parameters[name], float(share)) for name, share in zip(names, row, strict=True)}
@@ -56,9 +55,8 @@ def drawn(study: Study, flight: int) -> Sample:
     """Return the values that a flight draws by itself: those of distributions in designs of lists."""
     if study.design in DRAWN:
         return {}
-    open_ones = {name: each for name, each in study.parameters.items() if levels_of(each) is None}
-    random = random_stream(study.seeds.first, "study", flight)
-    return {name: at(each, float(random.random())) for name, each in open_ones.items()}
+    listed, random = study.levels, random_stream(study.seeds.first, "study", flight)
+    return {name: at(each, float(random.random())) for name, each in study.parameters.items() if name not in listed}
 
 
 def at(parameter: Parameter, share: float) -> Value:
@@ -73,12 +71,6 @@ def at(parameter: Parameter, share: float) -> Value:
         case _:
             levels = levels_of(parameter) or [None]
             return levels[min(int(share * len(levels)), len(levels) - 1)]
-
-
-def _one_at_a_time(study: Study) -> list[Sample]:
-    listed = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each)) is not None}
-    first = {name: levels[0] for name, levels in listed.items()}
-    return [first, *({**first, name: value} for name, levels in listed.items() for value in levels[1:])]
 
 
 def _shares(study: Study, dimensions: int) -> Array:
@@ -115,17 +107,15 @@ class Crossing(NamedTuple):
     """The least value flown at which it was broken; None if it is kept up to the high end."""
 
 
-@dataclass
 class Plan:
     """A study's flights. A search's further flights follow from the rows of its earlier ones, in whatever order."""
 
-    study: Study
-    _chains: dict[int, list[tuple[float, bool]]] = field(default_factory=dict[int, list[tuple[float, bool]]])
-
-    def __post_init__(self) -> None:
+    def __init__(self, study: Study) -> None:
         """Number the flights: sample by sample, each with every seed, a search in as many as it takes at most."""
-        self._samples = samples(self.study)
-        self._each = self.study.bisect.most_flights if self.study.bisect else 1
+        self.study = study
+        self._samples = samples(study)
+        self._each = study.bisect.most_flights if study.bisect else 1
+        self._chains: dict[int, list[tuple[float, bool]]] = {}
 
     def begin(self) -> Iterator[Planned]:
         """Yield the flights that need no other's result."""
@@ -183,12 +173,6 @@ def clopper_pearson(kept: npt.ArrayLike, flights: int, confidence: float) -> tup
     return low, np.where(missed > 0, betaincinv(kept + 1, np.maximum(missed, 1), 1.0 - outside), 1.0)
 
 
-def columns_of(study: Study) -> list[str]:
-    """Return the names of the parameters' columns."""
-    searched = [study.bisect.parameter] if study.bisect else []
-    return list(dict.fromkeys([*study.parameters, *searched]))
-
-
 def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:
     """Return the flights that are still to be flown when some have been."""
     done = {int(row["flight"]): row for row in rows}
@@ -196,11 +180,9 @@ def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:
     left: list[Planned] = []
     while open_ones:
         planned = open_ones.pop()
-        row = done.get(planned.flight)
-        following = None if row is None else plan.after(row)
-        if row is None:
+        if planned.flight not in done:
             left.append(planned)
-        elif following is not None:
+        elif (following := plan.after(done[planned.flight])) is not None:
             open_ones.append(following)
     return sorted(left)
 

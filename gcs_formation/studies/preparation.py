@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations, islice
 from pathlib import Path
@@ -15,9 +15,9 @@ from formation_scenario.describe import problems_of
 from formation_scenario.fields import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
+from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
 from gcs_formation.studies.flight import Task
-from gcs_formation.studies.keys import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
-from gcs_formation.studies.plan import Planned, Row, Sample, at, columns_of, count_flights, samples
+from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
 """Of flights.parquet, beside parameters and metrics."""
@@ -60,11 +60,9 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
 
 def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
     """Yield what an expectation asks of flights that there are none of."""
-    known = {name: levels for name, each in study.parameters.items() if (levels := levels_of(each))}
-    searched = [study.bisect.parameter] if study.bisect else []
+    known, names = study.levels, [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
     for i, wanted in enumerate(study.expect):
         for name, value in wanted.where.items():
-            names = [*study.parameters, *searched]
             if name not in names:
                 allowed = f"a parameter of the study: {', '.join(names)}{did_you_mean(name, names)}"
                 yield read.problem(("expect", i, "where"), f"found '{name}'", allowed)
@@ -168,11 +166,6 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
     return study, base
 
 
-def planned_of(study: Study, row: Row) -> Planned:
-    """Return the flight that a row is of."""
-    return Planned(int(row["flight"]), int(row["seed"]), {name: row[name] for name in columns_of(study) if name in row})
-
-
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
     """Return a flight of a study as a task whose whole record is kept in `out`."""
     return Task(planned, study.model_copy(update={"record": "full"}), base, str(out))
@@ -182,25 +175,22 @@ class _Trial:
     """Resolves scenarios of a study without flying them, and says where in the study's file stands what is wrong."""
 
     def __init__(self, study: Study, base: Mapping[Any, Plain], read: Source) -> None:
-        """Take the study, the keys of its scenario, and the study's file."""
         self._study, self._base, self._read = study, base, read
         self._usual: Sample = {}
-        search = study.bisect
-        self._searched: Mapping[str, Sequence[Value]] = {search.parameter: (search.low, search.high)} if search else {}
+        search = [study.bisect] if study.bisect else []
+        self._tried = {**study.parameters, **{each.parameter: [each.low, each.high] for each in search}}
 
     def first_wrong(self) -> ScenarioError | None:
         """Return what is wrong where every parameter has its first value, None if nothing is.
 
         One that is drawn has the scenario's own value, or where there is none that can be, its median.
         """
-        levels = {name: each for name, each in self._study.parameters.items() if isinstance(each, LISTED)}
-        drawn = {name: each for name, each in self._study.parameters.items() if name not in levels}
-        self._usual = {name: at(each, 0.0) for name, each in levels.items()}
-        self._usual |= {name: values[0] for name, values in self._searched.items()}
+        self._usual = {name: at(each, 0.0) for name, each in self._tried.items() if isinstance(each, LISTED)}
+        drawn = {name: at(each, EXTREMES[0]) for name, each in self._tried.items() if name not in self._usual}
         if (wrong := self._wrong({})) is None:
             return None
-        self._usual |= {name: at(each, EXTREMES[0]) for name, each in drawn.items()}
-        return wrong if not drawn else self._wrong({})
+        self._usual |= drawn
+        return self._wrong({}) if drawn else wrong
 
     @property
     def end_s(self) -> float:
@@ -211,22 +201,20 @@ class _Trial:
 
     def wrong_values(self) -> Iterator[ScenarioError]:
         """Yield what is wrong with the first value of each parameter that can't be flown."""
-        for name, parameter in self._study.parameters.items():
+        for name, parameter in self._tried.items():
             if isinstance(parameter, LISTED):
                 problems = (self._wrong_level(name, value) for value in _distinct(parameter))
                 yield from islice(filter(None, problems), 1)
             else:
                 tried = [self._wrong({name: at(parameter, share)}) for share in EXTREMES]
                 yield from [each for each in tried[:1] if each is not None and all(tried)]
-        for name, values in self._searched.items():
-            yield from islice(filter(None, (self._wrong({name: value}) for value in values)), 1)
 
     def _wrong_level(self, name: str, value: Value) -> ScenarioError | None:
         """Return why a value can't be flown: with the others' first values, and with those that it is drawn with."""
         wrong = self._wrong({name: value})
         if wrong is None or self._study.design not in DRAWN:
             return wrong
-        drawn = islice((sample for sample in samples(self._study) if sample[name] == value), TRIED_WITH)
+        drawn = islice((sample for sample in samples(self._study) if sample.get(name) == value), TRIED_WITH)
         return wrong if all(self._wrong(sample) for sample in drawn) else None
 
     def _wrong(self, sample: Sample) -> ScenarioError | None:
@@ -243,11 +231,10 @@ class _Trial:
 
         What follows from a value in places that the study doesn't set is said of that value.
         """
-        study, set_by = self._study, dict[str, KeyPath]()
-        set_by |= {name: ("set", name) for name in study.set}
+        study = self._study
+        set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
+        set_by |= dict.fromkeys(self._tried, ("bisect", "parameter"))
         set_by |= {name: ("parameters", name) for name in study.parameters}
-        if study.bisect is not None:
-            set_by[study.bisect.parameter] = ("bisect", "parameter")
         for name, cases in study.cases.items():
             case = {**self._usual, **tried}[name]
             set_by |= dict.fromkeys(cases[case], ("parameters", name, "cases", case))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -24,27 +25,27 @@ MOST_DRAWS = 100
 
 @dataclass(frozen=True)
 class Severity:
-    """How much a flight has to bear, and the time that it's given to get over it."""
+    """How much a flight has to bear, and the time that it's given to get over it; as usual by default."""
 
-    trouble_s: float
+    trouble_s: float = 10.0
     """Links, air and vehicles misbehave during this time."""
-    longest_spell_s: float
+    longest_spell_s: float = 5.0
     """Outages and faults that pass last no longer."""
-    calm_s: float
+    calm_s: float = 20.0
     """What follows trouble."""
-    change_s: float
+    change_s: float = 15.0
     """What is added to that where the formation changes."""
-    rejoin_s: float
+    rejoin_s: float = 45.0
     """What is added where a vehicle has had to leave the formation: it flies after the others, a few m/s faster."""
-    rates_hz: tuple[float, ...]
+    rates_hz: tuple[float, ...] = (5.0, 5.0, 10.0)
     """Of control and of telemetry."""
-    fastest_mps: float
-    wind_mps: float
+    fastest_mps: float = 22.0
+    wind_mps: float = 4.0
     """Most in each of north and east."""
-    ground_share: float
+    ground_share: float = 0.03
     """Share of flights that begin on the ground."""
-    fault_share: float
-    outage_share: float
+    fault_share: float = 0.35
+    outage_share: float = 0.25
 
     @property
     def calm_from_s(self) -> float:
@@ -52,33 +53,11 @@ class Severity:
         return FIRST_TROUBLE_S + self.trouble_s + self.longest_spell_s
 
 
-USUAL = Severity(
-    trouble_s=10.0,
-    longest_spell_s=5.0,
-    calm_s=20.0,
-    change_s=15.0,
-    rejoin_s=45.0,
-    rates_hz=(5.0, 5.0, 10.0),
-    fastest_mps=22.0,
-    wind_mps=4.0,
-    ground_share=0.03,
-    fault_share=0.35,
-    outage_share=0.25,
-)
+USUAL = Severity()
 HARD = Severity(
-    trouble_s=20.0,
-    longest_spell_s=12.0,
-    calm_s=30.0,
-    change_s=30.0,
-    rejoin_s=190.0,
-    rates_hz=(5.0, 10.0, 20.0),
-    fastest_mps=23.0,
-    wind_mps=6.0,
-    ground_share=0.05,
-    fault_share=0.5,
-    outage_share=0.4,
-)
-
+    trouble_s=20.0, longest_spell_s=12.0, calm_s=30.0, change_s=30.0, rejoin_s=190.0, rates_hz=(5.0, 10.0, 20.0),
+    fastest_mps=23.0, wind_mps=6.0, ground_share=0.05, fault_share=0.5, outage_share=0.4,
+)  # fmt: skip
 SEVERITIES = {"usual": USUAL, "hard": HARD}
 
 
@@ -90,11 +69,8 @@ def draw(seed: int, severity: Severity = USUAL) -> Scenario:
     """
     rng = np.random.default_rng(seed)
     for _ in range(MOST_DRAWS - 1):
-        keys = _scenario(rng, seed, severity)
-        try:
-            return load_scenario(keys)
-        except ScenarioError:
-            continue
+        with suppress(ScenarioError):
+            return load_scenario(_scenario(rng, seed, severity))
     return load_scenario(_scenario(rng, seed, severity))
 
 
@@ -125,44 +101,34 @@ def _scenario(rng: np.random.Generator, seed: int, severity: Severity) -> Keys:
 
 
 def _vehicles(rng: np.random.Generator, count: int) -> list[Keys]:
-    clocks = [
+    clocks = (
         {"offset_s": float(rng.uniform(0.0, 1000.0)), "drift_ppm": float(rng.normal(0.0, 50.0))} for _ in range(count)
-    ]
+    )
     return [{"id": i + 1, "role": "follower" if i else "leader", "clock": clock} for i, clock in enumerate(clocks)]
 
 
 def _start(rng: np.random.Generator, severity: Severity) -> Keys:
     if rng.random() < severity.ground_share:
         return {"in_air": False}
-    in_air = {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S}
-    return {**in_air, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
+    return {"in_air": True, "run_in_s": RUN_IN_S, "timeout_s": ASSEMBLY_S, "offset_m": _vector(rng, 8.0, 6.0, 4.0)}
 
 
 def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
     """Return a shape; in the follower's own frame one whose slots aren't far aside, where that frame swings them."""
     if rng.random() < 0.25:
-        spacing_m = float(rng.uniform(20.0, 35.0))
-        return {
-            "shape": _one_of(rng, "follower", "diamond", "triangle"),
-            "spacing_m": spacing_m,
-            "frame": "follower_heading",
-        }
+        spacing = {"spacing_m": float(rng.uniform(20.0, 35.0)), "frame": "follower_heading"}
+        return {"shape": _one_of(rng, "follower", "diamond", "triangle"), **spacing}
     shapes = ("follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle")
     changes: list[Keys] = []
     if rng.random() < 0.4:
         changes.append({"at_s": _trouble_at(rng, severity), "shape": _one_of(rng, *shapes)})
     if rng.random() < 0.2:
         changes.append({"at_s": _trouble_at(rng, severity) + severity.trouble_s, "leader": _vehicle(rng, count)})
-    return {
-        "shape": _one_of(rng, *shapes),
-        "spacing_m": float(rng.uniform(25.0, 60.0)),
-        "frame": "leader_heading",
-        "changes": changes,
-    }
+    shape, spacing_m = _one_of(rng, *shapes), float(rng.uniform(25.0, 60.0))
+    return {"shape": shape, "spacing_m": spacing_m, "frame": "leader_heading", "changes": changes}
 
 
 def _waypoints(rng: np.random.Generator, length_m: float) -> list[list[float]]:
-    """Return waypoints of a path that bends and climbs gently."""
     places, course = [[0.0, 0.0, float(rng.uniform(100.0, 300.0))]], float(rng.uniform(-math.pi, math.pi))
     for _ in range(math.ceil(length_m / LEG_M)):
         north, east, height = places[-1]

@@ -19,36 +19,17 @@ from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.report import html
-from gcs_formation.report.html import NONE, badge, table
+from gcs_formation.report.html import badge, brief, table
 from gcs_formation.report.style import print_style, save
+from gcs_formation.studies import Study
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
-from gcs_formation.studies.dataset import RESULT, STUDY, Flights, flights_of, read_journal, read_plan
+from gcs_formation.studies.dataset import RESULT, Flights, flights_of, read_journal, read_plan
 from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
 from gcs_formation.studies.flight import LEAST_IS_WORST
-from gcs_formation.studies.keys import Study
-from gcs_formation.studies.plan import columns_of
 
 WORST = 3
 MOST_FAILED = 50
-CAPTIONS = {
-    "searched": "Between which two values the bound is crossed, search by search. Where `worst_loop_delay_s` and "
-    "`delay_margin_s` are metrics: the loop's delay in those two flights, beside the margin computed for it.",
-    "distributions": "Cumulative, with the band that holds the whole curve (Dvoretzky, Kiefer, Wolfowitz, Massart); "
-    "flights without the figure count as beyond its end. Counts as bars.",
-    "exceedances": "How rare what is worse is, to the right; with Clopper's and Pearson's interval at each value. "
-    "A cross is what an expectation allows: the curve should pass below it.",
-    "levels": "Distribution and exceedance for each value of the parameters that have few, whatever the others are.",
-    "marginals": "Over each parameter, whatever the others are; of many, over those by which it differs most.",
-    "maps": "Median of the flights in each cell; of many parameters, those by which it differs most. Red, where "
-    "`margin_used` (or both `worst_loop_delay_s` and `delay_margin_s`) are metrics: where delays reach the margin "
-    "computed for the loops. Purple: an expected bound.",
-}
 Rows = list[dict[str, Any]]
-
-
-def is_study(directory: Path) -> bool:
-    """Whether a directory is that of a study."""
-    return (directory / STUDY).is_file()
 
 
 def write_study_report(directory: Path) -> Path:
@@ -81,7 +62,7 @@ def _gallery(plates: Iterator[Plate], directory: Path) -> Iterator[str]:
         path = directory / f"{name}.png"
         with print_style():
             save(draw(), path)
-        yield html.figure(name, title, CAPTIONS[name.partition("-")[0]], path)
+        yield html.figure(name, path, title)
 
 
 def _plates(flights: Flights, result: Mapping[str, Any], rows: Rows) -> Iterator[Plate]:
@@ -156,12 +137,7 @@ def _crossings(study: Study, result: Mapping[str, Any]) -> str:
         return ""
     names = [name for name in study.parameters if name != search.parameter]
     rows = [
-        [
-            str(entry["seed"]),
-            *(str(entry.get(name)) for name in names),
-            _figure(entry["kept"]),
-            _figure(entry["broken"]),
-        ]
+        [*(str(entry.get(name)) for name in ("seed", *names)), brief(entry["kept"]), brief(entry["broken"])]
         for entry in result["bisect"]
     ]
     heads = ["Seed", *names, "kept up to", "broken from"]
@@ -171,17 +147,15 @@ def _crossings(study: Study, result: Mapping[str, Any]) -> str:
 
 
 def _worst(study: Study, rows: Rows, directory: Path) -> str:
-    names, again = columns_of(study), f"gcs-formation study fly {shlex.quote(str(directory))}"
-    found: list[list[str]] = []
+    names, again = study.columns, f"gcs-formation study fly {shlex.quote(str(directory))}"
+    found, cells = list[list[str]](), ("flight", "seed", *names)
     ended = [row for row in rows if row["exit"] <= 1]
     for metric in study.measured:
         ordered = sorted(ended, key=lambda row: _badness(metric, row[metric]), reverse=True)
         if not ordered or ordered[0][metric] == ordered[-1][metric]:
             continue
         found += [
-            [metric, _figure(row[metric])]
-            + [str(row.get(name)) for name in ("flight", "seed", *names)]
-            + [f"{again} {row['flight']}"]
+            [metric, brief(row[metric]), *(str(row.get(name)) for name in cells), f"{again} {row['flight']}"]
             for row in ordered[:WORST]
         ]
     return table(["Figure", "Value", "Flight", "Seed", *names, "Again"], found, (0, 4 + len(names)))
@@ -192,7 +166,3 @@ def _badness(metric: str, value: float | None) -> float:
     if value is None:
         return math.inf
     return -value if metric in LEAST_IS_WORST else value
-
-
-def _figure(value: float | None) -> str:
-    return NONE if value is None else f"{value:.4g}".replace("-", "−")

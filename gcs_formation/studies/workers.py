@@ -11,6 +11,7 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from importlib.metadata import version
 from multiprocessing import forkserver, resource_tracker
 from time import sleep
 from typing import Any, Self, TypeAlias
@@ -34,12 +35,12 @@ ASKED_EVERY_S, POLL_S = 1.0, 0.01
 class Processes:
     """Processes of this machine, each reused for many flights."""
 
+    where = ""
+
     def __init__(self, count: int) -> None:
-        """Use `count` of them."""
         self._count = count
 
     def __enter__(self) -> Self:
-        """Start them."""
         self._pool = self._new_pool()
         return self
 
@@ -49,11 +50,6 @@ class Processes:
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
         for process in processes:
             process.kill()
-
-    @property
-    def where(self) -> str:
-        """Nowhere else than in the progress."""
-        return ""
 
     def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
         """Yield the rows. A killed process takes all that were handed out with it, and nobody knows whose fault it was.
@@ -136,18 +132,13 @@ class Cluster:
     """The workers of a Dask scheduler (docs.dask.org, `distributed`)."""
 
     def __init__(self, address: str) -> None:
-        """Use those of the scheduler at `address`, tcp://HOST:PORT."""
         self._address = address
         self._flown_at_a_time = 0
         self._asked: Stopwatch | None = None
         self._seen = Stopwatch()
 
     def __enter__(self) -> Self:
-        """Connect.
-
-        Raises:
-            RunAbortedError: `distributed` isn't installed, no scheduler answers, or its workers have another version.
-        """
+        """Connect; RunAbortedError: `distributed` isn't installed, or no scheduler answers."""
         try:
             from distributed import Client  # noqa: PLC0415 - an extra
         except ImportError as error:
@@ -160,7 +151,6 @@ class Cluster:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Disconnect; the scheduler forgets what isn't flown yet."""
         self._client.close()
 
     @property
@@ -200,11 +190,7 @@ class Cluster:
                 yield from _again(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
-        """Wait for whatever comes next.
-
-        Raises:
-            RunAbortedError: nobody has been there to fly anything for too long.
-        """
+        """Wait for whatever comes next; RunAbortedError: nobody has been there to fly anything for too long."""
         if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
             raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
         sleep(POLL_S)
@@ -220,21 +206,13 @@ class Cluster:
         return self._flown_at_a_time
 
     def _check_versions(self) -> None:
-        """Refuse workers of another version, whose flights would be other flights.
-
-        Raises:
-            RunAbortedError: found one, or no worker at all.
-        """
-        found: dict[str, str] = self._client.run(_version)
+        """Refuse workers of another version, whose flights would be other flights, and none at all."""
+        found: dict[str, str] = self._client.run(version, "gcs-formation")
         if not found:
             raise RunAbortedError(f"the Dask scheduler at {self._address} has no workers")
         for worker, theirs in found.items():
             if theirs != VERSION:
                 raise RunAbortedError(f"the Dask worker {worker} has gcs-formation {theirs}; here it is {VERSION}")
-
-
-def _version() -> str:
-    return VERSION
 
 
 Workers: TypeAlias = Processes | Cluster

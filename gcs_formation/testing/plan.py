@@ -18,10 +18,9 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, Vehicle, load_scenario
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.load import settings
-from gcs_formation.app.fly import fly
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import run
+from gcs_formation.app.run import fly, run
 from gcs_formation.phases import COMMANDED
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary

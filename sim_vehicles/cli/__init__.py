@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli.commands import VERSION, ImportedWhenChosen, examples
+from airlink.cli import VERSION, ImportedWhenChosen, examples
 
 EXAMPLES = examples(
     "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",
@@ -30,10 +30,7 @@ class _FlyByDefault(ImportedWhenChosen):
 
 
 @click.group(
-    cls=_FlyByDefault,
-    entries=COMMANDS,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog=EXAMPLES,
+    cls=_FlyByDefault, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES
 )
 @click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,7 @@ from typing import Any
 
 import click
 
-from airlink.cli.commands import SECONDS, Number, WholeNumber
-from airlink.cli.exit_status import Status, fail
+from airlink.cli import SECONDS, Number, Status, WholeNumber, fail
 from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver
@@ -31,31 +29,47 @@ from sim_vehicles.truth import TruthWriter
 APART_M = 20.0
 
 
-def run(
-    config: FleetConfig,
-    started: Callable[[Fleet], None],
-    *,
-    speedup: float = 1.0,
-    until_s: float | None = None,
-    clock_origin_ns: int | None = None,
-    truth: Path | None = None,
-    parent_pid: int | None = None,
-) -> int:
-    """Fly until told to stop; return the exit status.
+@click.command(epilog=EXAMPLES)
+@click.argument("scenario", type=click.Path(path_type=Path), required=False)
+@click.option("--count", type=WholeNumber(1, MAX_SYSTEM_ID), help="Without a scenario: how many vehicles.")
+@click.option("--base-port", type=WholeNumber(1, MAX_PORT), help="Port of vehicle 1.  [default: 14550]")
+@click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
+@click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
+@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
+@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
+@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
+@click.option("--truth", type=click.Path(path_type=Path), hidden=True)
+@click.option("--with-parent", "parent_pid", type=int, hidden=True)
+def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
+    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
+    count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
+    if scenario is None and overrides:
+        fail("found --set without a scenario; allowed: with one")
+    if scenario is not None and (count or base_port or one_port):
+        fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
+    plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
+    try:
+        config = plain if scenario is None else fleet_config(load_scenario(scenario, overrides))
+    except ScenarioError as error:
+        fail(str(error))
+    if ready_s is not None:
+        config = replace(config, ready_s=ready_s)
 
-    Args:
-        config: the vehicles.
-        started: called once the sockets are open.
-        speedup: how much faster than real time.
-        until_s: when to end.
-        clock_origin_ns: instant 0 on the machine's monotonic clock, to share instants with another process.
-        truth: the file of ground truth.
-        parent_pid: the process that started us: we end when it does.
+    try:
+        sys.exit(_flown(config, quiet=quiet, **options))
+    except (PortError, OSError) as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
 
-    Raises:
-        PortError: a vehicle's own port can't be opened.
+
+def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -> Status:
+    """Fly until told to stop, the time is over, or the process that started us ends; `truth`: the file of its record.
+
+    With a clock's origin, instant 0 on the machine's monotonic clock, instants are those of that process.
     """
-    clock, signals = RealClock(speedup, clock_origin_ns), list[int]()
+    clock, signals = RealClock(given["speedup"], given["clock_origin_ns"]), list[int]()
+    until_s, parent_pid = given["until_s"], given["parent_pid"]
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _frame: signals.append(number))
     recording = TruthWriter(truth, len(config.vehicles)) if truth else None
@@ -68,64 +82,10 @@ def run(
             return bool(signals) or late or parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
-            started(fleet)
+            if not quiet:
+                click.echo("\n".join(map(_line, fleet.config.vehicles)))
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
-
-
-@click.command(epilog=EXAMPLES)
-@click.argument("scenario", type=click.Path(path_type=Path), required=False)
-@click.option("--count", type=WholeNumber(1, MAX_SYSTEM_ID), help="Without a scenario: how many vehicles.")
-@click.option(
-    "--base-port",
-    type=WholeNumber(1, MAX_PORT),
-    help="Port of vehicle 1.  [default: 14550]",
-)
-@click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
-@click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
-@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
-@click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-@click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
-@click.option("--truth", type=click.Path(path_type=Path), hidden=True)
-@click.option("--with-parent", "parent_pid", type=int, hidden=True)
-def fly(
-    scenario: Path | None,
-    count: int | None,
-    base_port: int | None,
-    one_port: bool,
-    overrides: tuple[str, ...],
-    ready_s: float | None,
-    quiet: bool,
-    **options: Any,
-) -> None:
-    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
-    if scenario is None and overrides:
-        fail("found --set without a scenario; allowed: with one")
-    if scenario is not None and (count or base_port or one_port):
-        fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
-    plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
-    config = plain if scenario is None else _of(scenario, overrides)
-    if ready_s is not None:
-        config = replace(config, ready_s=ready_s)
-
-    def started(fleet: Fleet) -> None:
-        if not quiet:
-            click.echo("\n".join(_line(vehicle) for vehicle in fleet.config.vehicles))
-
-    try:
-        sys.exit(run(config, started, **options))
-    except (PortError, OSError) as error:
-        fail(str(error), Status.COULD_NOT_GO_ON)
-
-
-def _of(scenario: Path, overrides: tuple[str, ...]) -> FleetConfig:
-    try:
-        planned = load_scenario(scenario, overrides)
-    except ScenarioError as error:
-        fail(str(error))
-    return fleet_config(planned)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:

@@ -15,8 +15,7 @@ import pyarrow.parquet as pq
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from airlink.cli.commands import OUT, SEED, default_directory, refusal
-from airlink.cli.exit_status import Status, fail
+from airlink.cli import OUT, SEED, Status, default_directory, fail, refusal
 from flight_model.arrays import Array
 from flight_model.earth import radii_m
 from formation_scenario import Scenario, ScenarioError, Vehicle, dump_scenario, load_scenario

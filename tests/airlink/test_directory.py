@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from airlink.cli.commands import default_directory
+from airlink.cli import default_directory
 
 
 def test_a_name_is_no_path(tmp_path: Path, monkeypatch) -> None:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from airlink.cli.commands import refusal
-from airlink.cli.exit_status import Status
+from airlink.cli import Status, refusal
 from tests.processes import STATION, VEHICLES
 
 FULL = Path("/dev/full")

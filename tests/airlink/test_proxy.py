@@ -11,7 +11,7 @@ from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, mai
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
-from airlink.proxy import Passage, Proxy, Relay
+from airlink.proxy import Proxy, Relay
 from airlink.udp import open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
@@ -99,12 +99,12 @@ def test_an_unknown_host_is_named(listen, monkeypatch):
 def test_each_remotes_datagrams_meet_their_own_numbers_in_both_directions():
     relay = Relay(3)
     relay.impairments.update(dict.fromkeys(Direction, Impairment(1.0, 0.1)))
-    passages = [Passage(remote, way, b"x") for way in Direction for remote in (0, 1)]
+    passages = [(remote, way, b"x") for way in Direction for remote in (0, 1)]
     for passage in passages:
         relay.accept(passage, Instant(0))
     came = []
-    while (timer := relay.next_timer()) is not None:
-        came += [(timer, passage) for passage in relay.pop_due(timer)]
+    while (timer := relay.under_way.next()) is not None:
+        came += [(timer, passage) for passage in relay.under_way.pop_due(timer)]
     assert sorted(passage for _, passage in came) == sorted(passages)
     assert len({timer for timer, _ in came}) == 4
 
@@ -112,9 +112,9 @@ def test_each_remotes_datagrams_meet_their_own_numbers_in_both_directions():
 def test_a_relay_hands_on_nothing_too_early():
     relay = Relay(1)
     apply_line(relay.impairments, "uplink delay-ms 250")
-    relay.accept(Passage(0, UP, b"x"), Instant(0))
-    assert relay.pop_due(after(Instant(0), 0.2499)) == []
-    assert relay.pop_due(after(Instant(0), 0.25)) == [Passage(0, UP, b"x")]
+    relay.accept((0, UP, b"x"), Instant(0))
+    assert relay.under_way.pop_due(after(Instant(0), 0.2499)) == []
+    assert relay.under_way.pop_due(after(Instant(0), 0.25)) == [(0, UP, b"x")]
 
 
 @pytest.mark.parametrize(

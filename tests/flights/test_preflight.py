@@ -11,7 +11,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
-from gcs_formation.app.fly import rehearsal_text, rehearsed
+from gcs_formation.app.run import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes import Condition, Mode

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 import sim_vehicles.cli
 from formation_scenario import load_scenario
 from gcs_formation.cli import COMMANDS, main
-from gcs_formation.cli.scenario import example_names
+from gcs_formation.cli.no_flight import example_names
 
 PROGRAMS = [(main, name) for name in COMMANDS] + [(sim_vehicles.cli.main, name) for name in sim_vehicles.cli.COMMANDS]
 

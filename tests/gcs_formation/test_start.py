@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from airlink.cli.commands import OBJECTS
+from airlink.cli import OBJECTS
 from gcs_formation.app import run as run_module
 from gcs_formation.errors import RunAbortedError
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from airlink.cli.exit_status import Status
+from airlink.cli import Status
 from gcs_formation.app.operator import RunOptions
 from gcs_formation.cli import main
 

@@ -22,8 +22,8 @@ from gcs_formation.record.figures_of_merit import (
 )
 from gcs_formation.record.flight import Flight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
+from gcs_formation.report import RunData, load_run
 from gcs_formation.report.page import write_report
-from gcs_formation.report.run_data import RunData, load_run
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ASSEMBLY_S = 10.0

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gcs_formation.report.geometry import evenly, extremes
+from gcs_formation.report.style import evenly, extremes
 
 SERIES = hnp.arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan))
 BUCKETS = st.integers(1, 60)

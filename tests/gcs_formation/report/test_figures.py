@@ -12,13 +12,21 @@ from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario, slot_schedule
 from formation_scenario.gains import redesigned
 from gcs_formation.record.flight import Flight
+from gcs_formation.report import load_run
 from gcs_formation.report.error_figures import WIDTHS, errors, transient_end_s
-from gcs_formation.report.figures import PLATES, write_figures
-from gcs_formation.report.geometry import snapshot, snapshot_ticks
 from gcs_formation.report.loop_figures import followed, gains, latency
-from gcs_formation.report.page import embedded
-from gcs_formation.report.run_data import load_run
-from gcs_formation.report.style import FOLLOWERS, INK, Mark, axes_grid, column_of, marks, new_figure, print_style
+from gcs_formation.report.page import PLATES, embedded, write_figures
+from gcs_formation.report.plan_figures import snapshot, snapshot_ticks
+from gcs_formation.report.style import (
+    FOLLOWERS,
+    INK,
+    Mark,
+    axes_grid,
+    column_of,
+    marks,
+    new_figure,
+    print_style,
+)
 from gcs_formation.report.time_axes import Group, draw_marks, everyone, span
 
 QUICKSTART = Path(__file__).parents[3] / "configs" / "quickstart.yaml"
@@ -82,7 +90,7 @@ def test_a_figure_that_would_be_empty_is_left_out(make_run):
 
 
 def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs_formation.report.figures.PLATES", [p for p in PLATES if p.name == "disturbance"])
+    monkeypatch.setattr("gcs_formation.report.page.PLATES", [p for p in PLATES if p.name == "disturbance"])
     (tmp_path / "disturbance.png").touch()
     assert list(write_figures(load_run(make_run(flown_s=5.0)), tmp_path)) == []
     assert list(tmp_path.iterdir()) == []
@@ -180,9 +188,9 @@ def test_names_of_marks_are_at_their_lines_and_none_lies_on_another():
         figure = new_figure(8.0)
         grid = axes_grid(figure, 3, 2, sharex="col", width_ratios=WIDTHS)
         for column, (begin_s, end_s) in enumerate([(0.0, 30.0), (30.0, 80.0)]):
-            span(grid[0][column], begin_s, end_s)
+            span(grid[0][column], (begin_s, end_s))
         columns = [column_of(grid, column) for column in range(2)]
-        draw_marks(columns, [Mark(time_s, label, "fault") for time_s, label in happened.items()])
+        draw_marks(columns, [Mark(*each) for each in happened.items()])
         figure.savefig(BytesIO(), format="raw")
     names = {text.get_text(): text.get_window_extent() for text in grid[0][0].texts if text.get_text()}
     assert list(names) == [*happened.values()][::-1]

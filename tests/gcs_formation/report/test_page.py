@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.report.figures import PLATES
-from gcs_formation.report.html import cards, table, verdict
-from gcs_formation.report.page import as_script, beside_the_paper, embedded
-from gcs_formation.report.run_data import load_run
+from gcs_formation.report import load_run
+from gcs_formation.report.html import beside_the_paper, cards, table, verdict
+from gcs_formation.report.page import PLATES, as_script, embedded
 
 VOID = {"meta", "link", "img", "input", "br"}
 

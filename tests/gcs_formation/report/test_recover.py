@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import gcs_formation
 from gcs_formation.cli import main
 from gcs_formation.record.run_directory import SPOOL, RunDirectory
-from gcs_formation.report.run_data import load_run
+from gcs_formation.report import load_run
 from tests.flights.conftest import scenario
 
 

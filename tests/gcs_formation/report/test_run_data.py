@@ -8,7 +8,7 @@ import pytest
 from formation_scenario import dump_scenario, load_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.record.timeseries import read_parquet, write_parquet
-from gcs_formation.report.run_data import load_run
+from gcs_formation.report import load_run
 
 
 def test_mission_time_is_continued_backwards_over_the_assembly(make_run):

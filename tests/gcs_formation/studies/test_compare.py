@@ -10,8 +10,8 @@ import yaml
 from click.testing import CliRunner
 
 from gcs_formation.cli import main
+from gcs_formation.report import load_run
 from gcs_formation.report.error_figures import largest_around_m
-from gcs_formation.report.run_data import load_run
 from gcs_formation.studies.compare import LAWS
 
 SHORT = {

@@ -12,9 +12,8 @@ from formation_scenario import Scenario, dump_scenario
 from formation_scenario.environment import FaultKind
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.studies import flight
+from gcs_formation.studies import INVARIANTS, Study, flight
 from gcs_formation.studies.flight import Task, fly
-from gcs_formation.studies.keys import INVARIANTS, Study
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import HARD, draw
 

@@ -24,10 +24,10 @@ from scipy.stats import binom
 from formation_scenario import ScenarioError
 from gcs_formation.cli import main
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
+from gcs_formation.studies import Study, study_schema
 from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
 from gcs_formation.studies.flight import Task, figure, fly
-from gcs_formation.studies.keys import Study, study_schema
 from gcs_formation.studies.plan import (
     Plan,
     Planned,

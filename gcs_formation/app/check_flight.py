@@ -1,4 +1,7 @@
-"""What `check` says of a flight's planned end: the climb to circles, and the ground that comes before that."""
+"""What `check` says of the flight itself: speeds left to close on slots with, and its end.
+
+At the end vehicles climb to their circles, over ground that comes before these.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,88 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.autopilot import AutopilotModel, FlightState, advance
-from formation_scenario import Scenario, slot_schedule
+from flight_model.path import PathPoints
+from formation_scenario import Scenario
 from formation_scenario.begin_and_end import planned_end_m
+from formation_scenario.demands import SampledPath
+from formation_scenario.environment import DrydenTurbulence
+from formation_scenario.orders import parse_order
+from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
+from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.guidance.leader import points_ahead
 from gcs_formation.mission.opening import Stack, stacked
 from gcs_formation.parameters import autopilot_models
 from gcs_formation.vehicle.telemetry import Motion
 
+SIGMAS = 2.0
+"""Standard deviations of the difference of two vehicles' gusts along the path that should be left of a speed."""
+LIGHT_MPS = 3.0
+"""Wind 6 m above ground in whose turbulence every formation should keep its slots."""
+PLENTY = (math.inf, "")
 STEP_S = 0.5
 SHORT_M = 0.5
 """A lack of clearance that isn't worth a warning."""
+
+
+def little_left(scenario: Scenario) -> Iterator[str]:
+    """Yield which speeds leave some fixed wing too little to hold its slot against gusts, faster or slower.
+
+    What hovers holds its velocity over ground by itself.
+    """
+    if scenario.hovers:
+        return
+    points, steps = SampledPath.along(scenario.leader_path).points, slot_schedule(scenario)
+    wanted_mps = gusts_mps(scenario)
+    orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in enumerate(scenario.orders)}
+    for key, speed in {"path.speed_mps": scenario.path.speed_mps, **orders}.items():
+        if speed is None or not all(
+            each.model.speed_min_mps <= speed <= each.model.speed_max_mps for each in scenario.vehicles
+        ):
+            continue
+        sides = zip(*(_left(scenario, points, step, speed) for step in steps), strict=True)
+        for left_mps, found in (min((found for each in side for found in each), default=PLENTY) for side in sides):
+            if left_mps < wanted_mps:
+                left = f"{left_mps:.2g} m/s is left" if left_mps > 0.0 else "nothing is left"
+                yield f"{key}: found {speed:g}; {found}: {left}, {wanted_mps:.2g} should be to hold it against gusts"
+
+
+def gusts_mps(scenario: Scenario) -> float:
+    """Return which difference of airspeed along the path gusts ask for, m/s: those of the scenario, or light ones."""
+    height_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
+    found = [_dryden_mps(DrydenTurbulence(at_s=0.0, kind="dryden", wind_6m_mps=LIGHT_MPS), height_m)]
+    for each in scenario.disturbances:
+        if isinstance(each, DrydenTurbulence):
+            found.append(_dryden_mps(each, height_m))
+        elif each.vehicles != "all":
+            found.append(math.hypot(*each.velocity_mps[:2]))
+    return max(found)
+
+
+def _dryden_mps(keys: DrydenTurbulence, height_m: Array) -> float:
+    return SIGMAS * math.sqrt(2.0) * float(keys.scales(height_m)[0][0, 0])
+
+
+def _left(
+    scenario: Scenario, points: PathPoints, step: SlotStep, speed_mps: float
+) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
+    """Return what each follower has left below its slot's least speed and above its highest, m/s, in words too.
+
+    With the wind behind it a leader turns faster than in still air.
+    """
+    course, windy = Course.along(points, speed_mps), 1.0 + math.hypot(*scenario.wind.velocity_mps[:2]) / speed_mps
+    course = course._replace(turn_rate_rps=windy * course.turn_rate_rps)
+    needs_mps = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
+    below, above = list[tuple[float, str]](), list[tuple[float, str]]()
+    for column, vehicle in enumerate(columns(scenario)):
+        if vehicle is None or column == step.arrangement.leader:
+            continue
+        whose = f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape} is flown at"
+        least_mps, most_mps = float(needs_mps[:, column].min()), float(needs_mps[:, column].max())
+        slowest_mps, fastest_mps = vehicle.model.soon_mps(speed_mps)
+        below.append((least_mps - slowest_mps, f"{whose} {least_mps:.3g} m/s, and {slowest_mps:.3g} is its least"))
+        above.append((fastest_mps - most_mps, f"{whose} {most_mps:.3g} m/s, and {fastest_mps:.3g} is its most"))
+    return below, above
 
 
 def final_circles(scenario: Scenario) -> Iterator[str]:
@@ -44,6 +118,7 @@ class _Climb:
     def __init__(self, scenario: Scenario, clearance_m: float) -> None:
         self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
         self._end_m = planned_end_m(scenario)
+        self._where = f"path at {self._end_m:.0f} m, the flight's end"
         self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m
         first = 1 if scenario.leader is None else 0
         self._models = autopilot_models(scenario)[first:]
@@ -61,7 +136,7 @@ class _Climb:
         self._stack.add(self._begin)
 
     def warnings(self) -> Iterator[str]:
-        where, height_m = f"path at {self._end_m:.0f} m, the flight's end", self._end.height_m
+        where, height_m = self._where, self._end.height_m
         begins = [
             (place.north_m + north_m, place.east_m + east_m)
             for place in self._begin.values()
@@ -87,8 +162,8 @@ class _Climb:
         highest_m = max(self._stack.heights_m.values())
         if highest_m > most_m + SHORT_M:
             yield (
-                f"path at {self._end_m:.0f} m, the flight's end: vehicles circle one above the other, up to "
-                f"{highest_m:.0f} m; {most_m:g} m are allowed (safety.fence.height_max_m)"
+                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {most_m:g} m are "
+                "allowed (safety.fence.height_max_m)"
             )
 
     def _ahead(self, seconds: float) -> list[tuple[float, float]]:
@@ -100,7 +175,7 @@ class _Climb:
         goals_m = [self._stack.heights_m[identity] for identity in self._begin]
         times_s = np.arange(0.0, self._limit_s, STEP_S)
         ways = zip(self._models, self._begin.values(), goals_m, strict=True)
-        height_m = np.array([_climb(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
+        height_m = np.array([_climbed_m(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
         climbing = times_s <= times_s[(height_m < np.array(goals_m)[:, None] - SHORT_M).any(axis=0)].max(initial=0.0)
         north_m, east_m = self._places(times_s[climbing] * self._speed_mps)
         clearance_m = height_m[:, climbing] - self._ground.height(north_m, east_m)
@@ -108,9 +183,8 @@ class _Climb:
         if clearance_m[worst] < self._clearance_m - SHORT_M:
             place = f"north {north_m[worst]:.0f}, east {east_m[worst]:.0f}"
             yield (
-                f"path at {self._end_m:.0f} m, the flight's end: vehicles that climb to circle come to "
-                f"{clearance_m[worst]:.1f} m above the ground straight on, at {place}; {self._clearance_m:g} m are "
-                "asked for (terrain.clearance_m)"
+                f"{self._where}: vehicles that climb to circle come to {clearance_m[worst]:.1f} m above the ground "
+                f"straight on, at {place}; {self._clearance_m:g} m are asked for (terrain.clearance_m)"
             )
 
     def _places(self, ahead_m: Array) -> tuple[Array, Array]:
@@ -121,11 +195,11 @@ class _Climb:
         return points.north_m + forward_m * cosine - right_m * sine, points.east_m + forward_m * sine + right_m * cosine
 
 
-def _climb(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
+def _climbed_m(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
     """Return the heights of a vehicle that is told another one, every `STEP_S`."""
     state = FlightState(0.0, 0.0, begin.height_m, begin.climb_mps, model.speed_min_mps, 0.0, 0.0, 0.0)
-    heights_m = list[float]()
-    for _ in range(count):
-        heights_m.append(state.height_m)
+    heights_m = [state.height_m]
+    for _ in range(count - 1):
         advance(state, model, math.nan, math.nan, goal_m, STEP_S)
-    return heights_m
+        heights_m.append(state.height_m)
+    return heights_m[:count]

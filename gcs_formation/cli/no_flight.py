@@ -1,0 +1,171 @@
+"""The commands that fly nothing: `init`, `check` and `schema`; `tell` while another flies, `report` afterwards."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from airlink.cli import Status, examples, fail
+from formation_scenario.orders import OrderError, parse_order
+from gcs_formation.app.order_socket import STATUS
+from gcs_formation.app.order_socket import tell as give_order
+from gcs_formation.errors import NothingRunningError, RecordError
+
+if TYPE_CHECKING:
+    from formation_scenario import Scenario
+
+INIT_EXAMPLES = examples(
+    "gcs-formation init                      quickstart.yaml, here",
+    "gcs-formation init try --example paper  try/paper.yaml",
+)
+CHECK_EXAMPLES = examples(
+    "gcs-formation check quickstart.yaml", "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json"
+)
+SCHEMA_EXAMPLES = examples("gcs-formation schema > scenario.schema.json", "gcs-formation schema --markdown | less")
+TELL_USAGE = (
+    examples(
+        "gcs-formation tell runs/quickstart status",
+        "gcs-formation tell runs/quickstart shape line",
+        "gcs-formation tell runs/quickstart leader 2",
+    )
+    + """
+
+\b
+Orders:
+  shape NAME [SPACING_M]   fly another shape
+  spacing SPACING_M        fly the same shape wider or closer
+  speed MPS                fly the path at another speed
+  heading DEG              multirotors that stand: turn on the spot
+  leader ID                let another vehicle lead
+  loiter | rtl | land      end the flight: circle here, at home, or land there
+
+\b
+Or:
+  status                   a page on phase, vehicles, errors, delays and margins
+
+Exit status 1: refused, with the reason. 3: no flight answers there.
+"""
+)
+REPORT_EXAMPLES = examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
+
+SUFFIX = ".yaml"
+IN_THE_TREE = "configs"
+"""Directory of the examples in the sources; an installed package contains them."""
+
+
+def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
+    """Return a scenario, or end with what's wrong in it."""
+    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - an order waits for no scenario
+
+    try:
+        return load_scenario(scenario, overrides)
+    except ScenarioError as error:
+        fail(str(error))
+
+
+def example_names() -> list[str]:
+    """Return the names of the examples that come with the package."""
+    return sorted(path.name.removesuffix(SUFFIX) for path in _directory().iterdir() if path.name.endswith(SUFFIX))
+
+
+def _directory() -> Path:
+    package = Path(str(files("gcs_formation")))
+    packaged = package / "examples"
+    return packaged if packaged.is_dir() else package.parent / IN_THE_TREE
+
+
+@click.command(epilog=INIT_EXAMPLES)
+@click.argument("directory", type=click.Path(path_type=Path), default=Path())
+@click.option("--example", type=click.Choice(example_names()), default="quickstart", show_default=True)
+def init(directory: Path, example: str) -> None:
+    """Write an example scenario into DIRECTORY (default: here) to begin with. Overwrites nothing."""
+    path = directory / f"{example}{SUFFIX}"
+    text = (_directory() / path.name).read_text(encoding="utf-8").replace(f"{IN_THE_TREE}/", "")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        if path.exists():
+            fail(f"found {path}; allowed: a file that isn't there yet, as init overwrites nothing")
+        fail(f"cannot write {path}: {error.strerror}; allowed: a writable directory")
+    then = "run" if all(vehicle.autopilot == "emulator" for vehicle in load(path, ()).vehicles) else "fly"
+    click.echo(f"wrote {path}; next:\n  gcs-formation check {path}\n  gcs-formation {then} {path}")
+
+
+@click.command(epilog=CHECK_EXAMPLES)
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
+def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
+    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor for margins
+    from gcs_formation.app.check import check_report, check_text, refusal_report  # noqa: PLC0415
+
+    try:
+        loaded = load_scenario(scenario, overrides)
+    except ScenarioError as error:
+        if as_json:
+            click.echo(json.dumps(refusal_report(error), indent=2))
+        fail(str(error))
+    click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+
+
+@click.command(epilog=SCHEMA_EXAMPLES)
+@click.option("--study", is_flag=True, help="Of study files instead.")
+@click.option("--markdown", is_flag=True, help="The reference of all keys instead, for people.")
+def schema(study: bool, markdown: bool) -> None:
+    """Print the JSON schema of scenarios, for editors and validators."""
+    from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415 - a second of keys
+
+    if study:
+        from gcs_formation.studies import study_schema  # noqa: PLC0415 - what has no study needs none of its keys
+
+        click.echo(json.dumps(study_schema(), indent=1, ensure_ascii=False))
+        return
+    text = scenario_reference() if markdown else json.dumps(scenario_schema(), indent=1, ensure_ascii=False) + "\n"
+    click.echo(text, nl=False)
+
+
+@click.command(epilog=TELL_USAGE)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+@click.argument("order", nargs=-1, required=True)
+def tell(run_dir: Path, order: tuple[str, ...]) -> None:
+    """Give the flight that records into RUN_DIR an ORDER, and print what came of it; `status`: ask how it is."""
+    text = " ".join(order)
+    try:
+        if text == STATUS:
+            text = f"{STATUS} {shutil.get_terminal_size().columns}"
+        else:
+            parse_order(text)
+        answer = give_order(run_dir, text)
+    except OrderError as error:
+        fail(str(error))
+    except NothingRunningError as error:
+        fail(str(error), Status.COULD_NOT_GO_ON)
+    click.echo(answer.text, err=not answer.accepted)
+    sys.exit(Status.FINE if answer.accepted else Status.EXPECTATION_BROKEN)
+
+
+@click.command(epilog=REPORT_EXAMPLES)
+@click.argument("run_dir", type=click.Path(path_type=Path))
+def report(run_dir: Path) -> None:
+    """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
+    from gcs_formation.report.page import write_report  # noqa: PLC0415 - an order waits for no figures
+    from gcs_formation.studies.dataset import STUDY  # noqa: PLC0415
+    from gcs_formation.studies.report import write_study_report  # noqa: PLC0415
+
+    try:
+        if (run_dir / STUDY).is_file():
+            page = write_study_report(run_dir)
+        else:
+            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
+    except RecordError as error:
+        fail(str(error))
+    click.echo(f"wrote {page}")
