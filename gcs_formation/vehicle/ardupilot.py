@@ -187,10 +187,8 @@ class ArduPlane(ArduPilot):
             self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2),
         )
 
-    def says_nothing_new(self, command: Command, known: Command) -> bool:
+    def says_nothing_new(self, command: CommandInt, known: CommandInt) -> bool:
         """Return whether speed, altitude or heading stay within its resolution."""
-        if not isinstance(command, CommandInt) or not isinstance(known, CommandInt):
-            return False
         alike = abs(command.param2 - known.param2) <= RESOLUTION and abs(command.param3 - known.param3) <= RESOLUTION
         return alike and abs(command.z - known.z) <= RESOLUTION
 
