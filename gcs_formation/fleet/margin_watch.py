@@ -108,6 +108,7 @@ class MarginWatch:
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
+        self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
         self._vehicles = vehicles
         self._note = note
         self.beyond: set[VehicleId] = set()
@@ -182,12 +183,11 @@ class MarginWatch:
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
-        down_s = self._vehicles[identity].down_s
+        down_s = own_down_s = self._vehicles[identity].down_s
         if self._mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
-        rates = self._scenario.telemetry.rate_hz, law.rate_hz
-        up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, *rates), clock.usual_scatter_s)
+        up_s = 2.0 * clock.one_way_s - own_down_s
+        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), clock.usual_scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]

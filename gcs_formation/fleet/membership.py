@@ -76,7 +76,7 @@ class Membership:
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Judge `vehicles`, the leader first."""
         self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s
-        self._vehicles = vehicles
+        self._vehicles, self._each = vehicles, list(vehicles.values())
         self._note = note
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
@@ -120,7 +120,7 @@ class Membership:
         if leader is not None:
             self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, beyond, now))
             led = leader.member is Member.FLYING or connecting
-        for vehicle in self._vehicles.values():
+        for vehicle in self._each:
             if vehicle is not leader:
                 self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
 

@@ -331,7 +331,7 @@ class Reconfiguration:
 
     def _somebody_returned(self) -> bool:
         """Return whether anybody is present who wasn't when the transition was planned."""
-        return any(
+        return not self._planned_for.all() and any(
             not self._planned_for[column] and (vehicle.member is Member.FLYING or vehicle is self.leader)
             for column, vehicle in self._by_column.items()
         )
