@@ -52,14 +52,16 @@ class ClockSync:
         self.samples = self.restarts = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, without the answering loop's share."""
-        self.offset_s = math.nan
-        self.drift = 0.0
+        self.offset_s: float = math.nan
+        self.drift: float = 0.0
         self._reference = Instant(0)
         self._asked = Instant(0)
         """When the newest answered probe was sent: the vehicle ran on its clock after that."""
         self._shown_ns = 0
         """What the clock showed last."""
-        self._p00, self._p01, self._p11 = 1.0, 0.0, squared(INITIAL_DRIFT)
+        self._p00: float = 1.0
+        self._p01: float = 0.0
+        self._p11: float = squared(INITIAL_DRIFT)
         """Variance of offset and drift."""
         self._recent, self._count = vec[float]([0.0] * WINDOW), i64(0)
         """The last round trips, the oldest first, and how many there are."""

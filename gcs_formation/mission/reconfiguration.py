@@ -20,14 +20,13 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.succession import Candidate, can_lead, heir
+from gcs_formation.fleet.membership import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
-from gcs_formation.guidance.tracking import project
-from gcs_formation.mission.abreast import Abreast
+from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.velocity import ground_motion
 
 RETRY_S: Final = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""

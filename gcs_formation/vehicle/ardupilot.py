@@ -25,9 +25,8 @@ from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
-from gcs_formation.vehicle.lead import VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.velocity import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 
 STATION_SYSTEM: Final = 255
 HEARTBEATS_S: Final = 3.0

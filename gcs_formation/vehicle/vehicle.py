@@ -26,9 +26,9 @@ from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
-from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
+from gcs_formation.vehicle.velocity import ground_motion
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM: Final = 255
