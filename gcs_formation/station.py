@@ -320,18 +320,24 @@ class Station(Engine):
     # What happens, and what is said about it.
 
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
-        seen, message = vehicle.telemetry, frame.message
+        message = frame.message
+        if isinstance(message, (Heartbeat, Statustext, Timesync)):
+            self._take_word(vehicle, frame, now, timed)
+        elif vehicle.take(frame, now, timed=timed):
+            self._reporter.link(vehicle, now)
+        if isinstance(message, ParamValue):
+            self.preflight.take(vehicle, message, now)
+
+    def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
+        """Take a frame that may show another mode or a text, and say so; an answered probe may show a restart."""
+        seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
             self._reporter.link(vehicle, now)
-        # An answered probe may show that it has restarted.
-        if isinstance(message, (Heartbeat, Statustext, Timesync)):
-            if seen.custom_mode != mode:
-                self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
-            if seen.texts_reported != texts:
-                self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
-        elif isinstance(message, ParamValue):
-            self.preflight.take(vehicle, message, now)
+        if seen.custom_mode != mode:
+            self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
+        if seen.texts_reported != texts:
+            self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
         raws, datagrams = list[bytes](), list[Datagram]()

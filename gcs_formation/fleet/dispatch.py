@@ -62,7 +62,8 @@ class Dispatch:
             link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
             link.delay_s = clock.one_way_s
-            link.up_s, link.down_s = vehicle.ways_s
+            if vehicle.gnss is not None:
+                link.up_s, link.down_s = vehicle.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne = vehicle.airborne
             link.circling = not link.ready and vehicle.circles
@@ -88,9 +89,9 @@ class Dispatch:
             elif self._without[column] is None:
                 self._without[column] = now
             if usable:
-                messages = vehicle.autopilot.setpoint(Setpoint(speed_mps, heading_rad, height_m), state)
                 due = after(now, hold_s) if column == tick.leader else now
-                self._send(vehicle, vehicle.new_setpoints(messages, due), due, now)
+                news = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
+                self._send(vehicle, news, due, now)
             else:
                 vehicle.forget_setpoints()
 

@@ -17,6 +17,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.stability.mismatch import LAGS_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR: Final = 0.8
@@ -168,7 +169,8 @@ class MarginWatch:
         most, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in _channels(axis):
-                used = usage.of_lags(delay, self._lags_off[channel][column])
+                off = self._lags_off[channel][column]
+                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
                 if used > most:
                     most, whose = used, channel
         return most, whose

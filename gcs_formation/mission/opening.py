@@ -218,8 +218,7 @@ class Opening:
         self._stack.take(self._fliers)
         heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
         for vehicle in self._vehicles:
-            if vehicle.identity in given_m:
-                heights_m[vehicle.column] = given_m[vehicle.identity]
+            heights_m[vehicle.column] = given_m.get(vehicle.identity, math.nan)
         return heights_m
 
     def over(self, now: Instant) -> bool:

@@ -18,6 +18,7 @@ from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
@@ -39,7 +40,7 @@ LOSSY_S: Final = 10.0
 """For how long after a loss a link counts as one that loses."""
 MAX_PROBES: Final = 256
 """Unanswered probes that are kept: a minute of them."""
-CLOCK_LIMIT_NS: Final = 2**62
+CLOCK_LIMIT_NS: Final = 2**62 - 1
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
@@ -99,7 +100,7 @@ class Vehicle:
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled: Motion | None = None
-        self._probes = dict[Instant, None]()
+        self._probes = list[Instant]()
         """When the probes were sent that haven't been answered, the oldest first."""
 
     @property
@@ -230,27 +231,26 @@ class Vehicle:
             by_course=self._by_course,
         )
 
-    def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
+    def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
 
-        All of them after a loss: an acknowledgement doesn't say which of several it answers.
+        All of them after a loss: an acknowledgement doesn't say which of several it answers. When the setpoint acts the
+        vehicle is `where`.
         """
         for each in self.setpoint_channels:
             if each.overdue(at):
                 self._lost_at = at
         loses = seconds_between(self._lost_at, at) < LOSSY_S
+        messages = self.autopilot.news(
+            setpoint, where, [None if loses else each.known(at) for each in self.setpoint_channels]
+        )
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
-        found: list[Message] = []
         for message in messages:
             if isinstance(message, CommandInt):
                 channel = self._channel(message.command)
                 if channel is not None:
-                    known = None if loses else channel.known(at)
-                    if known is not None and self.autopilot.says_nothing_new(message, known):
-                        continue
                     channel.sent(message, at, round_trip_s)
-            found.append(message)
-        return found
+        return messages
 
     def _channel(self, command: int) -> SetpointChannel | None:
         for each in self.setpoint_channels:
@@ -270,9 +270,9 @@ class Vehicle:
 
     def probe(self, now: Instant) -> Message:
         """Return a TIMESYNC request; its stamp, kept here, tells our answers from others'."""
-        self._probes[now] = None
+        self._probes.append(now)
         if len(self._probes) > MAX_PROBES:
-            del self._probes[next(iter(self._probes))]
+            self._probes.pop(0)
         return Timesync(0, now)
 
     def was_not_asked(self, now: Instant) -> None:
@@ -307,13 +307,12 @@ class Vehicle:
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
         sent = Instant(answer.ts1_ns)
-        if not answer.tc1_ns or sent not in self._probes:
+        if not answer.tc1_ns or not self._asked(sent):
             return
-        del self._probes[sent]
         self._answered = now
         if not timed:
             return
-        if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
+        if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
             return
         if not self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now):
@@ -328,6 +327,14 @@ class Vehicle:
         write_f64_le(self.delays, one_way_s)
         write_f64_le(self.delays, up_s)
         write_f64_le(self.delays, down_s)
+
+    def _asked(self, sent: Instant) -> bool:
+        """Return whether a probe was sent then that hasn't been answered, and count it as answered."""
+        for place in range(len(self._probes) - 1, -1, -1):
+            if self._probes[place] == sent:
+                self._probes.pop(place)
+                return True
+        return False
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""

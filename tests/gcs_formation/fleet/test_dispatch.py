@@ -27,11 +27,11 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         member=Member.FLYING,
         airborne=True,
         clock=SimpleNamespace(one_way_s=up_s, loop_s=0.1),
-        ways_s=(math.nan, math.nan),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
-        autopilot=SimpleNamespace(speeds_mps=None, setpoint=lambda setpoint, _: [(str(column), setpoint)]),
-        new_setpoints=lambda messages, _: messages,
+        gnss=None,
+        autopilot=SimpleNamespace(speeds_mps=None),
+        new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
         forget_setpoints=lambda: None,
     )
 
