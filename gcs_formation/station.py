@@ -95,8 +95,8 @@ class Station(Engine):
         self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
-        # Of each vehicle's clock, the restarts that have been heeded.
-        self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), [0] * len(self.vehicles)
+        self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
+        self._out, self._next_tick = list[Datagram](), Instant(0)
         if resumed is not None:
             self._resume(resumed)
 
@@ -144,7 +144,7 @@ class Station(Engine):
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
-            for vehicle in self.vehicles.values():
+            for vehicle in self._each:
                 vehicle.was_not_asked(now)
         if now >= self._heartbeats.next_probe:
             self._send_all(self._heartbeats.probes(now), now)
@@ -218,21 +218,21 @@ class Station(Engine):
 
     def _schedule_tick(self, now: Instant) -> None:
         """Schedule the next tick on the grid of ticks; ticks that were missed are skipped."""
-        period_s = 1.0 / self.scenario.law.rate_hz
-        missed = max(0, math.floor(seconds_between(self._next_tick, now) / period_s))
-        self._next_tick = after(self._next_tick, (missed + 1) * period_s)
+        missed = max(0, math.floor(seconds_between(self._next_tick, now) / self._period_s))
+        self._next_tick = after(self._next_tick, (missed + 1) * self._period_s)
 
     def _watch_links(self, now: Instant) -> None:
-        for vehicle in self.vehicles.values():
+        for vehicle in self._each:
             link = vehicle.connection
             if not link.in_order(now) and link.check(now, vehicle.sequence.loss):
                 self._reporter.link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
-        for place, vehicle in enumerate(self.vehicles.values()):
-            if vehicle.clock.restarts != self._restarts[place]:
-                self._restarts[place] = vehicle.clock.restarts
-                self._begin_anew(vehicle, now)
+        for vehicle in self._each:
+            if vehicle.begins_anew:
+                vehicle.begins_anew = False
+                self.controller.estimator.forget(vehicle.column)
+                self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
         self._send_all(self.preflight.requests(now), now)
         self._starting.advance(now)
         if self.preflight.rehearsed:
@@ -258,22 +258,20 @@ class Station(Engine):
         elif leads and self.course.move(Cause.LEADER_READY, now):
             self.design.watch(now, begins=True)
 
-    def _begin_anew(self, vehicle: Vehicle, now: Instant) -> None:
-        self.controller.estimator.forget(vehicle.column)
-        self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
-
     def _send_commands(self, now: Instant) -> None:
-        for vehicle in self.vehicles.values():
+        commands = list[tuple[Vehicle, Message]]()
+        for vehicle in self._each:
             command = vehicle.commands.due(now)
             if command is not None:
-                self._send(vehicle, command, now)
+                commands.append((vehicle, command))
+        self._send_all(commands, now)
 
     def _take_samples(self, now: Instant) -> None:
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
         leader, samples = self.controller.plan.leader, dict[int, Sample]()
-        for vehicle in self.vehicles.values():
+        for vehicle in self._each:
             sample = vehicle.new_sample(now, leads=vehicle.column == leader)
             if sample is not None:
                 samples[vehicle.column] = sample
@@ -289,15 +287,17 @@ class Station(Engine):
             self._reconfiguration.advance(now, mission_s)
         links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         heights_m = None if opening is None else opening.steer(links, now)
-        phase, used, shares = self.flight.phase.value, self.margins.used, self.margins.bandwidth
-        tick = controller.step(now, mission_s, phase, links, used, shares, begin_regardless=late, heights_m=heights_m)
+        phase, used, shares = self.flight.phase, self.margins.used, self.margins.bandwidth
+        tick = controller.step(
+            now, mission_s, phase.value, links, used, shares, begin_regardless=late, heights_m=heights_m
+        )
         self._dispatch.take(tick, hold_s, now)
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)
         self._reporter.setpoints(self.controller, now)
         self.controlled_ticks += 1
-        if controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):
+        if phase is Phase.ASSEMBLING and controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
         if opening is None:
             self.course.end_in_time(self._until_s, now)
@@ -320,27 +320,33 @@ class Station(Engine):
     # What happens, and what is said about it.
 
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
-        seen, message = vehicle.telemetry, frame.message
+        message = frame.message
+        if isinstance(message, (Heartbeat, Statustext, Timesync)):
+            self._take_word(vehicle, frame, now, timed)
+        elif vehicle.take(frame, now, timed=timed):
+            self._reporter.link(vehicle, now)
+        if isinstance(message, ParamValue):
+            self.preflight.take(vehicle, message, now)
+
+    def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
+        """Take a frame that may show another mode or a text, and say so; an answered probe may show a restart."""
+        seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
             self._reporter.link(vehicle, now)
-        # An answered probe may show that it has restarted.
-        if isinstance(message, (Heartbeat, Statustext, Timesync)):
-            if seen.custom_mode != mode:
-                self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
-            if seen.texts_reported != texts:
-                self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
-        elif isinstance(message, ParamValue):
-            self.preflight.take(vehicle, message, now)
+        if seen.custom_mode != mode:
+            self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
+        if seen.texts_reported != texts:
+            self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
+        raws, datagrams = list[bytes](), list[Datagram]()
         for vehicle, message in messages:
-            self._send(vehicle, message, now)
-
-    def _send(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
-        peer = vehicle.connection.peer
-        if peer is None:
-            return
-        raw = vehicle.encode(message)
-        self._recorder.frames(now, [raw])
-        self._out.append(Datagram(vehicle.connection.socket, peer, raw))
+            peer = vehicle.connection.peer
+            if peer is not None:
+                raw = vehicle.encode(message)
+                raws.append(raw)
+                datagrams.append(Datagram(vehicle.connection.socket, peer, raw))
+        if raws:
+            self._recorder.frames(now, raws)
+            self._out += datagrams

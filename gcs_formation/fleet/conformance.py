@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import AutopilotModel, FlightState, respond, within, wrap
+from flight_model.autopilot import AutopilotModel, FlightState, respond, within
 from flight_model.energy import GRAVITY_MPS2
+from flight_model.slot import Triple
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.reconfiguration import column_models
@@ -56,155 +56,162 @@ CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
+Judged = tuple[bool, bool, bool]
+"""Which of them are."""
 GAP_S: Final = 0.5
 """Acknowledgements of setpoints that come later than this may mean that setpoints didn't arrive."""
 
 
 class NonConformance(NamedTuple):
-    """A commanded change that a column didn't fly within the window: m/s, rad or m."""
+    """A commanded change that a vehicle didn't fly within the window: m/s, rad or m."""
 
-    column: int
     channel: str
     expected: float
     flown: float
 
 
 class _Flier:
-    """One column: where it has been within the window, and how often it fell short."""
+    """One vehicle: where it has been within the window, and how often it fell short."""
 
-    __slots__ = ("air_variance", "bad", "broken", "carried_m", "climbed", "good", "least", "model", "past")
+    __slots__ = (
+        "air_variance",
+        "bad",
+        "broken",
+        "carried_m",
+        "climbed",
+        "good",
+        "least",
+        "model",
+        "past",
+        "since",
+        "stamps",
+        "vehicle",
+    )
 
-    def __init__(self, model: AutopilotModel, sigma: tuple[float, float, float]) -> None:
+    def __init__(self, vehicle: Vehicle, model: AutopilotModel, sigma: tuple[float, float, float]) -> None:
         """Expect changes by `model`; `sigma`: standard deviations of the telemetry of each channel."""
-        self.model = model
+        self.vehicle, self.model = vehicle, model
         self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
         self.carried_m = _carried_m(model)
-        self.past: deque[tuple[int, FlightState]] = deque(maxlen=WINDOW_CHECKS)
+        self.since: Instant | None = None
+        """Since when it has been commanded without a break."""
+        self.past, self.stamps = list[FlightState](), list[int]()
+        """Its states at the last checks, `WINDOW_CHECKS` at most, and when they were true."""
         self.climbed = False
         """Whether it was climbing or descending when it was first commanded."""
         self.air_variance = 0.0
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.bad, self.good, self.broken = [0, 0, 0], 0, False
 
-    def judge(self, expected: list[float], flown: list[float], settled: list[bool], speed_mps: float) -> int | None:
-        """Take the changes of the window, of channels that are judged; return the channel that newly isn't followed.
+    @property
+    def worst(self) -> int:
+        """The channel that has been missed most often in a row."""
+        speed, heading, height = self.bad[AIRSPEED], self.bad[HEADING], self.bad[HEIGHT]
+        if speed >= heading and speed >= height:
+            return AIRSPEED
+        return HEADING if heading >= height else HEIGHT
 
-        `speed_mps` is its airspeed: the faster it flies, the less a gust aside turns its course.
-        """
-        gust_mps = AIR_SIGMAS * math.sqrt(self.air_variance)
-        kept_up = settled[AIRSPEED] and settled[HEADING] and settled[HEIGHT]
-        for channel, change in enumerate(expected):
-            seen = flown[channel]
-            limit, short = MISSED_SHARE * abs(change), change - seen if change > 0.0 else seen - change
-            if channel == HEADING:
-                limit = max(limit, gust_mps / max(speed_mps, gust_mps, LEAST_AIRSPEED_MPS))
-            elif channel == HEIGHT:
-                limit = max(limit, max(RISING_AIR_MPS, gust_mps) * self.carried_m)
-                if settled[channel]:
-                    air_mps = (change - seen) / self.carried_m
-                    self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
-            missed = settled[channel] and abs(change) >= self.least[channel] and short > limit
-            self.bad[channel] = self.bad[channel] + 1 if missed else 0
-            kept_up = kept_up and not missed
-        self.good = self.good + 1 if kept_up else 0
-        self.broken = self.broken and self.good < CHECKS_MENDED
-        worst = max(self.bad)
-        if worst < CHECKS_BROKEN or self.broken:
-            return None
-        self.broken = True
-        return self.bad.index(worst)
+    @property
+    def doubted(self) -> bool:
+        """Whether it doesn't follow, or has missed what was expected in two checks in a row."""
+        return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
 
-
-class MotionConformance:
-    """Predicts every vehicle from an earlier state through the setpoints since then, and compares."""
-
-    def __init__(self, scenario: Scenario, history: SetpointHistory) -> None:
-        """Take the model from the scenario; `history` holds what was commanded."""
-        models = zip(_judged_by(scenario), _noise(scenario), strict=True)
-        self._fliers = [_Flier(model, sigma) for model, sigma in models]
-        self._history = history
-        self._next_check = Instant(0)
-        self.broken = [False] * len(self._fliers)
-        """Columns that don't follow, (C,)."""
-        self.doubted = self.broken
-        """Columns that don't follow, or have missed what was expected in two checks in a row, (C,)."""
-
-    def due(self, now: Instant) -> bool:
-        """Whether a check is due."""
-        return now >= self._next_check
-
-    def check(
-        self,
-        now: Instant,
-        stamps: list[int],
-        states: list[FlightState],
-        settled: list[list[bool]],
-        commanded_s: list[float],
-    ) -> list[NonConformance]:
-        """Compare, as a check is due; return new findings. `broken` has all columns that don't follow.
+    def look(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
+        """Compare its motion with where the setpoints of `history` led; return a channel that newly isn't followed.
 
         Args:
+            stamp: when it was where it is seen.
+            seen: its newest state.
+            history: what was commanded.
             now: the tick's instant.
-            stamps: (C,) when the states were true.
-            states: (C,) newest states.
-            settled: (C, 3) channels that have been commanded, and acknowledged, for `SETTLED_S`.
-            commanded_s: (C,) for how long each has been commanded without a break.
         """
-        self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
-        found: list[NonConformance] = []
-        for column, stamp in enumerate(stamps):
-            finding = self._look(column, stamp, states[column], settled[column], commanded_s[column])
-            if finding is not None:
-                found.append(finding)
-        self.broken = [flier.broken for flier in self._fliers]
-        self.doubted = [flier.broken or max(flier.bad) >= CHECKS_DOUBTED for flier in self._fliers]
-        return found
-
-    def _look(
-        self, column: int, stamp: int, seen: FlightState, settled: list[bool], commanded_s: float
-    ) -> NonConformance | None:
-        """Compare one column's motion."""
-        flier = self._fliers[column]
+        commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
-            flier.climbed = abs(seen.climb_mps) > CLIMBING_MPS
-        flier.past.append((stamp, seen))
-        if len(flier.past) < WINDOW_CHECKS or not any(settled):
-            flier.bad, flier.good = [0, 0, 0], 0
+            self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
+        if len(self.past) == WINDOW_CHECKS:
+            self.past.pop(0)
+            self.stamps.pop(0)
+        self.past.append(seen)
+        self.stamps.append(stamp)
+        by_speed, by_heading, by_height = self._settled(now)
+        if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
+            self.bad, self.good = [0, 0, 0], 0
             return None
-        since, before = flier.past[0]
+        before, since = self.past[0], self.stamps[0]
         end = before.copy()
-        self._history.respond(end, since, max(stamp, since), column, flier.model)
+        history.respond(end, since, max(stamp, since), self.vehicle.column, self.model)
+        levels_out = self.climbed and commanded_s < LEVELS_OUT_S
+        fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
+        by_speed = by_speed and not levels_out
+        by_height = by_height and not levels_out and not (fast and end.height_m > before.height_m)
         expected, flown = _change(before, end), _change(before, seen)
-        flown[HEADING] = wrap(flown[HEADING])
-        if flier.climbed and commanded_s < LEVELS_OUT_S:
-            settled[AIRSPEED] = settled[HEIGHT] = False
-        fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * flier.model.speed_max_mps
-        if fast and expected[HEIGHT] > 0.0:
-            settled[HEIGHT] = False
-        judged = flown.copy()
-        if flier.model.speed_min_mps > 0.0:
-            judged[AIRSPEED] = _by_energy(expected, flown, max(seen.airspeed_mps, flier.model.speed_min_mps))
-        channel = flier.judge(expected, judged, settled, seen.airspeed_mps)
-        return None if channel is None else NonConformance(column, CHANNELS[channel], expected[channel], flown[channel])
+        channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
+        return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
+
+    def _settled(self, now: Instant) -> Judged:
+        """Return of which channels setpoints have been commanded, and acknowledged, for long enough."""
+        latest = after(now, -SETTLED_S)
+        if self.since is None or self.since > latest:
+            return False, False, False
+        channels = self.vehicle.setpoint_channels
+        if channels:
+            speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
+            return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
+        # Nobody acknowledges setpoints: answers to probes show that it hears. One that can stand has any course there.
+        hears = self.vehicle.talks_on_s <= UNANSWERED_S
+        return hears, hears and not self.vehicle.autopilot.stands, hears
+
+    def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
+        """Take the changes of the window; return the channel that newly isn't followed, of those that are `judged`.
+
+        The faster it flies, by `airspeed_mps`, the less a gust aside turns its course.
+        """
+        by_speed, by_heading, by_height = judged
+        faster_mps, turned_rad, risen_m = expected
+        flown_mps, flown_rad, flown_m = flown
+        gust_mps, slowest_mps = AIR_SIGMAS * math.sqrt(self.air_variance), self.model.speed_min_mps
+        if by_height:
+            air_mps = (risen_m - flown_m) / self.carried_m
+            self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
+        if slowest_mps > 0.0:
+            flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
+        least_mps = max(gust_mps, LEAST_AIRSPEED_MPS)
+        aside_rad = gust_mps / max(airspeed_mps, least_mps)
+        carried_m = max(RISING_AIR_MPS, gust_mps) * self.carried_m
+        keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
+        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
+        keeps_height = self._keeps_up(HEIGHT, risen_m, flown_m, carried_m, judged=by_height)
+        all_judged, worst = by_speed and by_heading and by_height, self.worst
+        self.good = self.good + 1 if all_judged and keeps_speed and keeps_heading and keeps_height else 0
+        self.broken = self.broken and self.good < CHECKS_MENDED
+        if self.bad[worst] < CHECKS_BROKEN or self.broken:
+            return None
+        self.broken = True
+        return worst
+
+    def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
+        """Return whether a channel's change is flown, but for what air explains, or isn't judged; count if it isn't."""
+        short = change - flown if change > 0.0 else flown - change
+        large = abs(change) >= self.least[channel]
+        missed = judged and large and short > max(MISSED_SHARE * abs(change), by_air)
+        self.bad[channel] = self.bad[channel] + 1 if missed else 0
+        return not missed
 
 
-def _by_energy(expected: list[float], flown: list[float], speed_mps: float) -> float:
-    """Return by how much an aircraft's airspeed has changed, but for what it is off because its height is.
+def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps: float) -> float:
+    """Return by how much an aircraft's airspeed has changed, but for what it is off because it is `above_m` its height.
 
     Its throttle holds the sum of both energies and its pitch divides it, slowly: one that is too low by h is too fast
     by g h / v, and obeys (ArduPilot documentation, "TECS (Total Energy Control System) for speed and height tuning").
     """
-    traded_mps = flown[AIRSPEED] + GRAVITY_MPS2 * (flown[HEIGHT] - expected[HEIGHT]) / speed_mps
-    return within(expected[AIRSPEED], min(flown[AIRSPEED], traded_mps), max(flown[AIRSPEED], traded_mps))
+    traded_mps = flown_mps + GRAVITY_MPS2 * above_m / speed_mps
+    return within(expected_mps, min(flown_mps, traded_mps), max(flown_mps, traded_mps))
 
 
-def _change(before: FlightState, after: FlightState) -> list[float]:
+def _change(before: FlightState, after: FlightState) -> Triple:
     """Return by how much airspeed, heading and height have changed."""
-    return [
-        after.airspeed_mps - before.airspeed_mps,
-        after.heading_rad - before.heading_rad,
-        after.height_m - before.height_m,
-    ]
+    turned_rad = after.heading_rad - before.heading_rad
+    return after.airspeed_mps - before.airspeed_mps, turned_rad, after.height_m - before.height_m
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
@@ -250,28 +257,26 @@ class ConformanceMonitor:
     ) -> None:
         """Compare `vehicles`."""
         self._controller = controller
-        self._vehicles = vehicles
+        self._vehicles = list(vehicles.values())
         self._note = note
-        self._motion = MotionConformance(scenario, controller.history)
-        for vehicle in vehicles.values():
-            for channel in vehicle.setpoint_channels.values():
+        models, noise = _judged_by(scenario), _noise(scenario)
+        self._fliers = [_Flier(each, models[each.column], noise[each.column]) for each in self._vehicles]
+        for vehicle in self._vehicles:
+            for channel in vehicle.setpoint_channels:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
+        self._next_check = Instant(0)
+        self.doubted = [False] * len(models)
+        """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
         self._unanswered = set[VehicleId]()
         """Vehicles that were commanded and answered nothing."""
-        self._since: list[Instant | None] = [None] * (1 + len(scenario.followers))
-        """Since when each column has been commanded without interruption, (C,)."""
-
-    @property
-    def doubted(self) -> list[bool]:
-        """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
-        return self._motion.doubted
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
-        for identity, vehicle in self._vehicles.items():
+        for vehicle in self._vehicles:
             missing = vehicle.talks_on_s > UNANSWERED_S
             if not missing and not self._unanswered:
                 continue
+            identity = vehicle.identity
             reported = identity in self._unanswered
             if missing and not reported and vehicle.member is Member.FLYING:
                 self._unanswered.add(identity)
@@ -282,7 +287,7 @@ class ConformanceMonitor:
 
     def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""
-        for vehicle in self._vehicles.values():
+        for vehicle in self._vehicles:
             if not vehicle.effects.watching:
                 continue
             before = vehicle.effects.missing
@@ -304,44 +309,27 @@ class ConformanceMonitor:
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""
-        for column, active in enumerate(tick.active):
-            if not active:
-                self._since[column] = None
-            elif self._since[column] is None:
-                self._since[column] = now
-        if not self._motion.due(now):
+        for flier in self._fliers:
+            if not tick.active[flier.vehicle.column]:
+                flier.since = None
+            elif flier.since is None:
+                flier.since = now
+        if now < self._next_check:
             return
-        filters, settled = self._controller.estimator.filters, [[False] * len(CHANNELS) for _ in tick.active]
-        commanded_s = [0.0] * len(settled)
-        for vehicle in self._vehicles.values():
-            column = vehicle.column
-            began = self._since[column]
-            since = now if began is None else began
-            commanded_s[column] = seconds_between(since, now)
-            settled[column] = self._settled(vehicle, since, now)
-        before = self._motion.broken
-        states = [each.state or unknown_state() for each in filters]
-        for vehicle in self._vehicles.values():
+        self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
+        filters, broken = self._controller.estimator.filters, [each for each in self._fliers if each.broken]
+        for flier in self._fliers:
+            vehicle, own = flier.vehicle, filters[flier.vehicle.column]
+            state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
-                states[vehicle.column] = _by_course(states[vehicle.column], vehicle.telemetry.motion)
-        found = self._motion.check(now, [each.stamp for each in filters], states, settled, commanded_s)
-        for each in found:
-            self._note(now, "disobeys", _words(each), self._at(each.column), _figures(each))
-        for column, broken in enumerate(self._motion.broken):
-            if broken or not before[column]:
-                continue
-            self._note(now, "obeys", "follows its setpoints again", self._at(column), {"order": "setpoints"})
-
-    def _settled(self, vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
-        """Return which channels of a vehicle commanded `since` then have been acknowledged for long enough."""
-        if not vehicle.autopilot.setpoint_commands:
-            return _settled_unanswered(vehicle, since, now)
-        runs = [vehicle.setpoint_channels[i].since(now) for i in vehicle.autopilot.setpoint_commands]
-        latest = after(now, -SETTLED_S)
-        return [run is not None and max(since, run) <= latest for run in runs]
-
-    def _at(self, column: int) -> Vehicle:
-        return next(each for each in self._vehicles.values() if each.column == column)
+                state = _by_course(state, vehicle.telemetry.motion)
+            found = flier.look(own.stamp, state, self._controller.history, now)
+            if found is not None:
+                self._note(now, "disobeys", _words(found), vehicle, _figures(found))
+            self.doubted[vehicle.column] = flier.doubted
+        for flier in broken:
+            if not flier.broken:
+                self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
 
 
 def _by_course(state: FlightState, seen: Motion | None) -> FlightState:
@@ -350,15 +338,6 @@ def _by_course(state: FlightState, seen: Motion | None) -> FlightState:
     if seen is not None:
         shown.heading_rad = heading_shown(state, seen.north_mps, seen.east_mps)
     return shown
-
-
-def _settled_unanswered(vehicle: Vehicle, since: Instant, now: Instant) -> list[bool]:
-    """Return which channels have been commanded for long enough of a vehicle that acknowledges no setpoint.
-
-    Its answers to probes show that it hears. A vehicle that can stand has any course there.
-    """
-    settled = vehicle.talks_on_s <= UNANSWERED_S and since <= after(now, -SETTLED_S)
-    return [settled, settled and not vehicle.autopilot.stands, settled]
 
 
 def _words(found: NonConformance) -> str:

@@ -38,15 +38,15 @@ class Dispatch:
         self._virtual_leader = scenario.leader is None
         self._compensates = scenario.law.delay_compensation
         self._count = 1 + len(scenario.followers)
-        self._vehicles = vehicles
+        self._vehicles = list(vehicles.values())
         self._at_once: list[tuple[Vehicle, Message]] = []
         self._held = DelayQueue[tuple[Vehicle, Message]]()
         self.due = NEVER
         """When the next message is to be sent."""
-        self._guided = set[VehicleId]()
-        """Who got a setpoint at this tick."""
-        self._without: dict[VehicleId, Instant] = {}
-        """Since when there has been no setpoint for a vehicle that should get some."""
+        self._guided = [False] * self._count
+        """Which columns got a setpoint at this tick."""
+        self._without: list[Instant | None] = [None] * self._count
+        """Since when there has been no setpoint for a column that should get some."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
         """Return the present state of the link to every column, and how long the leader's setpoints are held back.
@@ -58,16 +58,17 @@ class Dispatch:
         """
         links = [VehicleLink(now) for _ in range(self._count)]
         links[0].ready = self._virtual_leader
-        for vehicle in self._vehicles.values():
-            link = links[vehicle.column]
+        for vehicle in self._vehicles:
+            link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
-            link.delay_s = vehicle.clock.one_way_s
-            link.up_s, link.down_s = vehicle.ways_s
+            link.delay_s = clock.one_way_s
+            if vehicle.gnss is not None:
+                link.up_s, link.down_s = vehicle.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne = vehicle.airborne
             link.circling = not link.ready and vehicle.circles
             link.heard = vehicle.heard_at(now)
-            link.lag_s = vehicle.autopilot.loop_s / 2
+            link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
             link.speeds_mps = vehicle.autopilot.speeds_mps
         hold_s = self._hold_s(leader, links)
@@ -76,52 +77,56 @@ class Dispatch:
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
-        self._guided.clear()
-        for identity, vehicle in self._vehicles.items():
+        for vehicle in self._vehicles:
             column = vehicle.column
             state = tick.state[column]
             speed_mps, heading_rad, height_m = tick.setpoints[column]
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
             usable = tick.active[column] and finite(speed_mps + heading_rad + height_m + known)
+            self._guided[column] = usable
             if usable or vehicle.member is not Member.FLYING:
-                self._without.pop(identity, None)
-            else:
-                self._without.setdefault(identity, now)
+                self._without[column] = None
+            elif self._without[column] is None:
+                self._without[column] = now
             if usable:
-                self._guided.add(identity)
-                messages = vehicle.autopilot.setpoint(Setpoint(speed_mps, heading_rad, height_m), state)
                 due = after(now, hold_s) if column == tick.leader else now
-                self._send(vehicle, vehicle.new_setpoints(messages, due), due, now)
+                news = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
+                self._send(vehicle, news, due, now)
             else:
                 vehicle.forget_setpoints()
 
     def _send(self, vehicle: Vehicle, messages: list[Message], due: Instant, now: Instant) -> None:
-        if due <= now:
-            for message in messages:
+        for message in messages:
+            if due <= now:
                 self._at_once.append((vehicle, message))
-        else:
-            for message in messages:
+            else:
                 self._held.push(due, (vehicle, message))
         self.due = min(self.due, due)
 
     def stand_ins(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
-        unguided, found = self.unguided(now), list[tuple[Vehicle, Message]]()
-        for identity, vehicle in self._vehicles.items():
-            if identity not in self._guided and identity not in unguided and vehicle.start_up.acted:
+        found = list[tuple[Vehicle, Message]]()
+        for vehicle in self._vehicles:
+            if self._guided[vehicle.column]:
+                self._guided[vehicle.column] = False
+            elif vehicle.start_up.acted and not self._is_unguided(vehicle, now):
                 found += [(vehicle, message) for message in vehicle.autopilot.stand_in]
-        self._guided.clear()
         return found
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
         """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
-        return frozenset(each for each, since in self._without.items() if seconds_between(since, now) > UNGUIDED_S)
+        return frozenset(each.identity for each in self._vehicles if self._is_unguided(each, now))
+
+    def _is_unguided(self, vehicle: Vehicle, now: Instant) -> bool:
+        since = self._without[vehicle.column]
+        return since is not None and seconds_between(since, now) > UNGUIDED_S
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Remove and return the messages to send now; none to a vehicle that has left the formation meanwhile."""
         if now < self.due:
             return []
-        due = [*self._held.pop_due(now), *self._at_once]
+        due = self._held.pop_due(now)
+        due += self._at_once
         self._at_once = []
         held = self._held.next()
         self.due = NEVER if held is None else held
@@ -130,9 +135,9 @@ class Dispatch:
     def clear(self) -> None:
         """Drop all messages that are held back: no setpoint may follow an order to loiter."""
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
-        for vehicle in self._vehicles.values():
+        for vehicle in self._vehicles:
             vehicle.forget_setpoints()
-        self._without.clear()
+        self._without = [None] * self._count
 
     def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:
         """Return for how long the leader's setpoints are held back: until those of the slowest follower act.

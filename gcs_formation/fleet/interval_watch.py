@@ -7,7 +7,6 @@ Another ground station may have set its own rates (REQUEST_DATA_STREAM), or swit
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from typing import Final
 
@@ -54,37 +53,43 @@ class Streams:
         self.refused = False
         self.next_request = self.last_look = Instant(0)
         self.wait_s = ASK_AGAIN_S
-        self._spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self.rates_hz.values()]
-        self.looks = deque[Look](maxlen=1 + max(self._spans))
+        self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
+        self._spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self._rates]
+        self._places = [KINDS[each].place for each in self._ids]
+        self._most = 1 + max(self._spans)
+        self.looks = list[Look]()
+        """The last ones, as many as the slowest message needs."""
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing arrives isn't counted against a single message."""
-        sequence, messages = vehicle.sequence, [vehicle.messages_in[KINDS[each].place] for each in self.rates_hz]
+        sequence, messages = vehicle.sequence, [int(vehicle.messages_in[place]) for place in self._places]
         heard_s, arrived = 0.0, True
         if self.looks:
             before = self.looks[-1]
             arrived = sequence.received > before.received
             heard_s = before.heard_s + (seconds_between(self.last_look, now) if arrived else 0.0)
         self.last_look = now
+        if len(self.looks) == self._most:
+            self.looks.pop(0)
         self.looks.append(Look(heard_s, sequence.received, sequence.lost, messages))
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of what the link lets through arrives."""
-        last, looked = self.looks[-1], len(self.looks)
-        found: list[int] = []
-        for place, (message_id, rate_hz) in enumerate(self.rates_hz.items()):
-            span = self._spans[place]
-            if looked > span:
-                first = self.looks[-1 - span]
-                count = last.messages[place] - first.messages[place]
-                if _is_too_few(count, rate_hz * (last.heard_s - first.heard_s), _share_arriving(first, last)):
-                    found.append(message_id)
+        newest, found = len(self.looks) - 1, list[int]()
+        last = self.looks[newest]
+        for place, span in enumerate(self._spans):
+            if newest < span:
+                continue
+            first = self.looks[newest - span]
+            count = last.messages[place] - first.messages[place]
+            sent = self._rates[place] * (last.heard_s - first.heard_s)
+            if count < LEAST_SHARE * sent and _is_too_few(count, sent, _share_arriving(first, last)):
+                found.append(self._ids[place])
         return tuple(found)
 
     def judged(self, message_ids: tuple[int, ...]) -> bool:
         """Return whether these messages have been counted for long enough."""
-        spans = dict(zip(self.rates_hz, self._spans, strict=True))
-        return len(self.looks) > max(spans[message_id] for message_id in message_ids)
+        return len(self.looks) > max(self._spans[self._ids.index(message_id)] for message_id in message_ids)
 
 
 class MessageIntervals:

@@ -17,6 +17,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.noise import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.stability.mismatch import LAGS_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR: Final = 0.8
@@ -108,6 +109,7 @@ class MarginWatch:
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
+        self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
         self._vehicles = vehicles
         self._note = note
         self.beyond: set[VehicleId] = set()
@@ -167,7 +169,8 @@ class MarginWatch:
         most, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in _channels(axis):
-                used = usage.of_lags(delay, self._lags_off[channel][column])
+                off = self._lags_off[channel][column]
+                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
                 if used > most:
                     most, whose = used, channel
         return most, whose
@@ -182,12 +185,11 @@ class MarginWatch:
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
-        down_s = self._vehicles[identity].down_s
+        down_s = own_down_s = self._vehicles[identity].down_s
         if self._mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
-        rates = self._scenario.telemetry.rate_hz, law.rate_hz
-        up_s = 2.0 * clock.one_way_s - self._vehicles[identity].down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, *rates), clock.usual_scatter_s)
+        up_s = 2.0 * clock.one_way_s - own_down_s
+        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), clock.usual_scatter_s)
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]

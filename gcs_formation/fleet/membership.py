@@ -1,10 +1,10 @@
-"""Which vehicles fly in the formation, decided at every tick, when its leader is lost, and what the others do."""
+"""Which vehicles fly in the formation, decided at every tick, what the others do, and who succeeds a lost leader."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Set
-from typing import Final, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Set
+from typing import Final, NamedTuple, Self
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -26,6 +26,10 @@ ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle returns to the formation."""
+HEARD_S: Final = 1.0
+"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
+DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
+"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
 UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
 """Memberships of vehicles that haven't been told to loiter."""
 
@@ -76,7 +80,7 @@ class Membership:
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Judge `vehicles`, the leader first."""
         self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s
-        self._vehicles = vehicles
+        self._vehicles, self._each = vehicles, list(vehicles.values())
         self._note = note
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
@@ -120,7 +124,7 @@ class Membership:
         if leader is not None:
             self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, beyond, now))
             led = leader.member is Member.FLYING or connecting
-        for vehicle in self._vehicles.values():
+        for vehicle in self._each:
             if vehicle is not leader:
                 self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
 
@@ -195,3 +199,48 @@ class Membership:
             top = self._ground.highest((place.north_m, place.east_m) for place in places.values())
             self._floor_at, self._floor_m = now, top.height_m
         return loiter_heights(places, self._floor_m)[vehicle.identity]
+
+
+class Candidate(NamedTuple):
+    """A follower that could lead."""
+
+    column: int
+    distance_m: float
+    """From the leader's place."""
+    delay_s: float
+    """One way; NaN where it isn't known. The same for `jitter_s`."""
+    loss: float
+    jitter_s: float
+
+    @classmethod
+    def of(cls, column: int, vehicle: Vehicle, distance_m: float) -> Self:
+        """Return a vehicle with its link as measured."""
+        return cls(column, distance_m, vehicle.clock.one_way_s, vehicle.sequence.loss, vehicle.jitter.jitter_s)
+
+
+def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
+    """Return whether a vehicle flies in the formation, hears, and is heard: its state is `age_s` old."""
+    hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
+    return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
+
+
+def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
+    """Return the column of the best successor, None if there is no candidate.
+
+    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
+    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
+    """
+    known = tuple(candidates)
+    nearest_m = min((each.distance_m for each in known), default=0.0)
+    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
+    best = min(suited, key=_rank, default=None)
+    return None if best is None else best.column
+
+
+def _rank(each: Candidate) -> tuple[float, ...]:
+    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
+    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
+
+
+def _steps(value: float, step: float) -> float:
+    return math.inf if math.isnan(value) else round(value / step)

@@ -7,8 +7,10 @@ delay is NTP's clock filter (RFC 5905, section 10) put into a two-state Kalman f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.autopilot import squared
@@ -35,7 +37,6 @@ STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty and this shows that the clock has stepped, or begun anew."""
 
 
-@dataclass
 class ClockSync:
     """Maps a vehicle's time since boot to our instants.
 
@@ -43,59 +44,87 @@ class ClockSync:
     weighted by how much their round trips took longer than the fastest, and by how much round trips vary.
     """
 
-    loop_s: float = 0.0
-    """Period of the loop on which the vehicle answers; half of it is in every round trip."""
-    round_trip_s: float = math.nan
-    samples: int = 0
-    restarts: int = 0
-    one_way_s: float = math.nan
-    """Half the mean of the recent round trips, without the answering loop's share."""
-    offset_s: float = math.nan
-    drift: float = 0.0
-    _reference: Instant = Instant(0)
-    _asked: Instant = Instant(0)
-    """When the newest answered probe was sent: the vehicle ran on its clock after that."""
-    _shown_ns: int = 0
-    """What the clock showed last."""
-    _variance: tuple[float, float, float] = (1.0, 0.0, INITIAL_DRIFT**2)
-    _recent: list[float] = field(default_factory=list[float])
-    """The last round trips, `WINDOW` at most."""
+    def __init__(self, loop_s: float = 0.0) -> None:
+        """Start with nothing known; `loop_s`: period of the loop on which the vehicle answers."""
+        self.loop_s = loop_s
+        """Half of it is in every round trip."""
+        self.round_trip_s = math.nan
+        self.samples = self.restarts = 0
+        self.one_way_s = math.nan
+        """Half the mean of the recent round trips, without the answering loop's share."""
+        self.offset_s: float = math.nan
+        self.drift: float = 0.0
+        self._reference = Instant(0)
+        self._asked = Instant(0)
+        """When the newest answered probe was sent: the vehicle ran on its clock after that."""
+        self._shown_ns = 0
+        """What the clock showed last."""
+        self._p00: float = 1.0
+        self._p01: float = 0.0
+        self._p11: float = squared(INITIAL_DRIFT)
+        """Variance of offset and drift."""
+        self._recent, self._count = vec[float]([0.0] * WINDOW), i64(0)
+        """The last round trips, the oldest first, and how many there are."""
+        self._sorted = vec[float]([0.0] * WINDOW)
 
     @property
     def scatter_s(self) -> float:
         """Standard deviation of the recent round trips."""
-        count = len(self._recent)
+        recent, count, mean_s, total = self._recent, self._count, self._mean_s(), 0.0
         if count < 2:
             return 0.0
-        mean_s = self._mean_s()
-        total = 0.0
-        for each in self._recent:
-            total += squared(each - mean_s)
-        return math.sqrt(total / (count - 1.0))
+        for place in range(count):
+            total += squared(recent[place] - mean_s)
+        return math.sqrt(total / (float(count) - 1.0))
 
     @property
     def usual_scatter_s(self) -> float:
         """The same, of most round trips alone: a few that are far off, as where a link's delay steps, aren't in it."""
-        return min(self.scatter_s, _usual_scatter(self._recent))
+        return min(self.scatter_s, self._usual_scatter_s(self._count))
+
+    def _usual_scatter_s(self, count: i64) -> float:
+        """Return the standard deviation of noise that has the median absolute deviation of the first `count`."""
+        middle_s, each = self._median_s(0, count), self._sorted
+        for place in range(count):
+            each[place] = abs(each[place] - middle_s)
+        return NORMAL * _median(each, count)
+
+    def _median_s(self, begin: i64, end: i64) -> float:
+        """Return the median of the recent round trips from one place to before another, and leave these sorted."""
+        recent, each = self._recent, self._sorted
+        for place in range(begin, end):
+            each[place - begin] = recent[place]
+        return _median(each, end - begin)
+
+    def _take(self, round_trip_s: float) -> None:
+        recent, count = self._recent, self._count
+        if count == WINDOW:
+            count -= 1
+            for place in range(count):
+                recent[place] = recent[place + 1]
+        recent[count] = round_trip_s
+        self._count = count + 1
+        self._forget_before_step()
 
     def _forget_before_step(self) -> None:
         """Forget the round trips before the last few, where these are far from the others' median."""
-        if len(self._recent) <= STEPPED:
+        recent, since = self._recent, self._count - STEPPED
+        if since <= 0:
             return
-        since = self._recent[-STEPPED:]
-        near_s = FAR * _range(since)
-        if _range(self._recent) <= near_s:
+        near_s = FAR * _range(recent, since, self._count)
+        if _range(recent, 0, self._count) <= near_s:
             return  # as nearly always: no two are farther apart
-        before = self._recent[:-STEPPED]
-        apart_s = abs(_median(since) - _median(before))
-        if apart_s > near_s and apart_s > near_s + FAR * _usual_scatter(before):
-            self._recent = since
+        apart_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
+        if apart_s > near_s and apart_s > near_s + FAR * self._usual_scatter_s(since):
+            for place in range(STEPPED):
+                recent[place] = recent[since + place]
+            self._count = STEPPED
 
     def _mean_s(self) -> float:
-        total = 0.0
-        for each in self._recent:
-            total += each
-        return total / float(len(self._recent))
+        recent, count, total = self._recent, self._count, 0.0
+        for place in range(count):
+            total += recent[place]
+        return total / float(count) if count else math.nan
 
     def last_one_way_s(self) -> float:
         """Half of the last round trip, without the answering loop's mean share; can be below 0."""
@@ -104,10 +133,7 @@ class ClockSync:
     def observe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> bool:
         """Take an answered probe; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
-        self._recent.append(self.round_trip_s)
-        if len(self._recent) > WINDOW:
-            del self._recent[0]
-        self._forget_before_step()
+        self._take(self.round_trip_s)
         self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
@@ -115,8 +141,11 @@ class ClockSync:
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
         # A clock that stood still (a machine or a simulator was held up) is behind, shows no less than it did, and has
         # run for longer than nothing was read of it. Any other has begun anew, or is another vehicle's.
-        began = vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
-        restarted = stepped and (off_s > 0.0 or vehicle_time_ns < self._shown_ns or began)
+        restarted = stepped and (
+            off_s > 0.0
+            or vehicle_time_ns < self._shown_ns
+            or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
+        )
         if self.samples == 0 or restarted:
             self._begin(middle, sample_s)
         elif stepped:
@@ -144,32 +173,31 @@ class ClockSync:
 
     def _begin(self, at: Instant, sample_s: float) -> None:
         self.offset_s, self.drift, self._reference = sample_s, 0.0, at
-        self._variance = (self._sample_variance(), 0.0, squared(INITIAL_DRIFT))
+        self._p00, self._p01, self._p11 = self._sample_variance(), 0.0, squared(INITIAL_DRIFT)
 
     def _step(self, at: Instant, sample_s: float) -> None:
         """Follow a clock that has stepped: its rate is what it was."""
         self.offset_s, self._reference = sample_s, at
-        self._variance = (self._sample_variance(), 0.0, self._variance[2])
+        self._p00, self._p01 = self._sample_variance(), 0.0
 
     def _advance(self, to: Instant) -> None:
         elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)
-        p00, p01, p11 = self._variance
         self.offset_s += self.drift * elapsed_s
         self._reference = to
-        self._variance = (
-            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + squared(OFFSET_NOISE) * elapsed_s,
-            p01 + elapsed_s * p11,
-            p11 + squared(DRIFT_NOISE) * elapsed_s,
-        )
+        grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
+        self._p00 = self._p00 + grown + squared(OFFSET_NOISE) * elapsed_s
+        self._p01 += elapsed_s * self._p11
+        self._p11 += squared(DRIFT_NOISE) * elapsed_s
 
     def _correct(self, sample_s: float) -> None:
-        p00, p01, p11 = self._variance
-        total = p00 + self._sample_variance()
+        total = self._p00 + self._sample_variance()
         innovation = sample_s - self.offset_s
-        gain0, gain1 = p00 / total, p01 / total
+        gain0, gain1 = self._p00 / total, self._p01 / total
         self.offset_s += gain0 * innovation
         self.drift += gain1 * innovation
-        self._variance = ((1 - gain0) * p00, (1 - gain0) * p01, p11 - gain1 * p01)
+        self._p11 -= gain1 * self._p01
+        self._p00 *= 1.0 - gain0
+        self._p01 *= 1.0 - gain0
 
     def _sample_variance(self) -> float:
         """Return the variance of a sample's offset, from half its own excess delay and half the delays' scatter.
@@ -177,31 +205,31 @@ class ClockSync:
         Where queues cause the delay, the fastest round trips are the most accurate; where both delays vary at random,
         none is better than the others.
         """
-        fastest_s = self.round_trip_s
-        for each in self._recent:
-            fastest_s = min(fastest_s, each)
+        recent, fastest_s = self._recent, self.round_trip_s
+        for place in range(self._count):
+            fastest_s = min(fastest_s, recent[place])
         excess_s = self.round_trip_s - fastest_s
-        scatter_s = self.scatter_s if len(self._recent) >= FEW else UNKNOWN_SCATTER_S
+        scatter_s = self.scatter_s if self._count >= FEW else UNKNOWN_SCATTER_S
         return squared(RESOLUTION_S) + (squared(excess_s) + squared(scatter_s)) / 4
 
 
-def _range(values: list[float]) -> float:
-    """Return by how much the greatest of one value or more exceeds the least."""
-    least = greatest = values[0]
-    for each in values:
-        least, greatest = min(least, each), max(greatest, each)
+def _range(values: vec[float], begin: i64, end: i64) -> float:
+    """Return by how much the greatest exceeds the least, from one place to before another."""
+    least = greatest = values[begin]
+    for place in range(begin, end):
+        least, greatest = min(least, values[place]), max(greatest, values[place])
     return greatest - least
 
 
-def _usual_scatter(values: list[float]) -> float:
-    """Return the standard deviation of normal noise that has the values' median absolute deviation."""
-    middle = _median(values)
-    return NORMAL * _median([abs(each - middle) for each in values])
-
-
-def _median(values: list[float]) -> float:
-    """Return the median, 0 of none."""
-    ordered, middle = sorted(values), len(values) // 2
-    if len(values) % 2:
-        return ordered[middle]
-    return (ordered[middle - 1] + ordered[middle]) / 2.0 if values else 0.0
+def _median(values: vec[float], count: i64) -> float:
+    """Return the median of the first `count` values, 0 of none; they are sorted in place."""
+    for end in range(1, count):
+        value, place = values[end], end
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
+    middle = count // 2
+    if count % 2:
+        return values[middle]
+    return (values[middle - 1] + values[middle]) / 2.0 if count else 0.0

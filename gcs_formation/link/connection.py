@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
+from mypy_extensions import i64
+
 from airlink.clock import NANOSECONDS, Instant, rounded, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
@@ -15,6 +17,7 @@ from airlink.frame import Frame, ParserCounts, StreamParser
 
 MODULUS: Final = 256
 ANY: Final = -1
+"""No number yet, or any."""
 LATE: Final = MODULUS // 2
 """A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
 SHARE: Final = 1 / 16
@@ -53,87 +56,96 @@ class SequenceTracker:
 
     def __init__(self) -> None:
         """Start with nothing heard."""
-        self.received = self.lost = self.repeated = 0
-        self.missed = 0
+        self.received: i64 = 0
+        self.lost: i64 = 0
+        self.repeated: i64 = 0
+        self.missed: i64 = 0
         """Frames that were lost in silences, besides `lost`: they say nothing of how the link loses those that pass."""
         self._since, self._next = (Instant(0), 0), (Instant(0), 0)
         """An instant and how many frames had been sent by then, from which their rate is counted, and the next such."""
-        self._newest: int | None = None
-        self._expected = ANY
+        self._newest: i64 = ANY
+        self._expected: i64 = ANY
         """The number of the next frame if none is missing."""
         self._missing: set[int] = set()
         """Numbers counted as lost that may still come."""
 
-    def observe(self, sequence: int, now: Instant, heard: Instant) -> None:
-        """Take the sequence number of a frame that arrived now; another had been `heard` last."""
+    def observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
+        """Take the sequence number of a frame that arrived now; another had been `heard` last.
+
+        Return whether it shows that more frames were lost than was known, or fewer.
+        """
         if self.received % MODULUS == 0:
             self._since, self._next = self._next, (now, self.received + self.lost)
-        if self._newest is None:
-            self._newest = (sequence - 1) % MODULUS
-        elif now - heard >= STALE_AFTER_NS:
-            self._observe_after_silence(sequence, now, heard)
-            return
-        elif sequence == self._expected:
+        silent = now - heard >= STALE_AFTER_NS
+        if sequence == self._expected and not silent:
             self.received += 1
             self._newest = sequence
             self._expected = (sequence + 1) % MODULUS
-            return
+            return False
+        if self._newest == ANY:
+            self._newest = (sequence - 1) % MODULUS
+        elif silent:
+            return self._observe_after_silence(sequence, now, heard)
         newest = self._newest
         if (newest - sequence) % MODULUS <= LATE:
-            self._observe_late(sequence)
-            return
+            return self._observe_late(sequence)
         gap = (sequence - newest - 1) % MODULUS
         self.received += 1
         self.lost += gap
         self._newest = sequence
         if gap or self._missing:
-            self._missing.update((newest + ahead) % MODULUS for ahead in range(1, gap + 1))
+            self._missing.update(int((newest + ahead) % MODULUS) for ahead in range(1, gap + 1))
             self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
         self._expect()
+        return gap > 0
 
     def _expect(self) -> None:
-        self._expected = ANY if self._missing or self._newest is None else (self._newest + 1) % MODULUS
+        self._expected = ANY if self._missing or self._newest == ANY else (self._newest + 1) % MODULUS
 
     def restart(self) -> None:
         """Forget the last number, because the sender has restarted."""
-        self._newest, self._expected = None, ANY
+        self._newest = self._expected = ANY
         self._missing.clear()
 
     @property
     def loss(self) -> float:
         """Share of the sent frames that didn't arrive while others did, 0 to 1."""
         sent = self.received + self.lost
-        return self.lost / sent if sent else 0.0
+        return float(self.lost) / float(sent) if sent else 0.0
 
     @property
     def whole_loss(self) -> float:
         """Share of all sent frames that didn't arrive, silences included, 0 to 1."""
         lost = self.lost + self.missed
-        return lost / (self.received + lost) if lost else 0.0
+        return float(lost) / float(self.received + lost) if lost else 0.0
 
-    def _observe_after_silence(self, sequence: int, now: Instant, heard: Instant) -> None:
+    def _observe_after_silence(self, sequence: i64, now: Instant, heard: Instant) -> bool:
         """Take the first number after a silence: what was missed isn't late."""
-        assert self._newest is not None
         since, sent = self._since if self._since[0] else self._next
-        usual = (self.received + self.lost - sent) * (now - heard) / max(heard - since, STALE_AFTER_NS)
-        gap = (sequence - self._newest - 1) % MODULUS
+        come: int = self.received + self.lost - sent
+        usual = come * (now - heard) / max(heard - since, STALE_AFTER_NS)
+        gap: int = (sequence - self._newest - 1) % MODULUS
         lost = gap + MODULUS * max(0, rounded((usual - gap) / MODULUS))
         hung = gap <= probable_run(self.loss, RARELY) and abs(usual - lost) > RATE_SHARE * usual
-        self.missed += gap if hung else lost
+        missed = gap if hung else lost
+        self.missed += missed
         self.received += 1
         self._newest = sequence
         self._since = self._next = now, self.received + self.lost
         self._missing.clear()
         self._expect()
+        return missed > 0
 
-    def _observe_late(self, sequence: int) -> None:
-        if sequence in self._missing:
+    def _observe_late(self, sequence: i64) -> bool:
+        late = sequence in self._missing
+        if late:
             self._missing.remove(sequence)
             self.received += 1
             self.lost -= 1
             self._expect()
         else:
             self.repeated += 1
+        return late
 
 
 class JitterMeter:

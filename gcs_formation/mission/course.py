@@ -14,8 +14,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.mission.ending import Ending
-from gcs_formation.mission.landing import why_not
+from gcs_formation.mission.ending import Ending, why_not
 from gcs_formation.mission.opening import Opening, stays
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
@@ -112,7 +111,7 @@ class Course:
         """Why the run couldn't go on."""
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
-        self._scenario, self._controller = scenario, controller
+        self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
         self._ground, self._unassembled = GroundFloor(scenario), False
@@ -135,8 +134,11 @@ class Course:
 
     def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
         """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""
+        if self.flight.phase is not Phase.ASSEMBLING:
+            self._unassembled = False
+            return False
         limit_s = self._scenario.start.timeout_s
-        late = self.flight.phase is Phase.ASSEMBLING and seconds_between(self.flight.since, now) > limit_s
+        late = seconds_between(self.flight.since, now) > limit_s
         self._unassembled = self._unassembled and late
         if late and tick is not None and not tick.active[tick.leader]:
             self.fail(f"the leader was not there to follow within {limit_s:g} s", now)
@@ -177,7 +179,7 @@ class Course:
     def end_in_time(self, until_s: float, now: Instant) -> None:
         """End a flight whose path or time is over, or that was to end at mission time `until_s`."""
         flown_s = self.flight.mission_time_s(now)
-        if flown_s >= self._scenario.duration_s or self._controller.guidance.at_end:
+        if flown_s >= self._duration_s or self._controller.guidance.at_end:
             self.move(Cause.PATH_ENDED, now)
         elif flown_s >= until_s:
             self.cut_short = True

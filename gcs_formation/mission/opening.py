@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import combinations
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -45,17 +43,25 @@ def stays(_: float) -> Sequence[tuple[float, float]]:
     return ((0.0, 0.0),)
 
 
-@dataclass(frozen=True)
 class Flier:
     """A vehicle in the air, at the end of a flight."""
 
-    place: Motion
-    commanded_m: float
-    """The height that it was told last, or is left at."""
-    band: Band | None = None
-    """Where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to command."""
-    steered: bool = False
-    """Whether it is commanded, and responds."""
+    __slots__ = ("band", "commanded_m", "place", "steered")
+
+    def __init__(self, place: Motion, commanded_m: float, band: Band | None = None, *, steered: bool = False) -> None:
+        """Take what is known of it.
+
+        Args:
+            place: where it is.
+            commanded_m: the height that it was told last, or is left at.
+            band: where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to
+                command.
+            steered: whether it is commanded, and responds.
+        """
+        self.place = place
+        self.commanded_m = commanded_m
+        self.band = band
+        self.steered = steered
 
 
 class Stack:
@@ -86,15 +92,18 @@ class Stack:
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 
-    def take(self, fliers: Mapping[VehicleId, Flier]) -> None:
+    def take(self, fliers: dict[VehicleId, Flier]) -> None:
         """Give a height to everybody who has none, and other ones where somebody can't be moved out of the way."""
         for identity, flier in fliers.items():
             if flier.band is None:
-                self._taken.pop(identity, None)
+                if self._taken:
+                    self._taken.pop(identity, None)
             elif identity in self._taken:
                 self._taken[identity] = _hull(self._taken[identity], flier.band)
             else:
                 self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
+        if not self._taken and all(identity in self.heights_m for identity in fliers):
+            return
         free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
         if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
@@ -117,16 +126,19 @@ class Stack:
         heights_m = loiter_heights(places, self._floor_m, (), self._apart_m, together=self._together)
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
 
-    def apart(self, fliers: Mapping[VehicleId, Flier]) -> bool:
+    def apart(self, fliers: dict[VehicleId, Flier]) -> bool:
         """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
-        steered = {identity for identity, flier in fliers.items() if flier.steered}
-        if (
-            any(abs(fliers[each].commanded_m - self.heights_m[each]) > COMMANDED_M for each in steered)
-            and len(fliers) > 1
-        ):
-            return False
-        pairs = (pair for pair in combinations(fliers, 2) if not steered.isdisjoint(pair))
-        return all(self._gap(*pair, fliers) >= self._gap_m for pair in pairs)
+        names, each = list(fliers), list(fliers.values())
+        for place, flier in enumerate(each):
+            off_m = abs(flier.commanded_m - self.heights_m[names[place]]) if flier.steered else 0.0
+            if off_m > COMMANDED_M and len(each) > 1:
+                return False
+        for place, flier in enumerate(each):
+            for before in range(place):
+                steered = flier.steered or each[before].steered
+                if steered and not self._clear(names[place], flier, names[before], each[before]):
+                    return False
+        return True
 
     def _assign(self, places: Mapping[VehicleId, Motion], taken: Sequence[Band]) -> None:
         self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
@@ -135,16 +147,18 @@ class Stack:
         height_m = self.heights_m[identity]
         return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
 
-    def _gap(self, one: VehicleId, other: VehicleId, fliers: Mapping[VehicleId, Flier]) -> float:
-        """Return how far apart two are in height, infinite where they can't meet anyway."""
-        places, moves_on = [fliers[each].place for each in (one, other)], one in self._taken or other in self._taken
-        if not (moves_on or self._together or may_meet(*places)):
-            return math.inf
-        (low_m, high_m), (others_low_m, others_high_m) = (
-            self._taken.get(each, Band(place.height_m, place.height_m))
-            for each, place in zip((one, other), places, strict=True)
-        )
-        return max(low_m - others_high_m, others_low_m - high_m)
+    def _clear(self, name: VehicleId, one: Flier, others_name: VehicleId, other: Flier) -> bool:
+        """Return whether two are far enough apart in height, or can't meet anyway."""
+        low_m = high_m = one.place.height_m
+        others_low_m = others_high_m = other.place.height_m
+        moves_on = False
+        if self._taken:
+            moves_on = name in self._taken or others_name in self._taken
+            low_m, high_m = self._taken.get(name, Band(low_m, high_m))
+            others_low_m, others_high_m = self._taken.get(others_name, Band(others_low_m, others_high_m))
+        if max(low_m - others_high_m, others_low_m - high_m) >= self._gap_m:
+            return True
+        return not (moves_on or self._together or may_meet(one.place, other.place))
 
 
 def stacked(
@@ -191,20 +205,20 @@ class Opening:
     ) -> None:
         """Steer to the heights of `stack`, for `limit_s` at most."""
         self._stack, self._controller = stack, controller
-        self._vehicles, self._since, self._limit_s = vehicles, now, limit_s
-        self._fliers: dict[VehicleId, Flier] = {}
+        self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
+        self._fliers = dict[VehicleId, Flier]()
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
         """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
-        self._fliers = {
-            identity: flier
-            for identity, vehicle in self._vehicles.items()
-            if (flier := self._flier(vehicle, links, now)) is not None
-        }
+        self._fliers = dict[VehicleId, Flier]()
+        for vehicle in self._vehicles:
+            flier = self._flier(vehicle, links, now)
+            if flier is not None:
+                self._fliers[vehicle.identity] = flier
         self._stack.take(self._fliers)
-        heights_m = [math.nan] * len(links)
-        for identity, vehicle in self._vehicles.items():
-            heights_m[vehicle.column] = self._stack.heights_m.get(identity, math.nan)
+        heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
+        for vehicle in self._vehicles:
+            heights_m[vehicle.column] = given_m.get(vehicle.identity, math.nan)
         return heights_m
 
     def over(self, now: Instant) -> bool:
@@ -213,11 +227,12 @@ class Opening:
         return late or self._stack.apart(self._fliers)
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
-        place, column = place_of(vehicle), vehicle.column
+        place, column = vehicle.telemetry.motion, vehicle.column
         unheard_s = seconds_between(vehicle.connection.last_heard, now)
         if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
             return None
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
+            place = _climbed_out(place, vehicle)
             return Flier(place, place.height_m)
         answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
@@ -248,6 +263,10 @@ def place_of(vehicle: Vehicle) -> Motion | None:
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
+    return _climbed_out(motion, vehicle)
+
+
+def _climbed_out(motion: Motion, vehicle: Vehicle) -> Motion:
     height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
     velocity = motion.north_mps, motion.east_mps, motion.climb_mps
     return Motion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)

@@ -20,14 +20,13 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.succession import Candidate, can_lead, heir
+from gcs_formation.fleet.membership import Candidate, can_lead, heir
 from gcs_formation.guidance.leader import TurnOnSpot
-from gcs_formation.guidance.tracking import project
-from gcs_formation.mission.abreast import Abreast
+from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.velocity import ground_motion
 
 RETRY_S: Final = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""
@@ -61,7 +60,7 @@ class Reconfiguration:
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
         """Why, in words."""
-        self._planned_for = np.zeros(len(self._names), dtype=np.bool_)
+        self._planned_for = [False] * len(self._names)
         """(C,) which vehicles the present transition was planned for."""
         self._planned_for[controller.plan.leader] = True
         self._held = np.zeros(len(self._names), dtype=np.bool_)
@@ -89,7 +88,7 @@ class Reconfiguration:
             self._scenario = self._scenario.model_copy(update={"path": path})
         amid_m = None if resumed.path_began is None else resumed.reach_m
         guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, amid_m)
-        self._planned_for[:] = False
+        self._planned_for = [False] * len(self._names)
         self._planned_for[resumed.arrangement.leader] = True
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
@@ -97,7 +96,7 @@ class Reconfiguration:
         leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
         if leader != self._controller.plan.leader:
             self._controller.hand_over(leader, 0.0)
-            self._planned_for[:] = False
+            self._planned_for = [False] * len(self._names)
             self._planned_for[leader] = True
             self._note(now, "leader", "leads the formation", self._by_column[leader])
 
@@ -145,7 +144,7 @@ class Reconfiguration:
             plan.hold(come, places_m)
             self._held |= come
             return
-        self._planned_for, self._held = present, np.zeros_like(present)
+        self._planned_for, self._held = present.tolist(), np.zeros_like(present)
         if way is not None:
             plan.adopt(plan.arrangement, way)
             text = "gathers clear of each other's ways"
@@ -176,7 +175,7 @@ class Reconfiguration:
         if wanted.leader != plan.leader:
             self._hand_over(wanted.leader, now)
         plan.adopt(wanted, way)
-        self._wanted, self._planned_for = None, present
+        self._wanted, self._planned_for = None, present.tolist()
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
@@ -331,14 +330,16 @@ class Reconfiguration:
 
     def _somebody_returned(self) -> bool:
         """Return whether anybody is present who wasn't when the transition was planned."""
-        return any(
-            not self._planned_for[column] and (vehicle.member is Member.FLYING or vehicle is self.leader)
-            for column, vehicle in self._by_column.items()
-        )
+        for column, planned in enumerate(self._planned_for):
+            if not planned:
+                vehicle = self._by_column.get(column)
+                if vehicle is not None and (vehicle.member is Member.FLYING or vehicle is self.leader):
+                    return True
+        return False
 
     def _returned(self) -> Mask:
         """Return which vehicles are present, but weren't when the transition was planned, (C,)."""
-        returned: Mask = self._present() & ~self._planned_for
+        returned: Mask = self._present() & ~np.array(self._planned_for)
         return returned
 
     def _present(self) -> Mask:

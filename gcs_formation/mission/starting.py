@@ -149,7 +149,7 @@ class Starting:
         If they begin `together`, those that are ready stand until all are: nobody is led past others that still climb.
         """
         self._preflight, self._takeover = preflight, takeover
-        self._vehicles = vehicles
+        self._vehicles, self._each = vehicles, list(vehicles.values())
         self._endpoints = endpoints
         self._flight = flight
         self._note = note
@@ -161,23 +161,28 @@ class Starting:
 
     def _all_ready(self) -> bool:
         """Return whether everybody has done all steps but the last, to wait for this."""
-        each = [vehicle.start_up for vehicle in self._vehicles.values()]
+        each = [vehicle.start_up for vehicle in self._each]
         return all(one.abandoned or one.index >= len(one.steps) - 1 for one in each)
 
     def advance(self, now: Instant) -> None:
         """Continue the start-up of every vehicle; none takes off before all have answered."""
-        silent = [vehicle for vehicle in self._vehicles.values() if vehicle.connection.state is LinkState.SEARCHING]
-        missed = self._takeover.waits_for(now)
+        silent, unready = list[Vehicle](), list[Vehicle]()
+        for vehicle in self._each:
+            if vehicle.connection.state is LinkState.SEARCHING:
+                silent.append(vehicle)
+            elif not vehicle.start_up.finished:
+                unready.append(vehicle)
+        missed = None if self._takeover.resumed is None else self._takeover.waits_for(now)
         if missed is None and silent:
             self._wait_for(silent, now)
         if silent if missed is None else missed:
             return
         if self._flight.phase is Phase.CONNECTING:
-            foreign = [vehicle for vehicle in self._vehicles.values() if not _is_of_its_family(vehicle)]
+            foreign = [vehicle for vehicle in self._each if not _is_of_its_family(vehicle)]
             if foreign:
                 self._give_up("; ".join(map(_is_another, foreign)), now)
-        for vehicle in self._vehicles.values():
-            if not vehicle.start_up.finished and vehicle not in silent and self._flight.phase not in OVER:
+        for vehicle in unready:
+            if self._flight.phase not in OVER:
                 self._advance(vehicle, now)
 
     def leader_ready(self, leader: PlannedVehicle | None) -> bool:

@@ -12,7 +12,7 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.messages.command import CommandAck, CommandLong
+from airlink.messages.command import CommandAck, CommandInt, CommandLong
 from gcs_formation.vehicle.autopilot import Command
 
 RETRY_S: Final = 0.7
@@ -98,9 +98,10 @@ class CommandQueue:
 class SetpointChannel:
     """One of the setpoints of a vehicle that acknowledges them: what was sent last, and what has been acknowledged."""
 
-    def __init__(self) -> None:
-        """Start with nothing sent."""
-        self._command: Command | None = None
+    def __init__(self, command: int) -> None:
+        """Start with nothing sent; `command`: the id of what carries the setpoint."""
+        self.command = command
+        self._known: CommandInt | None = None
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
         self._since: Instant | None = None
         self._waiting: Instant | None = None
@@ -111,15 +112,15 @@ class SetpointChannel:
         """Let acknowledgements that come up to this much later than they can not break their run."""
         self._gap_s = gap_s
 
-    def sent(self, command: Command, at: Instant, round_trip_s: float) -> None:
+    def sent(self, command: CommandInt, at: Instant, round_trip_s: float) -> None:
         """Take what is sent at an instant, over a link that takes so long there and back."""
-        self._command, self._sent, self._round_trip_s = command, at, round_trip_s
+        self._known, self._sent, self._round_trip_s = command, at, round_trip_s
         if self._waiting is None:
             self._waiting = at
 
     def forget(self) -> None:
         """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
-        self._command = None
+        self._known = None
 
     def acknowledged(self, now: Instant) -> None:
         """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
@@ -128,18 +129,19 @@ class SetpointChannel:
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
         self._waiting = now if self._sent > self._acknowledged_to else None
 
-    def known(self, at: Instant) -> Command | None:
+    def known(self, at: Instant) -> CommandInt | None:
         """Return what the vehicle has been sent last, None if it is to be sent again at an instant in any case."""
-        return None if seconds_between(self._sent, at) >= REPEAT_S else self._command
+        return None if seconds_between(self._sent, at) >= REPEAT_S else self._known
 
     def overdue(self, at: Instant) -> bool:
         """Return whether what was sent last should have been acknowledged by an instant, and isn't."""
-        patience_s = PATIENCE * self._round_trip_s + LOOPS_S
-        return self._sent > self._acknowledged_to and seconds_between(self._sent, at) > patience_s
+        if self._sent <= self._acknowledged_to:
+            return False
+        return seconds_between(self._sent, at) > PATIENCE * self._round_trip_s + LOOPS_S
 
-    def since(self, now: Instant) -> Instant | None:
-        """Return since when all that was sent has been acknowledged, None if it isn't any more."""
-        return None if self._is_late(now) else self._since
+    def known_since(self, instant: Instant, now: Instant) -> bool:
+        """Return whether all that was sent since an instant has been acknowledged."""
+        return self._since is not None and self._since <= instant and not self._is_late(now)
 
     def _is_late(self, now: Instant) -> bool:
         waiting = self._waiting

@@ -23,11 +23,10 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState, Setpoint
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Step
+from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Known, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, stands, velocity_setpoint
-from gcs_formation.vehicle.lead import VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.velocity import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 
 STATION_SYSTEM: Final = 255
 HEARTBEATS_S: Final = 3.0
@@ -174,25 +173,28 @@ class ArduPlane(ArduPilot):
             ),
         )
 
-    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:  # noqa: ARG002 - no place is told
+    def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return speed, altitude above sea level and heading, in this order.
 
         The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's
         lateral acceleration is what the model's turn rate needs at this speed: 0 would hardly turn.
         """
-        lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
-        return (
-            self._guided(SPEED, AIRSPEED, setpoint.speed_mps, 0.0),
-            self._guided(ALTITUDE, 0.0, 0.0, 0.0, setpoint.height_m + self.origin.alt_m),
-            self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2),
-        )
+        return tuple(self.news(setpoint, where, [None, None, None]))
 
-    def says_nothing_new(self, command: Command, known: Command) -> bool:
-        """Return whether speed, altitude or heading stay within its resolution."""
-        if not isinstance(command, CommandInt) or not isinstance(known, CommandInt):
-            return False
-        alike = abs(command.param2 - known.param2) <= RESOLUTION and abs(command.param3 - known.param3) <= RESOLUTION
-        return alike and abs(command.z - known.z) <= RESOLUTION
+    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of no place
+        """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
+        speed, heading, altitude = known
+        speed_mps, above_sea_m = setpoint.speed_mps, setpoint.height_m + self.origin.alt_m
+        heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), speed_mps * self.turn_rate_max_rps
+        found = list[Message]()
+        if speed is None or abs(speed_mps - speed.param2) > RESOLUTION:
+            found.append(self._guided(SPEED, AIRSPEED, speed_mps, 0.0))
+        if altitude is None or abs(above_sea_m - altitude.z) > RESOLUTION:
+            found.append(self._guided(ALTITUDE, 0.0, 0.0, 0.0, above_sea_m))
+        turns = heading is None or abs(heading_deg - heading.param2) > RESOLUTION
+        if turns or heading is None or abs(lateral_mps2 - heading.param3) > RESOLUTION:
+            found.append(self._guided(HEADING, OF_THE_NOSE, heading_deg, lateral_mps2))
+        return found
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is
         """Return LOITER, then the height, since a change of mode resets heights."""

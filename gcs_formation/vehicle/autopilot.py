@@ -18,7 +18,6 @@ from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.checks import Check
-from gcs_formation.vehicle.hovering import ground_motion
 from gcs_formation.vehicle.telemetry import Telemetry
 
 SLOW_RATE_HZ: Final = 2.0
@@ -30,6 +29,8 @@ SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
 Command = CommandLong | CommandInt
+Known = list[CommandInt | None]
+"""What a vehicle has been told of airspeed, heading and height; None where it must be told again."""
 
 
 class Effect(NamedTuple):
@@ -151,6 +152,7 @@ class Autopilot(ABC):
 
     def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
         """Address `system`; places and heights count from the scenario's `origin`."""
+        self._guided_mode: int = self.guided_mode
         self.system = system
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
@@ -167,7 +169,8 @@ class Autopilot(ABC):
 
     def takes_setpoints(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is in the mode in which it follows setpoints, armed and flying."""
-        return telemetry.custom_mode == self.guided_mode and telemetry.armed and self.is_airborne(telemetry)
+        mode = telemetry.custom_mode
+        return telemetry.armed and mode is not None and mode == self._guided_mode and self.is_airborne(telemetry)
 
     def effect(self, command: Command) -> Effect | None:
         """Return what heartbeats show once a command is carried out, None when they don't show it."""
@@ -178,10 +181,6 @@ class Autopilot(ABC):
             arm = bool(command.param1)
             return Effect("arming" if arm else "disarming", _armed, arm)
         return None
-
-    def says_nothing_new(self, command: Command, known: Command) -> bool:  # noqa: ARG002 - most must hear it again
-        """Return whether a setpoint says no more than one that the vehicle knows, by what it can tell apart."""
-        return False
 
     def mode_asked(self, command: Command) -> int | None:
         """Return the mode, as heartbeats tell it, that a command asks for; None if it asks for none."""
@@ -236,33 +235,13 @@ class Autopilot(ABC):
 
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether a fixed wing is taking off, below the height at which that ends."""
-        motion, taking_off = telemetry.motion, telemetry.custom_mode == self.take_off_mode and not self.stands
-        return motion is not None and taking_off and motion.above_home_m <= self.take_off_m
+        motion = telemetry.motion
+        if motion is None or telemetry.stands:
+            return False
+        return telemetry.custom_mode == self.take_off_mode and motion.above_home_m <= self.take_off_m
 
     def _is_taking_off(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) or seen.custom_mode == self.take_off_mode
-
-    def air_motion(
-        self,
-        airspeed_mps: float,
-        yaw_rad: float,
-        north_mps: float,
-        east_mps: float,
-        *,
-        leads: bool,
-    ) -> tuple[float, float]:
-        """Return the speed (m/s) and the direction (rad) of which setpoints tell it, from telemetry.
-
-        Args:
-            airspeed_mps: as measured.
-            yaw_rad: where the nose points.
-            north_mps: its velocity over ground.
-            east_mps: likewise.
-            leads: whether others' slots go by the direction.
-        """
-        if self.stands:
-            return ground_motion(yaw_rad, north_mps, east_mps, leads=leads)
-        return airspeed_mps, yaw_rad
 
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
@@ -272,6 +251,10 @@ class Autopilot(ABC):
     @abstractmethod
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
+
+    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of most
+        """Return the messages of a setpoint that say more than what the vehicle knows; most must hear all of them."""
+        return list(self.setpoint(setpoint, where))
 
     @abstractmethod
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:

@@ -10,9 +10,9 @@ from formation_scenario.vehicles import Family, family_of
 from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot import Autopilot
-from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.velocity import SpeedLead, VelocityLead
 
 FAMILIES: dict[Family, type[Autopilot]] = {
     "arduplane": ArduPlane,

@@ -28,9 +28,15 @@ from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
-from gcs_formation.vehicle.hovering import MULTIROTOR_TYPES, TURNS_FROM_MPS, stands, velocity_setpoint
-from gcs_formation.vehicle.lead import SpeedLead, VelocityLead
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.velocity import (
+    MULTIROTOR_TYPES,
+    TURNS_FROM_MPS,
+    SpeedLead,
+    VelocityLead,
+    stands,
+    velocity_setpoint,
+)
 
 LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""

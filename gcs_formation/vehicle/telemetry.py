@@ -7,6 +7,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, Statustext
@@ -36,6 +38,7 @@ ALTITUDE_LIMIT_M: Final = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
 
 
+@mypyc_attr(acyclic=True)
 class Motion:
     """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
 

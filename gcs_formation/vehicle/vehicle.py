@@ -18,16 +18,18 @@ from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
+from flight_model.autopilot import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
-from gcs_formation.vehicle.acknowledgement import CommandQueue, SetpointChannel
+from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
+from gcs_formation.vehicle.velocity import ground_motion
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM: Final = 255
@@ -38,7 +40,7 @@ LOSSY_S: Final = 10.0
 """For how long after a loss a link counts as one that loses."""
 MAX_PROBES: Final = 256
 """Unanswered probes that are kept: a minute of them."""
-CLOCK_LIMIT_NS: Final = 2**62
+CLOCK_LIMIT_NS: Final = 2**62 - 1
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
@@ -69,13 +71,10 @@ class Vehicle:
         by_utc: bool = False,
     ) -> None:
         """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known."""
-        self.identity = identity
-        self.column = column
-        """Its place in every list of a tick."""
-        self.autopilot = autopilot
-        self.connection = connection
-        self.telemetry = Telemetry(origin, autopilot.stands)
-        self.clock = ClockSync(loop_s=autopilot.loop_s)
+        self.identity, self.column = identity, column
+        """Who it is, and its place in every list of a tick."""
+        self.autopilot, self.connection = autopilot, connection
+        self.telemetry, self.clock = Telemetry(origin, autopilot.stands), ClockSync(autopilot.loop_s)
         self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
         self.source_binding = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
@@ -90,16 +89,19 @@ class Vehicle:
         self.delays, self.frames_out = BytesWriter(), 0
         """Delays: four numbers of 64 bits for each answered probe: when it came back, ns; half the round trip, the way
         up and the way down, s, NaN where it isn't known how the round trip is split."""
-        self.effects, self.pilots_choice = EffectWatch(), PilotsChoice()
-        self.setpoint_channels = {command: SetpointChannel() for command in autopilot.setpoint_commands}
-        """By command: airspeed, heading and height; none where nobody acknowledges setpoints."""
+        self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
+        channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
+        self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
+        """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
+        self.begins_anew, self._by_course = False, autopilot.flies_courses
+        """Whether its clock has restarted: whoever heeds that sets it back; whether it is told courses over ground."""
         self._answered: Instant | None = None
-        self.take_off = TakeOff()
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled: Motion | None = None
-        self._probes = dict[int, Instant]()
+        self._probes = list[Instant]()
+        """When the probes were sent that haven't been answered, the oldest first."""
 
     @property
     def follows_setpoints(self) -> bool:
@@ -118,9 +120,7 @@ class Vehicle:
         message, sequence = frame.message, self.sequence
         if message is not None:
             self.messages_in[message.kind().place] += 1
-        lost = sequence.lost + sequence.missed
-        sequence.observe(frame.sequence, now, self.connection.last_heard)
-        if sequence.lost + sequence.missed != lost:
+        if sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         if isinstance(message, GlobalPositionInt):
@@ -199,7 +199,8 @@ class Vehicle:
     def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
 
-        The heading is carried over from its own message's stamp to the position's.
+        The heading is carried over from its own message's stamp to the position's. A multirotor's airspeed and heading
+        are how it moves over ground; `leads`: whether others' slots go by that.
         """
         seen = self.telemetry
         if seen.motion is None or seen.attitude is None or not seen.complete or not self.clock.samples:
@@ -214,10 +215,9 @@ class Vehicle:
         if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
             self.telemetry.implausible += 1
             return None
-        yaw_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
-        airspeed_mps, heading_rad = self.autopilot.air_motion(
-            seen.airspeed_mps, yaw_rad, motion.north_mps, motion.east_mps, leads=leads
-        )
+        airspeed_mps, heading_rad = seen.airspeed_mps, attitude.yaw_rad + attitude.yawspeed_radps * apart_s
+        if seen.stands:
+            airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
         return Sample(
             stamp,
             motion.north_m,
@@ -228,34 +228,39 @@ class Vehicle:
             motion.climb_mps,
             airspeed_mps,
             heading_rad,
-            by_course=self.autopilot.flies_courses,
+            by_course=self._by_course,
         )
 
-    def new_setpoints(self, messages: tuple[Message, ...], at: Instant) -> list[Message]:
+    def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
 
-        All of them after a loss: an acknowledgement doesn't say which of several it answers.
+        All of them after a loss: an acknowledgement doesn't say which of several it answers. When the setpoint acts the
+        vehicle is `where`.
         """
-        for each in self.setpoint_channels.values():
+        for each in self.setpoint_channels:
             if each.overdue(at):
                 self._lost_at = at
         loses = seconds_between(self._lost_at, at) < LOSSY_S
+        messages = self.autopilot.news(
+            setpoint, where, [None if loses else each.known(at) for each in self.setpoint_channels]
+        )
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
-        found: list[Message] = []
         for message in messages:
             if isinstance(message, CommandInt):
-                channel = self.setpoint_channels.get(message.command)
+                channel = self._channel(message.command)
                 if channel is not None:
-                    known = None if loses else channel.known(at)
-                    if known is not None and self.autopilot.says_nothing_new(message, known):
-                        continue
                     channel.sent(message, at, round_trip_s)
-            found.append(message)
-        return found
+        return messages
+
+    def _channel(self, command: int) -> SetpointChannel | None:
+        for each in self.setpoint_channels:
+            if each.command == command:
+                return each
+        return None
 
     def forget_setpoints(self) -> None:
         """Repeat all setpoints: the vehicle may have others meanwhile."""
-        for channel in self.setpoint_channels.values():
+        for channel in self.setpoint_channels:
             channel.forget()
 
     def encode(self, message: Message) -> bytes:
@@ -265,9 +270,9 @@ class Vehicle:
 
     def probe(self, now: Instant) -> Message:
         """Return a TIMESYNC request; its stamp, kept here, tells our answers from others'."""
-        self._probes[now] = now
+        self._probes.append(now)
         if len(self._probes) > MAX_PROBES:
-            del self._probes[next(iter(self._probes))]
+            self._probes.pop(0)
         return Timesync(0, now)
 
     def was_not_asked(self, now: Instant) -> None:
@@ -301,13 +306,13 @@ class Vehicle:
 
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
-        sent = self._probes.pop(answer.ts1_ns, None) if answer.tc1_ns else None
-        if sent is None:
+        sent = Instant(answer.ts1_ns)
+        if not answer.tc1_ns or not self._asked(sent):
             return
         self._answered = now
         if not timed:
             return
-        if not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
+        if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
             return
         if not self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now):
@@ -323,8 +328,17 @@ class Vehicle:
         write_f64_le(self.delays, up_s)
         write_f64_le(self.delays, down_s)
 
+    def _asked(self, sent: Instant) -> bool:
+        """Return whether a probe was sent then that hasn't been answered, and count it as answered."""
+        for place in range(len(self._probes) - 1, -1, -1):
+            if self._probes[place] == sent:
+                self._probes.pop(place)
+                return True
+        return False
+
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
+        self.begins_anew = True
         self.telemetry.forget()
         self.sequence.restart()
         self.stamps = StampMap(self.clock, GnssClock(self.autopilot.loop_s) if self.gnss else None)
@@ -338,10 +352,11 @@ class Vehicle:
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         self._answered = now
-        accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
-        effect = self.autopilot.effect(accepted) if accepted is not None else None
-        if effect is not None:
-            self.effects.acknowledged(effect, self.telemetry, now)
-        channel = self.setpoint_channels.get(ack.command)
+        if self.commands.outcome is Outcome.WAITING:
+            accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
+            effect = self.autopilot.effect(accepted) if accepted is not None else None
+            if effect is not None:
+                self.effects.acknowledged(effect, self.telemetry, now)
+        channel = self._channel(ack.command)
         if channel is not None and ack.result == ACCEPTED:
             channel.acknowledged(now)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,22 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
+from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.fleet.conformance import SETTLED_S, MotionConformance
+from gcs_formation.fleet.conformance import ConformanceMonitor
+from gcs_formation.link.connection import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot import EffectWatch
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
+from tests.gcs_formation.noted import Noted
 
 CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]}
 WEAVING = [[0, 0, 100], [700, 0, 100], [1400, 200, 115], [2100, 100, 100], [2800, 300, 110]]
@@ -199,19 +205,24 @@ def judged(
     overrides: Sequence[str] = (),
 ) -> list[tuple[str, float]]:
     """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
-    planned, history = load_scenario(scenario(), overrides), SetpointHistory(10.0)
-    conformance, found = MotionConformance(planned, history), list[tuple[str, float]]()
+    planned, history, estimator = load_scenario(scenario(), overrides), SetpointHistory(10.0), SimpleNamespace()
+    controller: Any = SimpleNamespace(history=history, estimator=estimator)
+    origin, notes = planned.origin.geodetic, Noted()
+    plane = Vehicle(VehicleId(1, 2), 1, ArduPlane(2, origin, 0.25), Connection(0), origin, 10.0)
+    monitor = ConformanceMonitor(planned, controller, {plane.identity: plane}, notes)
+    commanded: Any = SimpleNamespace(active=[False, True, False])
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
         history.begin([now] * 3)
         history.note([told] * 3)
-        settled = [[column == 1 and at_s >= SETTLED_S] * 3 for column in range(3)]
-        flown = [FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), 0.0, 0.0, 0.0) for _ in range(3)]
-        if conformance.due(now):
-            new = conformance.check(now, [now] * 3, flown, settled, [0.0, at_s, 0.0])
-            found += [(each.channel, at_s) for each in new]
-    return found
+        for channel in plane.setpoint_channels:
+            channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)
+            channel.acknowledged(now)
+        flown = FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), 0.0, 0.0, 0.0)
+        estimator.filters = [SimpleNamespace(state=flown, stamp=now)] * 3
+        monitor.judge_motion(commanded, now)
+    return [(each.details["channel"], each.at_s) for each in notes if each.kind == "disobeys"]
 
 
 @pytest.fixture

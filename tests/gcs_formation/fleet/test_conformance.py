@@ -57,7 +57,7 @@ class Ground:
             self.controller.history.begin([now] * 3)
             self.controller.history.note([(each_mps, 0.0, 100.0) for each_mps in told_mps])
             for each in self.vehicles.values():
-                for channel in each.setpoint_channels.values():
+                for channel in each.setpoint_channels:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
                     if acknowledges(at_s) or each is not self.second():
                         channel.acknowledged(now)

@@ -26,12 +26,12 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         column=column,
         member=Member.FLYING,
         airborne=True,
-        clock=SimpleNamespace(one_way_s=up_s),
-        ways_s=(math.nan, math.nan),
+        clock=SimpleNamespace(one_way_s=up_s, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,
-        autopilot=SimpleNamespace(loop_s=0.1, speeds_mps=None, setpoint=lambda setpoint, _: [(str(column), setpoint)]),
-        new_setpoints=lambda messages, _: messages,
+        gnss=None,
+        autopilot=SimpleNamespace(speeds_mps=None),
+        new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
         forget_setpoints=lambda: None,
     )
 
@@ -111,5 +111,5 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
 def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
     served = dispatch(0.0, 0.0, 0.3)
     served.take(tick(), hold_s(served), NOW)
-    served._vehicles[VehicleId(1, 1)].member = Member.PARTED
+    served._vehicles[0].member = Member.PARTED
     assert sorted(told(served, 10.0)) == ["1", "2"]
