@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import mmap
 import selectors
 import socket
 import sys
 import time
+from array import array
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Final, Self
-
-import numpy as np
 
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
@@ -29,6 +29,8 @@ MAX_KNOWN: Final = 4096
 """Senders whose addresses are kept, so that strangers can't fill the memory."""
 NAME: Final = 16
 """Bytes of `struct sockaddr_in`: family, then port and host in the network's order."""
+PIECE: Final = 16
+"""Bytes of `struct iovec`."""
 WORDS: Final = 8
 """Words of 64 bits of `struct mmsghdr`, its padding included; the last has the length of what has come."""
 IDLE_WAIT_S: Final = 0.1
@@ -95,16 +97,19 @@ class Inbox:
     def _make_room(self) -> None:
         number = ctypes.c_int
         self._receive.argtypes = (number, ctypes.c_void_p, ctypes.c_uint, number, ctypes.c_void_p)
-        self._data, self._names = np.empty((BATCH, MAX_DATAGRAM), np.uint8), np.empty((BATCH, NAME), np.uint8)
-        each = np.arange(BATCH, dtype=np.uint64)
-        self._pieces = np.empty((BATCH, 2), np.uint64)  # struct iovec: where, how long
-        self._pieces[:, 0], self._pieces[:, 1] = self._data.ctypes.data + each * MAX_DATAGRAM, MAX_DATAGRAM
-        self._headers = np.zeros((BATCH, WORDS), np.uint64)
-        self._headers[:, 0], self._headers[:, 1] = self._names.ctypes.data + each * NAME, NAME
-        self._headers[:, 2], self._headers[:, 3] = self._pieces.ctypes.data + each * self._pieces.strides[0], 1
-        self._begin: int = self._headers.ctypes.data
-        self._bytes, self._senders = self._data.reshape(-1).data, self._names.reshape(-1).data
-        self._lengths = self._headers.reshape(-1).data
+        room = mmap.mmap(-1, BATCH * MAX_DATAGRAM)  # of which only what is written to takes memory
+        data, self._bytes = ctypes.addressof(ctypes.c_char.from_buffer(room)), memoryview(room)
+        names = array("B", bytes(BATCH * NAME))
+        self._senders, (sender, _) = memoryview(names), names.buffer_info()
+        # struct iovec: where a datagram goes, and how much of it.
+        self._pieces = array(
+            "Q", [word for each in range(BATCH) for word in (data + each * MAX_DATAGRAM, MAX_DATAGRAM)]
+        )
+        piece, _ = self._pieces.buffer_info()
+        self._headers = array("Q")
+        for each in range(BATCH):
+            self._headers.extend((sender + each * NAME, NAME, piece + each * PIECE, 1, 0, 0, 0, 0))
+        self._begin, _ = self._headers.buffer_info()
 
     def take(self, opened: socket.socket) -> list[tuple[bytes, Address]]:
         """Return what has arrived, `DRAIN_LIMIT` datagrams at most, and from where."""
@@ -118,7 +123,7 @@ class Inbox:
             for place in range(count):
                 name, begin = place * NAME, place * MAX_DATAGRAM
                 peer = bytes(self._senders[name : name + NAME])
-                length: int = self._lengths[place * WORDS + WORDS - 1]
+                length = self._headers[place * WORDS + WORDS - 1]
                 found.append((bytes(self._bytes[begin : begin + length]), self._known.get(peer) or self._met(peer)))
             # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
             if 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN):

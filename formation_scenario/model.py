@@ -30,7 +30,8 @@ from formation_scenario.fields import (
     VehicleSelection,
     key,
 )
-from formation_scenario.formation import Formation, Law, Step, as_adjacency, graph_adjacency
+from formation_scenario.formation import Formation, Law, Step
+from formation_scenario.graph import as_adjacency, graph_adjacency
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted

@@ -9,7 +9,8 @@ import numpy as np
 
 from airlink.endpoint import EndpointError, parse_endpoint
 from formation_scenario.fields import VehicleRef
-from formation_scenario.formation import Formation, FormationChange, LawType, components
+from formation_scenario.formation import Formation, FormationChange, LawType
+from formation_scenario.graph import components
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
-from formation_scenario.formation import Component, as_adjacency, laplacian, spanning_components
+from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
 from gcs_formation.stability.loops import Loop, PidGains, Plant
 
 _GRID = 400

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import gcs_formation
 from formation_scenario import SplinePath, load_scenario
-from formation_scenario.formation import graph_adjacency, laplacian
+from formation_scenario.graph import graph_adjacency, laplacian
 from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project
 from gcs_formation.record.timeseries import flying, read_parquet

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from airlink.clock import Instant
 from flight_model.slot import NOTHING
-from formation_scenario.formation import Frame, graph_adjacency, laplacian
+from formation_scenario.formation import Frame
+from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.situation import Lead, Situation

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation_scenario.formation import as_adjacency, graph_adjacency, laplacian
+from formation_scenario.graph import as_adjacency, graph_adjacency, laplacian
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.consensus import ground_consensus_loops
 from gcs_formation.stability.loops import delay_margin

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.formation import graph_adjacency, spanning_components
+from formation_scenario.graph import graph_adjacency, spanning_components
 from formation_scenario.model import Scenario
 from gcs_formation.stability import consensus_delay_margin, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus import ground_consensus_loops

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from formation_scenario import load_scenario
-from formation_scenario.formation import graph_adjacency, laplacian
+from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer

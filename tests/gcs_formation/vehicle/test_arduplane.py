@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
+from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
 from flight_model.autopilot import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot import Command
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
 PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def on_the_wire(command: Command) -> CommandInt:
+def on_the_wire(command: Message) -> CommandInt:
     """Return the command as the autopilot reads it: its numbers are 32-bit floats."""
     (frame,) = StreamParser().feed(FrameWriter(255, 190).encode(command))
     assert isinstance(frame.message, CommandInt)
