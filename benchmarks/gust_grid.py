@@ -57,10 +57,16 @@ def fly(case: Case) -> list[GustError]:
     """Fly one case and return the errors after each step along each axis, of the follower nearest to its limit."""
     count, apart_s = STEPS[case.frame]
     with flown(
-        PAPER, duration_s=FIRST_S + apart_s * count, links=both_ways(case.delay_ms), expect=[],
-        formation__frame=case.frame, law__heading=FRAMES[case.frame], law__rate_hz=case.law_hz,
-        telemetry__rate_hz=case.telemetry_hz, disturbances=list(steps(case.frame)),
-    ) as summary:  # fmt: skip
+        PAPER,
+        duration_s=FIRST_S + apart_s * count,
+        links=both_ways(case.delay_ms),
+        expect=[],
+        formation__frame=case.frame,
+        law__heading=FRAMES[case.frame],
+        law__rate_hz=case.law_hz,
+        telemetry__rate_hz=case.telemetry_hz,
+        disturbances=list(steps(case.frame)),
+    ) as summary:
         return gusts(load_run(summary.run_dir))
 
 

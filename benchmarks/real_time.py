@@ -38,9 +38,15 @@ MARGIN_S = 2.0
 """Of the path, before and after what is measured."""
 STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
 HEAD = (
-    "vehicles", "mavutil, µs a vehicle and s", "its frames a vehicle and s", "ours, µs", "our frames",
-    "share", "ticks", "late",
-)  # fmt: skip
+    "vehicles",
+    "mavutil, µs a vehicle and s",
+    "its frames a vehicle and s",
+    "ours, µs",
+    "our frames",
+    "share",
+    "ticks",
+    "late",
+)
 
 
 def planned(count: int, duration_s: float) -> dict[str, Any]:

@@ -28,11 +28,16 @@ RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
 HEADS: dict[ClockName, tuple[str, ...]] = {
     "virtual": (
-        "vehicles", "wall s a simulated s, s", "processor s a simulated s, s", "of it a vehicle, ms",
-        "peak memory, MiB", "recorded, KiB a vehicle and s", "largest error, m",
+        "vehicles",
+        "wall s a simulated s, s",
+        "processor s a simulated s, s",
+        "of it a vehicle, ms",
+        "peak memory, MiB",
+        "recorded, KiB a vehicle and s",
+        "largest error, m",
     ),
     "real": ("vehicles", "ticks,", "late,", "compute p50, ms", "compute p99, ms", "period p99, ms", "longest, ms"),
-}  # fmt: skip
+}
 
 
 def scenario(count: int, duration_s: float) -> dict[str, Any]:

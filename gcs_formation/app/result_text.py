@@ -24,9 +24,13 @@ WHOLE = 0.995
 WIDTH = 80
 """Of a status page, and of tables in a pipe or a file; lines of words are whole there."""
 SHORT = {
-    Member.STARTING: "starting", Member.FLYING: "in formation", Member.PARTED: "its pilot's",
-    Member.UNHEARD: "not heard", Member.HOLDING: "told to loiter", Member.RETURNING: "coming back",
-}  # fmt: skip
+    Member.STARTING: "starting",
+    Member.FLYING: "in formation",
+    Member.PARTED: "its pilot's",
+    Member.UNHEARD: "not heard",
+    Member.HOLDING: "told to loiter",
+    Member.RETURNING: "coming back",
+}
 
 
 class Group(NamedTuple):

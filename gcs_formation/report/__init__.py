@@ -28,9 +28,16 @@ from gcs_formation.stability import scenario_delay_margin
 Events = tuple[Mapping[str, Any], ...]
 LINK_DELAYS = ("delay_s", "up_s", "down_s")
 UNKNOWN_IN_LINKS = (
-    "injected_delay_ms", "injected_up_ms", "injected_down_ms", "injected_loss",
-    "measured_loss", "frames_in", "frames_out", "frames_bad", "frames_implausible",
-)  # fmt: skip
+    "injected_delay_ms",
+    "injected_up_ms",
+    "injected_down_ms",
+    "injected_loss",
+    "measured_loss",
+    "frames_in",
+    "frames_out",
+    "frames_bad",
+    "frames_implausible",
+)
 UNKNOWN_IN_CONTROL = ("late_ticks",)
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
 """Figures that only the process which flew could have given."""

@@ -62,10 +62,17 @@ class Plate(NamedTuple):
 
 
 PLATES = (
-    Plate(disturbance, disturbed), Plate(errors, has_followers), Plate(trajectory), Plate(plan),
-    Plate(assembly, assembled_first), Plate(setpoints), Plate(steps, has_followers), Plate(gains, has_gains),
-    Plate(separation), Plate(latency),
-)  # fmt: skip
+    Plate(disturbance, disturbed),
+    Plate(errors, has_followers),
+    Plate(trajectory),
+    Plate(plan),
+    Plate(assembly, assembled_first),
+    Plate(setpoints),
+    Plate(steps, has_followers),
+    Plate(gains, has_gains),
+    Plate(separation),
+    Plate(latency),
+)
 
 
 def embedded(run: RunData) -> dict[str, Any]:

@@ -30,8 +30,17 @@ INK = "#000000"
 GREY = "#8C8C8C"
 LIGHT = "#C8C8C8"
 FOLLOWERS = (
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A6FD0", "#8C6D31", "#5F8F8F", "#B05A7A",
-)  # fmt: skip
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#7A6FD0",
+    "#8C6D31",
+    "#5F8F8F",
+    "#B05A7A",
+)
 """Okabe and Ito's first, in figures and on the page alike."""
 WORST = "#D55E00"
 ASKED = "#E69F00"
@@ -54,9 +63,12 @@ SAME_S = 0.5
 MOST_EVENTS = 12
 """Events shown; a link that comes and goes would hide everything else."""
 WORDS = {
-    "delay_ms": "delay {:g} ms", "jitter_ms": "jitter {:g} ms", "loss": "loss {:.0%}", "duplicate": "twice {:.0%}",
+    "delay_ms": "delay {:g} ms",
+    "jitter_ms": "jitter {:g} ms",
+    "loss": "loss {:.0%}",
+    "duplicate": "twice {:.0%}",
     "rate_kbps": "{:g} kbit/s",
-}  # fmt: skip
+}
 
 
 @contextmanager
@@ -109,9 +121,13 @@ def legend_below(figure: Figure, *, outside: bool = True) -> None:
         columns = _columns_that_fit([_width_pt(label) for label in named], 72.0 * figure.get_figwidth())
         by_row = [label for column in range(columns) for label in list(named)[column::columns]]
         figure.legend(
-            [named[label] for label in by_row], by_row, loc="outside lower center" if outside else "lower center",
-            ncols=columns, handlelength=HANDLE_EM, columnspacing=BETWEEN_EM,
-        )  # fmt: skip
+            [named[label] for label in by_row],
+            by_row,
+            loc="outside lower center" if outside else "lower center",
+            ncols=columns,
+            handlelength=HANDLE_EM,
+            columnspacing=BETWEEN_EM,
+        )
 
 
 def _width_pt(label: str) -> float:

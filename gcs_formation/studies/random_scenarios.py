@@ -55,9 +55,18 @@ class Severity:
 
 USUAL = Severity()
 HARD = Severity(
-    trouble_s=20.0, longest_spell_s=12.0, calm_s=30.0, change_s=30.0, rejoin_s=190.0, rates_hz=(5.0, 10.0, 20.0),
-    fastest_mps=23.0, wind_mps=6.0, ground_share=0.05, fault_share=0.5, outage_share=0.4,
-)  # fmt: skip
+    trouble_s=20.0,
+    longest_spell_s=12.0,
+    calm_s=30.0,
+    change_s=30.0,
+    rejoin_s=190.0,
+    rates_hz=(5.0, 10.0, 20.0),
+    fastest_mps=23.0,
+    wind_mps=6.0,
+    ground_share=0.05,
+    fault_share=0.5,
+    outage_share=0.4,
+)
 SEVERITIES = {"usual": USUAL, "hard": HARD}
 
 
