@@ -210,7 +210,9 @@ def known(value: int) -> float:
 
 
 def get_text(frame: bytes, at: i64, end: i64, length: i64) -> str:
-    """Return the text at a place, up to its first zero."""
+    """Return the text at a place, up to its first zero: none where all its bytes were zeros and are cut off."""
+    if at >= end:  # compiled, a slice that ends before it begins is an error
+        return ""
     return frame[at : min(at + length, end)].split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
