@@ -6,12 +6,15 @@ Source: MAVLink guide, "Packet Serialization" and "MAVLink 2".
 from __future__ import annotations
 
 import re
+from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final, Literal
 
 from librt.strings import BytesWriter, read_i32_le, read_i64_le
 from mypy_extensions import i64, mypyc_attr
 
+from airlink.endpoint import Address
+from airlink.engine import Datagram
 from airlink.mavlink import crc_extras
 from airlink.messages import Message, kind_of
 from airlink.messages.payload import MARKER_V2
@@ -255,3 +258,48 @@ def first_system(data: bytes) -> int | None:
     if len(data) >= HEADER_V1 and data[0] == MARKER_V1:
         return data[3]
     return None
+
+
+MAX_REMOTES: Final = 1024
+"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
+MANY_REMOTES: Final = MAX_REMOTES // 2
+"""From here on they are kept in the order in which they were heard."""
+
+
+class Receiver:
+    """Parses the datagrams of every remote, and counts what was dropped."""
+
+    def __init__(self) -> None:
+        """Start with no remote known."""
+        self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
+        self._forgotten = ParserCounts()
+        self._last_socket, self._last_peer = -1, Address("", 0)
+        self._last = StreamParser()
+        """Of the remote that was heard last: several datagrams come from it at a time."""
+
+    def frames(self, datagram: Datagram) -> list[Frame]:
+        """Return the frames that the datagram completes."""
+        if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
+            self._last = self._parser(datagram.socket, datagram.peer)
+            self._last_socket, self._last_peer = datagram.socket, datagram.peer
+        return self._last.feed(datagram.data)
+
+    def _parser(self, socket: int, peer: Address) -> StreamParser:
+        remote = (socket, peer)
+        parser = self._parsers.get(remote)
+        if parser is None:
+            parser = self._parsers[remote] = StreamParser()
+            if len(self._parsers) > MAX_REMOTES:
+                self._forgotten += self._parsers.popitem(last=False)[1].counts
+        elif len(self._parsers) > MANY_REMOTES:
+            self._parsers.move_to_end(remote)
+        return parser
+
+    def counts(self, socket: int, peer: Address | None) -> ParserCounts:
+        """Return what has come from a remote, zeros for one that was never heard."""
+        parser = self._parsers.get((socket, peer)) if peer else None
+        return parser.counts if parser else ParserCounts()
+
+    def total(self) -> ParserCounts:
+        """Return what has come from all remotes."""
+        return sum((parser.counts for parser in self._parsers.values()), self._forgotten)

@@ -14,7 +14,7 @@ from airlink.clock import Instant, RealClock
 from airlink.endpoint import Address, Endpoint, PortError
 from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
-from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
 from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, select_for
 

@@ -17,9 +17,9 @@ from unittest.mock import Mock
 
 from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram, MemoryNetwork
+from airlink.frame import Receiver
 from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
-from gcs_formation.link.connection import Receiver
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from gcs_formation.studies.dataset import markdown

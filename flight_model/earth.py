@@ -13,7 +13,7 @@ from typing import Final, overload
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.autopilot import signed
+from flight_model.autopilot_model import signed
 
 RATE_RADPS: Final = 7.292115e-5
 EQUATOR_MPS2: Final = 9.7803253359

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Final, NamedTuple, Self
 
-from flight_model.autopilot import within, wrap
+from flight_model.autopilot_model import within, wrap
 
 GRAVITY_MPS2: Final = 9.80665
 REFERENCE_MPS: Final = 22.0

@@ -1,92 +1,22 @@
-"""Checks that the path and every slot can be flown: inside the vehicles' limits in still air, inside the fence."""
+"""Checks that a scenario can be flown: path, slots, their separation, and every change; orders too."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from flight_model.arrays import Array
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
-from formation_scenario.demands import TOLERANCE, SampledPath, check_terrain, climbs, excesses
-from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
+from formation_scenario.formation_changes import ahead, column_names, plan_change, take_over
+from formation_scenario.ground_and_fence import check_fence, check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
-from formation_scenario.reconfiguration import ahead, column_names, plan_change, take_over
-from formation_scenario.slot_assignment import SlotStep, assigned, columns, first_arrangement, slot_schedule
+from formation_scenario.performance_limits import TOLERANCE, SampledPath, climbs, excesses
+from formation_scenario.slot_assignment import SlotStep, assigned, first_arrangement, slot_schedule
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.transition_plan import NotFlyableError
-from formation_scenario.vehicles import Vehicle
-
-OFF_M = 0.01
-"""By how much heights may exceed a limit."""
-
-Place = tuple[float, float, float]
-Flyers = dict[Place, tuple[str, Vehicle]]
-"""Who flies at each place of the formations: forward, right and up of the leader."""
-
-
-def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
-    """Yield the worst place of each limit of the fence, from `from_m` on the path; from its start: with the run-in."""
-    fence = scenario.safety.fence
-    if fence is None:
-        return
-    begin_m = -scenario.start.run_in_s * scenario.path.speed_mps if from_m <= 0.0 else from_m
-    sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
-    yield from _heights(fence, sampled, flyers)
-    if fence.corners_m is not None:
-        yield from _sides(np.array(fence.corners_m), scenario, sampled, flyers)
-
-
-def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Flyers:
-    found: Flyers = {}
-    for step in steps:
-        for column, vehicle in enumerate(columns(scenario)):
-            if vehicle is not None:
-                leads = column == step.arrangement.leader
-                who = "the leader" if leads else f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape}"
-                forward, right, up = step.places_m[column].tolist()
-                found.setdefault((forward, right, up), (who, vehicle))
-    return found
-
-
-def _heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
-    lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
-    height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
-    for place, index, limit, key in (
-        (lowest, int(height_m.argmin()), least_m, "height_min_m"),
-        (highest, int(height_m.argmax()), most_m, "height_max_m"),
-    ):
-        found_m = float(height_m[index]) + place[2]
-        if found_m < limit - OFF_M if key == "height_min_m" else found_m > limit + OFF_M:
-            allowed = f"{limit:g} m or {'more' if key == 'height_min_m' else 'less'} (safety.fence.{key})"
-            yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
-
-
-def _sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
-    """Yield the place farthest outside; if none is, the one with the least room."""
-    course, speed = sampled.points.course_rad, scenario.path.speed_mps
-    along = np.stack((np.cos(course), np.sin(course)), axis=-1)
-    across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-    leader = np.stack((sampled.points.north_m, sampled.points.east_m), axis=-1)
-    places = np.stack([leader + x * along + y * across for x, y, _ in flyers])
-    within = inside_m(corners_m, places)
-    if within.min() < 0.0:
-        who, index = np.unravel_index(int(within.argmin()), within.shape)
-        found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
-        yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
-        return
-    through_air = speed + math.hypot(*scenario.wind.velocity_mps[:2])
-    turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
-    room = room_m(corners_m, places, speed * along, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
-    if room.min() < CHECKED_M:
-        who, index = np.unravel_index(int(room.argmin()), room.shape)
-        found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
-        allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
-        yield sampled.finding(int(index), found, allowed)
 
 
 def check(scenario: Scenario) -> list[Finding]:

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from formation_scenario.describe import problems_of
+from formation_scenario.error_messages import problems_of
 from formation_scenario.feasibility import check
 from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed

@@ -13,7 +13,6 @@ from flight_model.arrays import Array
 from flight_model.displacement import Bounds
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import SplinePath
-from formation_scenario.environment import Disturbance, Fault, Fence, Terrain
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
     Allowed,
@@ -34,6 +33,7 @@ from formation_scenario.formation import Formation, Law, Step
 from formation_scenario.graph import as_adjacency, graph_adjacency
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
+from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle
 

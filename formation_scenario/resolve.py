@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from formation_scenario.describe import problems_of
+from formation_scenario.error_messages import problems_of
 from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID, Keys, Name, Number, ScenarioError, did_you_mean, key
 from formation_scenario.formation import Formation
 from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set

@@ -10,7 +10,6 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
-from formation_scenario.environment import PASSING, DrydenTurbulence
 from formation_scenario.expectation import RUN_METRICS
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
@@ -25,6 +24,7 @@ from formation_scenario.links import (
 )
 from formation_scenario.model import Scenario
 from formation_scenario.source import Finding, KeyPath
+from formation_scenario.surroundings import PASSING, DrydenTurbulence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle

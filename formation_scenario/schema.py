@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticUndefined
 
-from formation_scenario.describe import allowed, bare, is_group, members
+from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario

@@ -16,8 +16,8 @@ from flight_model.curve import PathPoint
 from flight_model.displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.environment import Hill, Terrain
 from formation_scenario.fields import FileError
+from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768

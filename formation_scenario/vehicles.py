@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot_model import AutopilotModel
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     Allowed,

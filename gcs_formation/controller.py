@@ -13,12 +13,12 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
-from flight_model.autopilot import FlightState, advance, finite, rate, within, wrap
+from flight_model.autopilot_model import FlightState, advance, finite, rate, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation import parameters
+from gcs_formation import from_scenario
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import Envelope
 from gcs_formation.control.situation import Lead, Situation
@@ -47,7 +47,7 @@ class FormationController:
 
     def __init__(self, scenario: Scenario) -> None:
         """Take law, model, path and slots from the scenario."""
-        self.guidance = parameters.leader_guidance(scenario)
+        self.guidance = from_scenario.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
         self._virtual = scenario.leader is None
         self._steps, self._tolerance_m = scenario.path.steps, scenario.start.tolerance_m
@@ -55,15 +55,15 @@ class FormationController:
         self._compensates = scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
-        self.models = parameters.autopilot_models(scenario)
+        self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every column; its lags follow what the vehicles fly."""
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leader_amid = self._virtual and law_kind(scenario).mutual
-        self._clearance = parameters.slot_clearance(scenario)
+        self._clearance = from_scenario.slot_clearance(scenario)
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints that were sent, and when each acts."""
-        self.lags = parameters.lag_estimator(scenario, self.history, self.models)
-        self._projection = parameters.projection(scenario, self.history, self.models)
+        self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
+        self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
         self.fence = FenceLimits(scenario, self.models)
         self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
@@ -76,7 +76,7 @@ class FormationController:
         """The slots commanded last, and their places as a tick tells them."""
         observer_radps = scenario.law.disturbance_observer_radps
         self.estimator = StateEstimator(
-            parameters.declared_noise(scenario),
+            from_scenario.declared_noise(scenario),
             self.history,
             scenario.telemetry.rate_hz,
             0.0 if scenario.hovers else observer_radps,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from gcs_formation.controller import FormationController
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.separation.resolver import Encounter

@@ -11,7 +11,7 @@ from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from flight_model.slot import NOTHING, Triple
 from gcs_formation.control.situation import Decided
 from gcs_formation.vehicle.vehicle import Vehicle

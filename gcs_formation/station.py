@@ -8,7 +8,7 @@ from typing import Final
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, ParserCounts
+from airlink.frame import Frame, ParserCounts, Receiver
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
@@ -24,7 +24,6 @@ from gcs_formation.fleet.interval_watch import MessageIntervals
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.senders import Senders
-from gcs_formation.link.connection import Receiver
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover

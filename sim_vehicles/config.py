@@ -13,9 +13,9 @@ from flight_model.earth import GeodeticOrigin
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario, start_states
 from formation_scenario.begin_and_end import StartState
-from formation_scenario.environment import Disturbance, Fault
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, Navigation, TrueNavigation
+from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleModel, family_of
 from sim_vehicles.inertial.error_model import Aid, barometer, gnss
 from sim_vehicles.inertial.imu import InertialSensors

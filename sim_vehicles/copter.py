@@ -13,24 +13,16 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
 from airlink.messages.mission import MissionItem, MissionItemInt
-from flight_model.autopilot import within
+from flight_model.autopilot_model import within
 from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot import commands, setpoints
-from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot import commands, position_targets
+from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, Order, to_mode
-from sim_vehicles.autopilot.modes import (
-    BY_THROTTLE,
-    COPTER_FAILSAFE,
-    NOT_ARMABLE,
-    Condition,
-    CopterMode,
-    FlightMode,
-    Request,
-    select,
-)
+from sim_vehicles.autopilot.failsafe import COPTER_FAILSAFE
+from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request, select
 from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
-from sim_vehicles.autopilot.setpoints import Setpoint, Vector
+from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
@@ -298,7 +290,7 @@ class Copter(Vehicle):
     def take_other(self, frame: Frame) -> bool:
         """Take a setpoint; return whether the frame is one."""
         message = frame.message
-        if not isinstance(message, setpoints.MESSAGES):
+        if not isinstance(message, position_targets.MESSAGES):
             return False
         if self.pilot.mode is CopterMode.GUIDED and not self.ignores and not self.pilot.takeoff_m:
             self._take_setpoint(message)
@@ -329,13 +321,15 @@ class Copter(Vehicle):
     def _take_setpoint(self, message: Setpoint) -> None:
         """Fly to a place, or a velocity; whatever else is asked stops it, as does what isn't finite."""
         mask = message.type_mask
-        place_m, velocity_mps = setpoints.place_of(self, message), setpoints.velocity_of(self, message)
-        yaw_rad = None if mask & setpoints.YAW or not math.isfinite(message.yaw_rad) else message.yaw_rad
+        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
+        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(message.yaw_rad) else message.yaw_rad
         if place_m is not None:
             self._go_to(place_m, yaw_rad)
         elif velocity_mps is None:
             self.flier.stop()
         else:
-            if mask & setpoints.YAW and mask & setpoints.YAW_RATE:  # the nose then turns to where it flies
+            if (
+                mask & position_targets.YAW and mask & position_targets.YAW_RATE
+            ):  # the nose then turns to where it flies
                 yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)

@@ -11,7 +11,7 @@ from formation_scenario.vehicles import Family, spoken
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
-from sim_vehicles.autopilot.clock import LOOP_S
+from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.copter import Copter
 from sim_vehicles.plane import Plane

@@ -10,7 +10,7 @@ from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
 from airlink.messages import Message
-from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1

@@ -16,8 +16,9 @@ from airlink.messages.mission import MissionItem, MissionItemInt, MissionItemRea
 from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot.failsafe import LONG_FAILSAFE
 from sim_vehicles.autopilot.missions import E7, Item, Missions
-from sim_vehicles.autopilot.modes import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
+from sim_vehicles.autopilot.modes import STRAIGHT_ON, FlightMode, Mode, select
 from sim_vehicles.autopilot.parameters import ParameterServer, planes
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import UNASKED

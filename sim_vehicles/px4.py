@@ -14,23 +14,15 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from sim_vehicles.airframe.motion import Steering
+from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as px4
-from sim_vehicles.autopilot import setpoints
-from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
-from sim_vehicles.autopilot.modes import (
-    Condition,
-    CopterMode,
-    FlightMode,
-    GroundStationFailsafe,
-    Mode,
-    Px4Mode,
-    Request,
-    select,
-)
+from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
+from sim_vehicles.autopilot.modes import Condition, CopterMode, FlightMode, Mode, Px4Mode, Request, select
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
-from sim_vehicles.autopilot.setpoints import Setpoint, Vector
+from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import CopterPilot
 from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
@@ -197,9 +189,9 @@ class Px4(Vehicle):
         message = frame.message
         if isinstance(message, Ping) and not message.target_system:
             self.answer(message.but(target_system=frame.system, target_component=frame.component))
-        elif isinstance(message, setpoints.MESSAGES) and not self.ignores:
+        elif isinstance(message, position_targets.MESSAGES) and not self.ignores:
             self._take_setpoint(message)
-        return isinstance(message, (Ping, *setpoints.MESSAGES))
+        return isinstance(message, (Ping, *position_targets.MESSAGES))
 
     def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
         """Refuse: PX4 knows no item that is flown at once."""
@@ -249,7 +241,7 @@ class Px4(Vehicle):
                 self._unsaid.append(part)
 
     def _take_setpoint(self, message: Setpoint) -> None:
-        if (refusal := setpoints.refusal_of_px4(message)) is not None:
+        if (refusal := position_targets.refusal_of_px4(message)) is not None:
             self.say(CRITICAL, refusal)
         else:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
@@ -298,8 +290,8 @@ class Px4Copter(Px4):
 
     def follow(self, message: Setpoint) -> None:
         """Fly to a place, or a velocity; whatever else is asked has it stand."""
-        place_m, velocity_mps = setpoints.place_of(self, message), setpoints.velocity_of(self, message)
-        yaw_rad = None if message.type_mask & setpoints.YAW else message.yaw_rad
+        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
+        yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
         if place_m is not None:
             self.flier.go_to(place_m, yaw_rad)
         elif velocity_mps is not None:
@@ -331,7 +323,7 @@ class Px4Plane(Px4):
 
     def follow(self, message: Setpoint) -> None:
         """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
-        place_m = setpoints.place_of(self, message)
+        place_m = position_targets.place_of(self, message)
         if place_m is not None:
             self.pilot.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
             self.pilot.circle(*place_m)

@@ -13,7 +13,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
-from sim_vehicles.autopilot.clock import LOOP_HZ
+from sim_vehicles.autopilot.board_clock import LOOP_HZ
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet

@@ -23,13 +23,14 @@ from airlink.messages.command import (
 )
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, NamedValueFloat, Statustext, Timesync
-from formation_scenario.environment import DEFAULT_MODE, Fault
+from formation_scenario.surroundings import DEFAULT_MODE, Fault
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
-from sim_vehicles.autopilot.clock import NEVER, VehicleClock
+from sim_vehicles.autopilot.board_clock import NEVER, VehicleClock
+from sim_vehicles.autopilot.failsafe import FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
-from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.modes import FlightMode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams

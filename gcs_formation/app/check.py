@@ -19,7 +19,7 @@ from gcs_formation.app import check_warnings
 from gcs_formation.app.check_flight import final_circles, little_left
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
-from gcs_formation.stability.law import consensus_margins, follower_margins
+from gcs_formation.stability.law_margins import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}

@@ -12,19 +12,19 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel, FlightState, advance
+from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.path import PathPoints
 from formation_scenario import Scenario
 from formation_scenario.begin_and_end import planned_end_m
-from formation_scenario.demands import SampledPath
-from formation_scenario.environment import DrydenTurbulence
 from formation_scenario.orders import parse_order
+from formation_scenario.performance_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.fleet.circle_heights import GroundFloor
+from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.guidance.leader import points_ahead
-from gcs_formation.mission.opening import Stack, stacked
-from gcs_formation.parameters import autopilot_models
+from gcs_formation.mission.vertical_separation import Stack, stacked
 from gcs_formation.vehicle.telemetry import Motion
 
 SIGMAS = 2.0

@@ -20,9 +20,10 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
-from gcs_formation.guidance.leader import ASSEMBLED_S, DECISION_S, SETTLE_S
+from gcs_formation.from_scenario import hold_radius_m
+from gcs_formation.guidance.leader import ASSEMBLED_S
+from gcs_formation.guidance.leader_route import DECISION_S, SETTLE_S
 from gcs_formation.guidance.tracking import join
-from gcs_formation.parameters import hold_radius_m
 
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""

@@ -17,6 +17,7 @@ from formation_scenario.expectation import Expectation
 from gcs_formation.recorder import Event, Recorder
 
 if TYPE_CHECKING:
+    from gcs_formation.mission.course import Course
     from gcs_formation.mission.starting import PreFlight
 
 ClockName = Literal["real", "virtual"]
@@ -70,10 +71,15 @@ class RunOptions:
 
 
 class Interrupts:
-    """While entered, counts the signals that request our end, instead of being terminated by them."""
+    """While entered, counts the signals that request our end, instead of being terminated by them.
+
+    With each a flight goes one step further to its end. The first: the formation opens and loiters; the second: all go
+    home at once; the third: nobody is waited for any longer.
+    """
 
     def __init__(self) -> None:
         self.count = 0
+        self._heeded, self._left = 0, False
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
@@ -93,6 +99,16 @@ class Interrupts:
     def _note(self, number: int, _frame: FrameType | None) -> None:
         # A closed terminal is signalled by both the shell and the system: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
+
+    def heed(self, course: Course, now: Instant) -> bool:
+        """Carry out what the interrupts so far ask for; return whether the flight is left as it is."""
+        while self._heeded < self.count:
+            self._heeded += 1
+            if self._heeded == 1:
+                course.stop(now)
+            elif self._heeded > 2 or not course.go_home_at_once(now):
+                self._left = True
+        return self._left
 
 
 class Confirmation:

@@ -15,7 +15,7 @@ from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from airlink.words import counted
 from gcs_formation.app import result_text
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.starting import IN_ORDER
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Event

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
 from flight_model.slot import NOTHING
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import Member, Vehicle

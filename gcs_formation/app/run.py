@@ -25,7 +25,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver
 from flight_model.arrays import Array
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import columns
 from gcs_formation.app.operator import Interrupts, RunOptions
@@ -37,7 +37,7 @@ from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import PORT, epoch_us, from_ports, read_past
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
-from gcs_formation.vehicle.autopilot import Autopilot, Command
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet

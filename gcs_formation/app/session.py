@@ -131,7 +131,6 @@ class Session:
         self._shown_s = 0.0
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
-        self._heeded, self._left = 0, False
         self.recorder.tell_events_to(self._heard)
         whom = counted(len(self.station.vehicles), "vehicle")
         self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
@@ -145,7 +144,7 @@ class Session:
         """Heed the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
-        left = self._heed_interrupts()
+        left = self.interrupts.heed(self.station.course, self.clock.now())
         self._injected.note(self.station.recorded_ticks)
         if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
@@ -164,19 +163,6 @@ class Session:
             self.station.course.fail(reason, self.clock.now())
 
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
-
-    def _heed_interrupts(self) -> bool:
-        """Go one step further to the end with each interrupt; return whether nobody is to be waited for any longer.
-
-        The first: the formation opens and loiters; the second: all go home at once; the third: nothing is awaited.
-        """
-        while self._heeded < self.interrupts.count:
-            self._heeded += 1
-            if self._heeded == 1:
-                self.station.course.stop(self.clock.now())
-            elif self._heeded > 2 or not self.station.course.go_home_at_once(self.clock.now()):
-                self._left = True
-        return self._left
 
     def conclude(self, truth: Mapping[str, Array] | None) -> Summary:
         """Close the record, and write the time series and the summary.

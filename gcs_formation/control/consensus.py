@@ -18,7 +18,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel, FlightState, rotated
+from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.follower import LawParameters

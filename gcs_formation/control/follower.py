@@ -13,7 +13,7 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot import AutopilotModel, FlightState, rate, rotated, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import NOTHING, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid

@@ -16,7 +16,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from flight_model.arrays import Array
-from flight_model.autopilot import within
+from flight_model.autopilot_model import within
 from flight_model.slot import NOTHING, Triple
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight_model.autopilot import AutopilotModel, FlightState, rate, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, rate, within, wrap
 from formation_scenario import Scenario
 from formation_scenario import formation as keys
 from gcs_formation.control.consensus import ConsensusLaw

@@ -12,7 +12,7 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot import AutopilotModel, FlightState, rotated, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
 from flight_model.slot import Slot, Triple
 from formation_scenario.formation import Frame
 

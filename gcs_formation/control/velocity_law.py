@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import within
+from flight_model.autopilot_model import within
 from flight_model.slot import Triple
 from gcs_formation.control.follower import Controller, Pair
 from gcs_formation.control.setpoint import error_rate, formation_error, lead_height

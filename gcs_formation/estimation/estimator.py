@@ -12,7 +12,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
 from flight_model.design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
@@ -27,16 +27,8 @@ from gcs_formation.estimation.kalman import (
     minus,
     spreads,
 )
-from gcs_formation.estimation.noise import (
-    IMPLAUSIBLE_SIGMAS,
-    STRAYED,
-    PlaceStray,
-    Values,
-    VehicleNoise,
-    excesses,
-    plausible,
-    weighed,
-)
+from gcs_formation.estimation.noise import PlaceStray, Values, VehicleNoise
+from gcs_formation.estimation.plausibility import IMPLAUSIBLE_SIGMAS, STRAYED, excesses, plausible, weighed
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0

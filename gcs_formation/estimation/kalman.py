@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, squared, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
 from flight_model.decay import of_climb
 from gcs_formation.estimation.noise import Values
 

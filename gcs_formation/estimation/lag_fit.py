@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from librt.vecs import vec
 
-from flight_model.autopilot import squared, within
+from flight_model.autopilot_model import squared, within
 from gcs_formation.estimation.lag_simulation import Tracks
 
 RATIO_MAX: Final = 2.0

@@ -9,7 +9,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, climbed, finite, remaining, within, wrap
+from flight_model.autopilot_model import AutopilotModel, climbed, finite, remaining, within, wrap
 from flight_model.decay import of_climb
 from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints

@@ -14,7 +14,7 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot_model import AutopilotModel
 from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
 from gcs_formation.estimation.lag_simulation import Bank, Motion, Samples, Tracks
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory

@@ -11,7 +11,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, FlightState, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
 HEADING: Final = 5

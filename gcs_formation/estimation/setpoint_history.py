@@ -8,7 +8,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot import AutopilotModel, FlightState, advance, respond, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, advance, respond, within, wrap
 from flight_model.slot import NOTHING, Triple
 
 HISTORY_S: Final = 6.0

@@ -7,17 +7,17 @@ from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot import AutopilotModel, FlightState, respond, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
 from formation_scenario import Scenario
+from formation_scenario.formation_changes import column_models
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_assignment import columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS, heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.parameters import autopilot_models
+from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle

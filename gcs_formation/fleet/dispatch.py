@@ -12,9 +12,9 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
-from flight_model.autopilot import Setpoint, finite
+from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note, Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

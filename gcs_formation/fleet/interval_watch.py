@@ -14,7 +14,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
-from gcs_formation.link.connection import TALKING, LinkState
+from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from flight_model.path import Route
 from formation_scenario import Ground, PathPoint, Scenario, slot_schedule

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot import AutopilotModel, FlightState, Setpoint, rotated, squared, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, squared, within
 from flight_model.curve import PathPoint
 from flight_model.displacement import Rise
 from flight_model.path import Route

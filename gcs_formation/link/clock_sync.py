@@ -13,7 +13,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
-from flight_model.autopilot import squared
+from flight_model.autopilot_model import squared
 
 WINDOW: Final = 16
 """Number of round trips (4 s) over which the fastest is determined and the delay is averaged."""

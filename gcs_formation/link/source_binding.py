@@ -17,7 +17,7 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import TALKING, Connection, LinkState
+from gcs_formation.link.link_health import TALKING, Connection, LinkState
 
 LONGEST_DELAY_S: Final = 10.0
 """Largest age of a time stamp on arrival."""

@@ -15,8 +15,8 @@ from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.mission.ending import Ending, why_not
-from gcs_formation.mission.opening import Opening, stays
 from gcs_formation.mission.reconfiguration import Reconfiguration
+from gcs_formation.mission.vertical_separation import Opening, stays
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle

@@ -16,8 +16,8 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
-from gcs_formation.link.connection import TALKING
-from gcs_formation.mission.opening import Ahead, Stack, place_of, stacked, stays
+from gcs_formation.link.link_health import TALKING
+from gcs_formation.mission.vertical_separation import Ahead, Stack, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import Motion
 from gcs_formation.vehicle.vehicle import Member, Vehicle

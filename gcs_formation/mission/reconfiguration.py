@@ -10,12 +10,12 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from flight_model.displacement import DisplacedPath
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.reconfiguration import ahead, column_names, plan_change, plan_gathering, take_over
+from formation_scenario.formation_changes import ahead, column_names, plan_change, plan_gathering, take_over
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError

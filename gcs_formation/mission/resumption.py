@@ -12,7 +12,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario.slot_assignment import Arrangement
-from gcs_formation.link.connection import LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

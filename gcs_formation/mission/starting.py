@@ -13,11 +13,11 @@ from airlink.messages.system import Heartbeat
 from airlink.words import counted
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from gcs_formation.link.connection import TALKING, LinkState
+from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.autopilot import Step
+from gcs_formation.vehicle.autopilot_family import Step
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Vehicle
-from formation_scenario.environment import StepDisturbance
+from formation_scenario.surroundings import StepDisturbance
 from gcs_formation.report import RunData
 
 SHARE, SPARE_M = 1.5, 0.05

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from formation_scenario.environment import StepDisturbance
+from formation_scenario.surroundings import StepDisturbance
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts

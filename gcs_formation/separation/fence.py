@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, within, wrap
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot_model import AutopilotModel
 from formation_scenario import Scenario
-from formation_scenario.environment import CHECKED_M, Fence, inside_m, room_m
 from formation_scenario.slot_assignment import columns
+from formation_scenario.surroundings import CHECKED_M, Fence, inside_m, room_m
 from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.recorder import Tick
 

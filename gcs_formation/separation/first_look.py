@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot import AutopilotModel, FlightState, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
 from gcs_formation.separation.approach import COARSE_S
 
 HALF_S: Final = COARSE_S / 2

@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Indices, or_zero
-from flight_model.autopilot import AutopilotModel, FlightState, advance, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
 from flight_model.slot import NOTHING, Triple
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
@@ -19,7 +19,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.first_look import FirstLook
-from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
+from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 

@@ -1,8 +1,8 @@
 """Delay margins: how much delay a loop closed over the link can have before it loses stability."""
 
-from gcs_formation.stability.consensus import consensus_delay_margin
-from gcs_formation.stability.law import LawMargins, law_loops, law_margins, scenario_delay_margin
-from gcs_formation.stability.loops import loop_delay_s
+from gcs_formation.stability.consensus_margins import consensus_delay_margin
+from gcs_formation.stability.law_margins import LawMargins, law_loops, law_margins, scenario_delay_margin
+from gcs_formation.stability.loop_margins import loop_delay_s
 from gcs_formation.stability.mismatch import LoopDelay, Usage
 
 __all__ = [

@@ -1,7 +1,4 @@
-"""One flight of a study: a pure function of scenario, seed and version, but for the time that it takes.
-
-And what must be so in every flight, whatever happens to vehicles and links, read off the flight's own record.
-"""
+"""One flight of a study: a pure function of scenario, seed and version, but for the time that it takes."""
 
 from __future__ import annotations
 
@@ -9,36 +6,26 @@ import hashlib
 import json
 import math
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
-from airlink import mavlink as m
 from airlink.cli import Status
 from airlink.clock import Stopwatch
-from airlink.frame import StreamParser
-from airlink.messages.command import CommandInt
-from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.load import settings
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
-from gcs_formation.link.connection import STALE_AFTER_S
-from gcs_formation.record import timeseries
 from gcs_formation.record.expectations import figure_of, figure_of_run
-from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG, read_tlog
+from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
 from gcs_formation.studies import INVARIANTS, Record, Study
+from gcs_formation.studies.invariants import broken, read_record
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
@@ -46,13 +33,6 @@ VERSION: Final = version("gcs-formation")
 REPEATED_EVERY = 10
 """Of flights held against the invariants, one seed in so many is flown again and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
-REGAINED_M = 1.0
-REGAINED_FOR_S = 10.0
-"""At the end every follower has been this near its slot for so long."""
-NEAR_END_M = 30.0
-"""How near the path's end its leader has come when it is flown."""
-ROUNDING = 1e-3
-"""Single precision on the wire."""
 
 
 @dataclass(frozen=True)
@@ -189,162 +169,3 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
 
 def _digest(directory: Path) -> str:
     return hashlib.sha256(b"".join((directory / name).read_bytes() for name in (TLOG, TIMESERIES, EVENTS))).hexdigest()
-
-
-@dataclass(frozen=True)
-class FlightRecord:
-    """The record of a flight."""
-
-    scenario: Scenario
-    summary: Mapping[str, Any]
-    events: tuple[Mapping[str, Any], ...]
-    columns: Mapping[str, Array]
-    """The time series."""
-    sent: tuple[tuple[int, CommandInt], ...]
-    """Guided commands of the ground station with the system that each was for, as read back from the log."""
-    frames: int
-    """Frames in the log."""
-
-    def rows(self, vehicle: PlannedVehicle) -> Mapping[str, Array]:
-        """Return a vehicle's time series."""
-        mine = (self.columns["network"] == vehicle.network) & (self.columns["vehicle"] == vehicle.id)
-        return {name: values[mine] for name, values in self.columns.items()}
-
-    @property
-    def flying(self) -> Mask:
-        """Rows between the path's beginning and the flight's end."""
-        return flying(self.columns)
-
-    @property
-    def ends_s(self) -> float:
-        """Mission time of the flight's end, minus infinity where the path was never begun."""
-        return float(self.columns["mission_time_s"][self.flying].max(initial=-np.inf))
-
-    @property
-    def at_path_end(self) -> bool:
-        """Whether who leads is then at the end of the path: with the wind, that is before the time is over."""
-        last = self.flying & (self.columns["leads"] > 0) & (self.columns["mission_time_s"] >= self.ends_s)
-        apart_m = [self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])]
-        return bool((np.linalg.norm(apart_m, axis=0) < NEAR_END_M).any())
-
-    def lost_at_s(self, vehicle: PlannedVehicle) -> float:
-        """Return when a vehicle crashed, infinity if it didn't."""
-        faults = (each for each in self.scenario.faults if each.kind == "crash")
-        return min((each.at_s for each in faults if vehicle in self.scenario.selected(each.vehicles)), default=np.inf)
-
-
-def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
-    """Return what a run directory holds."""
-    parser, raws = StreamParser(), [raw for _, raw in read_tlog(directory / TLOG)]
-    messages = (frame.message for raw in raws for frame in parser.feed(raw))
-    lines = (directory / EVENTS).read_text(encoding="utf-8").splitlines()
-    return FlightRecord(
-        scenario=scenario,
-        summary=json.loads((directory / SUMMARY).read_text(encoding="utf-8")),
-        events=tuple(json.loads(line) for line in lines),
-        columns=read_parquet(directory / TIMESERIES),
-        sent=tuple((each.target_system, each) for each in messages if isinstance(each, CommandInt)),
-        frames=len(raws),
-    )
-
-
-def broken(flown: FlightRecord) -> list[str]:
-    """Return what wasn't so, each in words with its figure."""
-    return [text for invariant in HELD_AGAINST for text in invariant(flown)]
-
-
-def separation(flown: FlightRecord) -> Iterator[str]:
-    """No two vehicles that fly come nearer than `safety.separation_m`, from the first take-off to the end."""
-    least_m = flown.scenario.safety.separation_m
-    for one, other in combinations(flown.scenario.vehicles, 2):
-        ours, theirs = flown.rows(one), flown.rows(other)
-        apart_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
-        flying = (ours[timeseries.AIRBORNE] > 0) & (theirs[timeseries.AIRBORNE] > 0)
-        near = np.where(flying, apart_m, np.inf)
-        if near.min(initial=np.inf) < least_m:
-            worst = int(near.argmin())
-            yield (
-                f"separation: vehicles {one.vehicle_id} and {other.vehicle_id} were {near[worst]:.2f} m apart at "
-                f"{ours['mission_time_s'][worst]:.1f} s ({timeseries.PHASES[int(ours['phase'][worst])]}); "
-                f"allowed: {least_m:g} m or more"
-            )
-
-
-def envelope(flown: FlightRecord) -> Iterator[str]:
-    """Every speed on the wire is within the vehicle's limits; every heading and height is a number."""
-    models = {vehicle.id: vehicle.model for vehicle in flown.scenario.vehicles}
-    for system, command in flown.sent:
-        if not all(map(np.isfinite, (command.param1, command.param2, command.param3, command.z))):
-            yield f"envelope: vehicle {system} was sent {command}, which isn't finite"
-        elif command.command == m.MAV_CMD_GUIDED_CHANGE_SPEED:
-            low, high = models[system].speed_min_mps, models[system].speed_max_mps
-            if not low - ROUNDING <= command.param2 <= high + ROUNDING:
-                yield f"envelope: vehicle {system} was sent {command.param2:.3f} m/s; allowed: {low:g} to {high:g}"
-        elif command.command == m.MAV_CMD_GUIDED_CHANGE_HEADING and not 0.0 <= command.param2 <= 360.0:
-            yield f"envelope: vehicle {system} was sent heading {command.param2:.3f} degrees; allowed: 0 to 360"
-
-
-def finite(flown: FlightRecord) -> Iterator[str]:
-    """State and setpoint of every vehicle that is commanded are numbers, and so is every true state."""
-    for names, rows in (
-        ((*timeseries.STATE, *timeseries.SETPOINT), flown.columns["active"]),
-        (TRUTH, np.isfinite(flown.columns["t_s"])),
-    ):
-        for name in names:
-            wrong = rows & ~np.isfinite(flown.columns[name])
-            if wrong.any():
-                first = int(wrong.argmax())
-                where = f"vehicle {flown.columns['vehicle'][first]}, t = {flown.columns['t_s'][first]:.1f} s"
-                yield f"finite: {name} isn't a number in {int(wrong.sum())} rows, first {where}"
-
-
-def acknowledged(flown: FlightRecord) -> Iterator[str]:
-    """The run came to its end, and every vehicle that is still there acknowledged that it loiters."""
-    lost = {str(v.vehicle_id) for v in flown.scenario.vehicles if np.isfinite(flown.lost_at_s(v))}
-    for event in flown.events:
-        if event["kind"] == "failure" or (event["kind"] == "unacknowledged" and event.get("vehicle") not in lost):
-            yield f"acknowledged: {event.get('vehicle', 'the run')}: {event['text']}"
-
-
-def recorded(flown: FlightRecord) -> Iterator[str]:
-    """The log has every frame that was counted, the time series a row for each tick and vehicle, without a gap."""
-    links, received = flown.summary["links"].values(), flown.summary["received"]
-    taken, sent = (sum(link[count] for link in links) for count in ("frames_in", "frames_out"))
-    if lost := received["frames"] - taken - received["frames_refused"]:
-        yield f"recorded: {lost} frames more than were taken or refused came in"
-    if flown.frames != received["frames"] + sent:
-        yield f"recorded: the log has {flown.frames} frames; came in and went out: {received['frames'] + sent}"
-    period_s = 1.0 / flown.scenario.law.rate_hz
-    for vehicle in flown.scenario.vehicles:
-        steps_s = np.diff(flown.rows(vehicle)["t_s"])
-        if not np.allclose(steps_s, period_s, atol=1e-6):
-            yield f"recorded: vehicle {vehicle.vehicle_id} has ticks {steps_s.max():.3f} s apart, not {period_s:g}"
-    if flown.ends_s < flown.scenario.duration_s - 2 * period_s and not flown.at_path_end:
-        yield f"recorded: the flight ends at {flown.ends_s:.1f} s of {flown.scenario.duration_s:g}"
-
-
-def regained(flown: FlightRecord) -> Iterator[str]:
-    """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
-    for vehicle in flown.scenario.vehicles:
-        rows = flown.rows(vehicle)
-        late = (rows["mission_time_s"] > flown.ends_s - REGAINED_FOR_S) & (rows["leads"] == 0)
-        late &= flying(rows)
-        if np.isfinite(flown.lost_at_s(vehicle)) or not late.any() or _held_up(flown, rows):
-            continue
-        worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)
-        if not worst_m < REGAINED_M:
-            yield (
-                f"regained: vehicle {vehicle.vehicle_id} was {worst_m:.2f} m from its slot in the last "
-                f"{REGAINED_FOR_S:g} s; allowed: {REGAINED_M:g} m"
-            )
-
-
-def _held_up(flown: FlightRecord, rows: Mapping[str, Array]) -> bool:
-    """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
-    calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
-    there_and_back_s = 2 * rows[timeseries.INJECTED_MEAN]
-    under_way = rows["mission_time_s"] + there_and_back_s > calm_from_s
-    return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
-
-
-HELD_AGAINST = (separation, envelope, finite, acknowledged, recorded, regained)

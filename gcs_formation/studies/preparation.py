@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from formation_scenario import Problem, ScenarioError
-from formation_scenario.describe import problems_of
+from formation_scenario.error_messages import problems_of
 from formation_scenario.fields import did_you_mean
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario.environment import PASSING
+from formation_scenario.surroundings import PASSING
 
 Keys = dict[str, Any]
 Choice = TypeVar("Choice")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from gcs_formation.testing.plan import Formation
+    from gcs_formation.testing.flight_plan import Formation
 
 
 @pytest.fixture
@@ -18,6 +18,6 @@ def formation(request: pytest.FixtureRequest, tmp_path: Path) -> Formation:
     A relative path is looked for beside the test's file, then from pytest's root directory. Flights are recorded in
     the test's `tmp_path`.
     """
-    from gcs_formation.testing.plan import Formation  # noqa: PLC0415 - see the module's docstring
+    from gcs_formation.testing.flight_plan import Formation  # noqa: PLC0415 - see the module's docstring
 
     return Formation((request.path.parent, request.config.rootpath), tmp_path)

@@ -13,7 +13,7 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.autopilot import Command
+from gcs_formation.vehicle.autopilot_family import Command
 
 RETRY_S: Final = 0.7
 MAX_CONFIRMATION: Final = 255

@@ -20,10 +20,10 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot import ASKED_S, Autopilot, Command, Known, Step
+from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Known, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint

@@ -7,9 +7,9 @@ from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
 from formation_scenario.vehicles import Family, family_of
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
-from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity import SpeedLead, VelocityLead

@@ -8,7 +8,7 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.autopilot import SHOWN_IN_HEARTBEATS, Step
+from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, Step
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
 
 UP_M: Final = 5.0

@@ -18,15 +18,15 @@ from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
+from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, SetpointChannel
-from gcs_formation.vehicle.autopilot import Autopilot, EffectWatch, Step
+from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
 from gcs_formation.vehicle.velocity import ground_motion

@@ -17,7 +17,7 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.autopilot import FlightState, Setpoint, within
+from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.slot import hovering_course, slot_axis
 
 MULTIROTOR_TYPES: Final = frozenset(

@@ -11,11 +11,11 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
-from flight_model.autopilot import FlightState, advance, within
+from flight_model.autopilot_model import FlightState, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering
-from sim_vehicles.autopilot.clock import LOOP_S
+from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
 LEAST_SHARE = 0.2

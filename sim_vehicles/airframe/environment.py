@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
-from formation_scenario.environment import (
+from formation_scenario.surroundings import (
     DrydenTurbulence,
     Fault,
     RampDisturbance,
@@ -20,7 +20,7 @@ from formation_scenario.environment import (
 )
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.turbulence import DrydenGusts
-from sim_vehicles.autopilot.clock import LOOP_S
+from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 
 Due = tuple[float, bool, Fault, frozenset[VehicleId]]

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot import FlightState, within
+from flight_model.autopilot_model import FlightState, within
 
 HEADING: Final = 0
 COURSE: Final = 1

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flight_model.arrays import Array
-from formation_scenario.environment import DrydenTurbulence
+from formation_scenario.surroundings import DrydenTurbulence
 
 LEAST_AIRSPEED_MPS = 1.0
 """Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""

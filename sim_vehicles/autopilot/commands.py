@@ -16,7 +16,7 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
 from airlink.messages.mission import MissionItem, MissionItemInt
-from flight_model.autopilot import finite
+from flight_model.autopilot_model import finite
 from sim_vehicles.autopilot.missions import from_message
 from sim_vehicles.autopilot.modes import Mode
 

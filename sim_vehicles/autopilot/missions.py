@@ -36,7 +36,7 @@ from airlink.messages.mission import (
 from airlink.messages.system import Statustext
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.begin_and_end import StartState
-from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100

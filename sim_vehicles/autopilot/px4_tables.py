@@ -18,17 +18,10 @@ from airlink.messages.command import MessageInterval, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
-from sim_vehicles.autopilot.clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order, to_mode
-from sim_vehicles.autopilot.modes import (
-    STALE,
-    CopterMode,
-    FailsafeKeys,
-    FlightMode,
-    GroundStationFailsafe,
-    Mode,
-    Px4Mode,
-)
+from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
+from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 

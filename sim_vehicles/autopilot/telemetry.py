@@ -26,9 +26,9 @@ from airlink.messages.telemetry import (
     VfrHud,
     Wind,
 )
-from flight_model.autopilot import signed
+from flight_model.autopilot_model import signed
 from flight_model.energy import GRAVITY_MPS2
-from sim_vehicles.autopilot.clock import LOOP_HZ, NEVER
+from sim_vehicles.autopilot.board_clock import LOOP_HZ, NEVER
 from sim_vehicles.autopilot.modes import system_status
 
 if TYPE_CHECKING:

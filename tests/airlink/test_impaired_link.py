@@ -9,7 +9,7 @@ from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, MemoryNetwork
 from airlink.frame import FrameWriter, StreamParser
 from airlink.impaired_link import MAX_REMOTES, ImpairedEngine
-from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.impairment_settings import UNIMPAIRED, Impairment
 from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
 

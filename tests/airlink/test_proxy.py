@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
-from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.proxy import Proxy, Relay
 from airlink.udp import open_socket
 

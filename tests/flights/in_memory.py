@@ -12,7 +12,7 @@ from airlink.clock import NANOSECONDS, Instant, VirtualClock, after
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.environment import Fault, FaultKind
+from formation_scenario.surroundings import Fault, FaultKind
 from gcs_formation.app.injection import impair
 from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick

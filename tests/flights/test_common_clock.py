@@ -9,7 +9,7 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS
-from gcs_formation.testing.plan import Formation, Plan
+from gcs_formation.testing.flight_plan import Formation, Plan
 from tests.flights.in_memory import World
 from tests.flights.test_message_intervals import interval, tell
 

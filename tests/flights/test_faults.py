@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
-from formation_scenario.environment import FaultKind
+from formation_scenario.surroundings import FaultKind
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run

@@ -16,7 +16,7 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.circle_heights import GroundFloor
-from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.mission.ending import Landings, why_not
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane

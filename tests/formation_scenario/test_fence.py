@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.environment import REACT_S, TURN_SHARE, inside_m, room_m
+from formation_scenario.surroundings import REACT_S, TURN_SHARE, inside_m, room_m
 from tests.flights.conftest import scenario
 
 SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])

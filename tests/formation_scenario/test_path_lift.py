@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.displacement import Bounds, least_lift, sample_places
-from formation_scenario.environment import Hill
+from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import Hills
 
 BOUNDS = Bounds(slope=0.095, curvature_1pm=7.7e-4)

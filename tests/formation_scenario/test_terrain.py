@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.environment import Hill
 from formation_scenario.fields import FileError
+from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import ElevationGrid, Hills, read_elevation
 
 ORIGIN = GeodeticOrigin(math.radians(35.5), math.radians(125.5), 20.0)

@@ -11,7 +11,7 @@ from scipy.spatial.distance import pdist
 from flight_model.displacement import DisplacedPath, Rise
 from flight_model.path import SplinePath
 from formation_scenario import load_scenario
-from formation_scenario.reconfiguration import (
+from formation_scenario.formation_changes import (
     ACCELERATION_SHARE,
     TURN_SHARE,
     ahead,

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flight_model.arrays import Array, Instants
-from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Triple
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints

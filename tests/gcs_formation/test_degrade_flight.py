@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.testing.plan import FlownFlight, Formation
+from gcs_formation.testing.flight_plan import FlownFlight, Formation
 
 Fly = Callable[..., FlownFlight]
 PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"

@@ -11,7 +11,7 @@ import pytest
 
 from gcs_formation.app.check_warnings import split_errors
 from gcs_formation.record.timeseries import flying
-from gcs_formation.testing.plan import FlownFlight, Formation, Plan
+from gcs_formation.testing.flight_plan import FlownFlight, Formation, Plan
 from tests.processes import free_port
 
 DELAYS_MS = (0, 50, 150, 300, 600)

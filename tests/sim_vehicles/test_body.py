@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from airlink.endpoint import VehicleId, parse_endpoint
-from flight_model.autopilot import advance
+from flight_model.autopilot_model import advance
 from formation_scenario.begin_and_end import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body

@@ -8,7 +8,7 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from formation_scenario.environment import StepDisturbance
+from formation_scenario.surroundings import StepDisturbance
 from tests.sim_vehicles.conftest import mavlink
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from airlink.endpoint import VehicleId
-from formation_scenario.environment import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
+from formation_scenario.surroundings import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
 
 FIRST, SECOND = VehicleId(1, 1), VehicleId(1, 2)
 HEADING, GUIDED = 43002, 15

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from airlink.endpoint import VehicleId
-from formation_scenario.environment import Fault, PilotsMode
+from formation_scenario.surroundings import Fault, PilotsMode
 
 WHO = frozenset({VehicleId(1, 1)})
 HEADING, INTERVAL, ATTITUDE = 43002, 511, 30

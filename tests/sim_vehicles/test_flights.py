@@ -5,7 +5,7 @@ import math
 import pytest
 
 from airlink.endpoint import VehicleId
-from formation_scenario.environment import Fault
+from formation_scenario.surroundings import Fault
 
 FIRST = frozenset({VehicleId(1, 1)})
 HEADING, REPOSITION, ARM = 43002, 192, 400

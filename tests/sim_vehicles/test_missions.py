@@ -6,7 +6,7 @@ import math
 import pytest
 
 from airlink.endpoint import Address, VehicleId
-from formation_scenario.environment import Fault
+from formation_scenario.surroundings import Fault
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 OK, ERROR, BAD_FRAME, UNSUPPORTED, NO_SPACE, BAD_SEQUENCE, DENIED, CANCELLED = 0, 1, 2, 3, 4, 13, 14, 15

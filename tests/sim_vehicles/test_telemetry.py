@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from formation_scenario.environment import Fault
+from formation_scenario.surroundings import Fault
 from sim_vehicles.inertial.imu import InertialSensors
 from tests.sim_vehicles.inertial.keys import inertial_keys
 

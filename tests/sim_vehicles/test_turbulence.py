@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
-from formation_scenario.environment import DrydenTurbulence
+from formation_scenario.surroundings import DrydenTurbulence
 from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot import FlightState, rotated
+from flight_model.autopilot_model import FlightState, rotated
 from flight_model.slot import Slot
 from formation_scenario.formation import Frame
 from gcs_formation.control.setpoint import formation_error, slot_target

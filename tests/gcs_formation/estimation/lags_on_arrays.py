@@ -11,7 +11,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot_model import AutopilotModel
 from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
 from gcs_formation.estimation.lag_fit import (
     ALIKE_S,

@@ -7,7 +7,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from flight_model.arrays import Array
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from flight_model.design import UNMODELLED, WIND_WALK
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
@@ -16,7 +16,7 @@ from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates,
 from gcs_formation.estimation.kalman import Updraught
 from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.parameters import declared_noise
+from gcs_formation.from_scenario import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
 from tests.gcs_formation.estimation import filter_on_arrays

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from formation_scenario.environment import Hill
+from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import ElevationGrid, Ground, Hills
 from gcs_formation.fleet.circle_heights import AROUND_M, GroundFloor
 from tests.flights.conftest import scenario

@@ -14,12 +14,12 @@ from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState
+from flight_model.autopilot_model import FlightState
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import SETTLED_S, ConformanceMonitor
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 from tests.flights.conftest import scenario

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import load_scenario
-from gcs_formation import parameters
-from gcs_formation.guidance.leader import LeaderGuidance
+from gcs_formation import from_scenario
+from gcs_formation.guidance.leader_route import LeaderGuidance
 from tests.flights.conftest import scenario
 
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
@@ -18,7 +18,7 @@ SPEED = 22.0
 
 def guidance() -> LeaderGuidance:
     """Of a path to the north, amid which the leader is."""
-    made = parameters.leader_guidance(load_scenario(scenario()))
+    made = from_scenario.leader_guidance(load_scenario(scenario()))
     made.amid_m = (0.0, 2000.0)
     return made
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.autopilot import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.path import SplinePath
 from gcs_formation.guidance.tracking import MotionRates, project, track, track_turn
 

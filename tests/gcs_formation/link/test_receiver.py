@@ -2,7 +2,7 @@
 
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from gcs_formation.link.connection import Receiver
+from airlink.frame import Receiver
 
 NO_FRAME = b"\x00" * 7
 

@@ -10,7 +10,7 @@ from airlink.endpoint import Address
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.connection import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
 from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, Ruling, SourceBinding
 
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)

@@ -18,9 +18,9 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import GroundFloor
-from gcs_formation.link.connection import Connection, LinkState
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.mission.ending import Ending
-from gcs_formation.mission.opening import place_of
+from gcs_formation.mission.vertical_separation import place_of
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario

@@ -13,12 +13,12 @@ from airlink.endpoint import VehicleId, parse_endpoint
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat, Statustext
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot import Command, Step
+from gcs_formation.vehicle.autopilot_family import Command, Step
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Member, Vehicle

@@ -9,8 +9,8 @@ import pytest
 
 from airlink.clock import Instant
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.environment import Fence, inside_m
-from gcs_formation import parameters
+from formation_scenario.surroundings import Fence, inside_m
+from gcs_formation import from_scenario
 from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.fence import FenceLimits
@@ -56,7 +56,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     """40 vehicles for 75 s in 4 m/s of wind, each asked for a heading of its own that changes now and then."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count)
-    models = parameters.autopilot_models(planned)
+    models = from_scenario.autopilot_models(planned)
     limits, model = FenceLimits(planned, models), AutopilotModels.from_each(models)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
     heading = rng.uniform(-np.pi, np.pi, count)
@@ -73,7 +73,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
 
 
 def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
-    limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), parameters.autopilot_models(fenced()))
+    limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), from_scenario.autopilot_models(fenced()))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
     for height_m in (150.0, 150.0, 100.0, 20.0):

@@ -15,7 +15,7 @@ from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.event_reporter import words
-from gcs_formation.parameters import autopilot_models
+from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario

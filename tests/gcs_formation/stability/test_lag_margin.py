@@ -7,7 +7,7 @@ import pytest
 
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.setpoint import Mixer
-from gcs_formation.stability.loops import Loop, PidGains, forward_plant, height_plant, right_plant
+from gcs_formation.stability.loop_margins import Loop, PidGains, forward_plant, height_plant, right_plant
 from gcs_formation.stability.mismatch import (
     MOST,
     LoopDelay,

@@ -14,8 +14,8 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
-from gcs_formation.stability.consensus import ground_consensus_loops
-from gcs_formation.stability.loops import Loop, delay_margin, forward_plant, right_plant
+from gcs_formation.stability.consensus_margins import ground_consensus_loops
+from gcs_formation.stability.loop_margins import Loop, delay_margin, forward_plant, right_plant
 from gcs_formation.stability.mismatch import BANDWIDTHS, predicted_mismatch_margin
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)

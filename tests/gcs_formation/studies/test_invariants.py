@@ -12,7 +12,7 @@ import pytest
 import gcs_formation
 from airlink import mavlink as m
 from formation_scenario import load_scenario
-from gcs_formation.studies.flight import FlightRecord, broken, read_record
+from gcs_formation.studies.invariants import FlightRecord, broken, read_record
 from tests.flights.conftest import scenario
 
 Tamper = Callable[[FlightRecord], FlightRecord]

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from formation_scenario import Scenario, dump_scenario
-from formation_scenario.environment import FaultKind
+from formation_scenario.surroundings import FaultKind
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study, flight

@@ -14,7 +14,7 @@ from gcs_formation.record.expectations import Verdict
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import write_parquet
-from gcs_formation.testing.plan import FlownFlight, in_words
+from gcs_formation.testing.flight_plan import FlownFlight, in_words
 
 TIME_S = np.arange(-20, 301) / 10.0
 

@@ -10,7 +10,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduCopter
 from gcs_formation.vehicle.velocity import HEIGHT_S, ground_motion
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned

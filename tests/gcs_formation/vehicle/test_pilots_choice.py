@@ -19,7 +19,7 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.px4 import LOITER, RTL, Px4Plane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle

@@ -16,9 +16,9 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.autopilot import Command, EffectWatch
+from gcs_formation.vehicle.autopilot_family import Command, EffectWatch
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.families import FAMILIES
 from gcs_formation.vehicle.px4 import Px4Plane

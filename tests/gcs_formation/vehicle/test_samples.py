@@ -9,7 +9,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages.telemetry import Attitude
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import APART_LIMIT_S, Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position

@@ -12,12 +12,12 @@ from airlink.endpoint import VehicleId
 from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.link.connection import Connection
+from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
-from gcs_formation.vehicle.autopilot import Autopilot
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.vehicle import LOSSY_S, Vehicle
 

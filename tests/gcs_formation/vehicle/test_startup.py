@@ -11,7 +11,7 @@ from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot import ASKED_S
+from gcs_formation.vehicle.autopilot_family import ASKED_S
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from flight_model.arrays import Array
-from flight_model.autopilot import AutopilotModel
+from flight_model.autopilot_model import AutopilotModel
 from formation_scenario import Scenario, slot_table
+from formation_scenario.formation_changes import column_models
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.reconfiguration import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
@@ -19,7 +19,7 @@ from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise import VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader import LeaderGuidance
+from gcs_formation.guidance.leader_route import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 
 LEAST_OF_DECLARED = 0.25

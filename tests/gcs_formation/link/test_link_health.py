@@ -1,7 +1,7 @@
 """The connection table."""
 
 from airlink.clock import Instant, after
-from gcs_formation.link.connection import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
 
 START = Instant(0)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from airlink.endpoint import VehicleId
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
-from gcs_formation.mission.opening import Flier, Stack
+from gcs_formation.mission.vertical_separation import Flier, Stack
 from gcs_formation.vehicle.telemetry import Motion
 
 GAP_M = 10.0

@@ -12,7 +12,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.orders import End

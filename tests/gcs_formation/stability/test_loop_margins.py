@@ -12,7 +12,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import loop_delay_s
-from gcs_formation.stability.loops import (
+from gcs_formation.stability.loop_margins import (
     MID_RANGE,
     SMALL_SIGNAL,
     Loop,

@@ -4,7 +4,7 @@ import shlex
 import pytest
 
 from formation_scenario import ScenarioError, load_scenario
-from gcs_formation.testing.plan import Formation, Plan
+from gcs_formation.testing.flight_plan import Formation, Plan
 
 SCENARIO = """
 vehicles: [{id: 1, role: leader}, {id: 2}, {id: 3}, {id: 3, network: 2}]

@@ -8,16 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.begin_and_end import start_states
-from formation_scenario.environment import Terrain
 from formation_scenario.model import Scenario
-from formation_scenario.reconfiguration import column_names
-from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
+from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.source import Finding, KeyPath
-from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 BETWEEN_SAMPLES_M = 5.0
@@ -29,11 +24,6 @@ SAME_PLACE_M = 250.0
 MOST_PLACES = 10
 """How many places are reported each by itself."""
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
-SHORT_M = 0.01
-"""Shortfall of clearance that is tolerated."""
-LEVEL_M = 1.0
-"""Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
-FILE: KeyPath = ("terrain", "file")
 
 
 class SampledPath(NamedTuple):
@@ -60,7 +50,7 @@ class SampledPath(NamedTuple):
 
     def finding(self, index: int, found: str, allowed: str) -> Finding:
         """Return what was found at a sample, with the nearest waypoint as its key."""
-        where = f"path at {self.places_m[index]:.0f} m ({_place(self.points, index)})"
+        where = f"path at {self.places_m[index]:.0f} m ({place_of(self.points, index)})"
         return (*WAYPOINTS, int(self.waypoints[index])), f"{where}: {found}", allowed
 
 
@@ -174,98 +164,6 @@ def _speeds(model: VehicleModel) -> str:
     return f"{model.speed_min_mps:g} to {model.speed_max_mps:g} m/s"
 
 
-def check_terrain(scenario: Scenario) -> list[Finding]:
-    """Return the reasons why the formation can't clear the ground, each with the place where it is worst."""
-    terrain = scenario.terrain
-    if terrain is None:
-        return list(_over_plain(scenario))
-    ground, flat = scenario.ground, scenario.path.written
-    begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
-    places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
-    points = flat.at(places)
-    unknown = list(_unknown(scenario, ground, places, points))
-    if unknown:
-        return unknown
-    height_m = ground.height(points.north_m, points.east_m)
-    begun = [*_take_off(scenario, ground), *_run_in(terrain, places, points, height_m)]
-    return begun or list(_path(scenario, terrain, ground))
-
-
-def _over_plain(scenario: Scenario) -> Iterator[Finding]:
-    """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
-    path, least_m = scenario.path.written, scenario.safety.clearance_m
-    points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
-    worst = int(np.argmin(points.height_m))
-    below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
-    height_m = float(points.height_m[worst]) + min(below_m, 0.0)
-    if height_m < least_m - SHORT_M:
-        whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
-        found = f"{_place(points, worst)}: {whose} is {height_m:.1f} m above the ground"
-        yield WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)"
-
-
-def _unknown(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
-    """Yield the first point of the path below which, or below a slot at which, the file has no value."""
-    cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
-    everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
-    for step in slot_schedule(scenario):
-        for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
-            slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
-    for slot, who in slots.items():
-        north = points.north_m + slot[0] * cosine - slot[1] * sine
-        east = points.east_m + slot[0] * sine + slot[1] * cosine
-        void = np.flatnonzero(np.isnan(ground.height(north, east)))
-        if void.size:
-            first = int(void[0])
-            place = f"north {north[first]:.0f}, east {east[first]:.0f}"
-            found = f"found no elevation under {who} at {places[first]:.0f} m of the path ({place})"
-            yield FILE, found, "a file that covers the path and every slot, without voids"
-            return
-
-
-def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
-    if scenario.start.in_air:
-        return
-    places = np.array([(each.north_m, each.east_m) for each in start_states(scenario)])
-    height_m = ground.height(*places.T)
-    for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
-        if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
-            found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
-            yield ("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true"
-            return
-
-
-def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:
-    """Yield the lowest clearance on the level run-in, which isn't lifted, and at the path's start."""
-    before = np.flatnonzero(places <= 0.0)
-    clearance = points.height_m[before] - height_m[before]
-    worst = int(np.argmin(clearance))
-    if clearance[worst] < terrain.clearance_m - SHORT_M:
-        where = "the path's start" if places[worst] == 0.0 else f"{-places[worst]:.0f} m before the path's start"
-        found = f"{_place(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
-        yield (*WAYPOINTS, 0), found, _least(terrain)
-
-
-def _path(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Finding]:
-    path = scenario.leader_path
-    assert isinstance(path, LiftedPath)
-    if path.lift.short_m <= SHORT_M:
-        return
-    places = np.arange(0.0, path.length_m, SAMPLE_M)
-    points = path.at(places)
-    clearance = points.height_m - ground.height(points.north_m, points.east_m)
-    worst = int(np.argmin(clearance))
-    climb_mps = LEADER_SHARE * min(vehicle.model.climb_max_mps for vehicle in scenario.vehicles)
-    found = (
-        f"path at {places[worst]:.0f} m ({_place(points, worst)}): {clearance[worst]:.1f} m above the ground, "
-        f"{terrain.clearance_m - clearance[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
-    )
-    yield WAYPOINTS, found, f"{_least(terrain)}, or a higher start"
-
-
-def _place(points: PathPoints, index: int) -> str:
+def place_of(points: PathPoints, index: int) -> str:
+    """Return a point of the path in words."""
     return f"north {points.north_m[index]:.0f}, east {points.east_m[index]:.0f}, height {points.height_m[index]:.0f}"
-
-
-def _least(terrain: Terrain) -> str:
-    return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"

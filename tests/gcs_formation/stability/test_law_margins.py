@@ -14,9 +14,9 @@ from formation_scenario import load_scenario
 from formation_scenario.graph import graph_adjacency, spanning_components
 from formation_scenario.model import Scenario
 from gcs_formation.stability import consensus_delay_margin, law_margins, scenario_delay_margin
-from gcs_formation.stability.consensus import ground_consensus_loops
-from gcs_formation.stability.law import consensus_margins
-from gcs_formation.stability.loops import delay_margin
+from gcs_formation.stability.consensus_margins import ground_consensus_loops
+from gcs_formation.stability.law_margins import consensus_margins
+from gcs_formation.stability.loop_margins import delay_margin
 
 STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
 

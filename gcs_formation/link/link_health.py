@@ -1,9 +1,8 @@
-"""Remotes and their links: a stream parser for each, what silence and heartbeats lead to, loss and jitter."""
+"""The health of a vehicle's link: what silence and heartbeats lead to (stale, lost), its loss and its jitter."""
 
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -12,8 +11,6 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, rounded, seconds_between
 from airlink.endpoint import Address
-from airlink.engine import Datagram
-from airlink.frame import Frame, ParserCounts, StreamParser
 
 MODULUS: Final = 256
 ANY: Final = -1
@@ -34,10 +31,6 @@ RARELY: Final = 1e-3
 """Probability of losing more frames in a row where a vehicle fell silent by itself."""
 RATE_SHARE: Final = 0.02
 """Share of themselves by which rates of frames are off."""
-MAX_REMOTES: Final = 1024
-"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
-MANY_REMOTES: Final = MAX_REMOTES // 2
-"""From here on they are kept in the order in which they were heard."""
 
 
 def probable_run(loss: float, probability: float) -> float:
@@ -238,42 +231,3 @@ class Connection:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
         due_s = probable_run(loss, ALL_LOST)
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)
-
-
-class Receiver:
-    """Parses the datagrams of every remote, and counts what was dropped."""
-
-    def __init__(self) -> None:
-        """Start with no remote known."""
-        self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
-        self._forgotten = ParserCounts()
-        self._last_socket, self._last_peer = -1, Address("", 0)
-        self._last = StreamParser()
-        """Of the remote that was heard last: several datagrams come from it at a time."""
-
-    def frames(self, datagram: Datagram) -> list[Frame]:
-        """Return the frames that the datagram completes."""
-        if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
-            self._last = self._parser(datagram.socket, datagram.peer)
-            self._last_socket, self._last_peer = datagram.socket, datagram.peer
-        return self._last.feed(datagram.data)
-
-    def _parser(self, socket: int, peer: Address) -> StreamParser:
-        remote = (socket, peer)
-        parser = self._parsers.get(remote)
-        if parser is None:
-            parser = self._parsers[remote] = StreamParser()
-            if len(self._parsers) > MAX_REMOTES:
-                self._forgotten += self._parsers.popitem(last=False)[1].counts
-        elif len(self._parsers) > MANY_REMOTES:
-            self._parsers.move_to_end(remote)
-        return parser
-
-    def counts(self, socket: int, peer: Address | None) -> ParserCounts:
-        """Return what has come from a remote, zeros for one that was never heard."""
-        parser = self._parsers.get((socket, peer)) if peer else None
-        return parser.counts if parser else ParserCounts()
-
-    def total(self) -> ParserCounts:
-        """Return what has come from all remotes."""
-        return sum((parser.counts for parser in self._parsers.values()), self._forgotten)
