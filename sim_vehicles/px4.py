@@ -14,7 +14,7 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from sim_vehicles.airframe.motion import Steering
-from sim_vehicles.autopilot import position_targets
+from sim_vehicles.autopilot import position_targets, px4_commands
 from sim_vehicles.autopilot import px4_tables as px4
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
@@ -54,7 +54,7 @@ class Px4(Vehicle):
     failsafe_keys = px4.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    handlers = px4.HANDLERS
+    handlers = px4_commands.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -180,7 +180,7 @@ class Px4(Vehicle):
     def take_mode(self, message: SetMode, frame: Frame) -> bool:
         """Change to a mode by the old message, which is acknowledged like the command, but once."""
         allowed = super().take_mode(message, frame)
-        result = ACCEPTED if allowed else px4.REJECTED
+        result = ACCEPTED if allowed else px4_commands.REJECTED
         self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
         return allowed
 
@@ -310,7 +310,7 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = px4.AS_PLANE
-    handlers = px4.PLANES_HANDLERS
+    handlers = px4_commands.PLANES_HANDLERS
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
         """Return who flies a fixed wing."""

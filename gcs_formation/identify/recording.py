@@ -18,7 +18,7 @@ from flight_model.arrays import Array
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import read_tlog
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
-from gcs_formation.vehicle.velocity import HEIGHT_S
+from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
 
 STEP_S = 0.1
 """Of the grid."""

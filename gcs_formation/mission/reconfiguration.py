@@ -26,7 +26,7 @@ from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
-from gcs_formation.vehicle.velocity import ground_motion
+from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 RETRY_S: Final = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""

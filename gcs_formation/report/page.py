@@ -18,7 +18,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import GROUND
-from gcs_formation.report import RunData, html, load_run
+from gcs_formation.report import RunData, load_run, page_parts
 from gcs_formation.report.error_figures import (
     assembled_first,
     assembly,
@@ -29,8 +29,8 @@ from gcs_formation.report.error_figures import (
     transient_end_s,
 )
 from gcs_formation.report.gusts import gusts
-from gcs_formation.report.html import asset, document, figure
 from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
+from gcs_formation.report.page_parts import asset, document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, print_style, reach, save
 from gcs_formation.report.time_axes import Group, everyone
@@ -191,7 +191,7 @@ def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]
 
 def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
     """Return the page of a run; `plates` are its figures and their files."""
-    summary, compared = run.summary, html.beside_the_paper(run) + html.after_gusts(run)
+    summary, compared = run.summary, page_parts.beside_the_paper(run) + page_parts.after_gusts(run)
     gallery = "".join(figure(plate.name, path) for plate, path in plates)
     return document(
         str(summary["name"]),
@@ -199,19 +199,19 @@ def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
         subtitle=escape(_subtitle(run)),
         script="\n".join(asset(name) for name in SCRIPTS),
         data=as_script(embedded(run)),
-        verdict=html.verdict(summary),
-        missing=html.missing(run.missing),
-        cards=html.cards(run),
+        verdict=page_parts.verdict(summary),
+        missing=page_parts.missing(run.missing),
+        cards=page_parts.cards(run),
         error_source=escape(_error_source(run)),
-        followers=html.followers(summary),
-        expectations=html.expectations(summary),
+        followers=page_parts.followers(summary),
+        expectations=page_parts.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
         paper=compared and f'<section id="paper">\n<h2>Beside the paper</h2>\n{compared}\n</section>',
         ground=GROUND_CAPTION if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{gallery}</div>',
-        links=html.links(summary),
-        control=html.control(summary),
-        events=html.events(run),
+        links=page_parts.links(summary),
+        control=page_parts.control(summary),
+        events=page_parts.events(run),
         scenario=escape(dump_scenario(run.scenario)),
     )
 

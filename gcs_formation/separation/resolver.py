@@ -18,8 +18,8 @@ from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import FirstLook
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
+from gcs_formation.separation.first_look import FirstLook
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 

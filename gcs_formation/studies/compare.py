@@ -25,7 +25,7 @@ from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import CHANNELS, ERROR
 from gcs_formation.report import RunData, load_run
 from gcs_formation.report.error_figures import law_errors
-from gcs_formation.report.html import document, figure, number, table
+from gcs_formation.report.page_parts import document, figure, number, table
 from gcs_formation.report.style import print_style, save
 from gcs_formation.stability import law_margins
 from gcs_formation.studies import Study

@@ -18,8 +18,8 @@ from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
-from gcs_formation.report import html
-from gcs_formation.report.html import badge, brief, table
+from gcs_formation.report import page_parts
+from gcs_formation.report.page_parts import badge, brief, table
 from gcs_formation.report.style import print_style, save
 from gcs_formation.studies import Study
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
@@ -62,7 +62,7 @@ def _gallery(plates: Iterator[Plate], directory: Path) -> Iterator[str]:
         path = directory / f"{name}.png"
         with print_style():
             save(draw(), path)
-        yield html.figure(name, path, title)
+        yield page_parts.figure(name, path, title)
 
 
 def _plates(flights: Flights, result: Mapping[str, Any], rows: Rows) -> Iterator[Plate]:
@@ -94,7 +94,7 @@ def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, dir
     heads = ["Flight", "Exit", "In words"]
     failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MOST_FAILED]], (2,))
     flown = counted(len(rows), "flight")
-    return html.document(
+    return page_parts.document(
         study.name,
         "study.html",
         subtitle=escape(f"{flown}; design: {study.design}; seeds {study.seeds.first} and on; {rows[0]['version']}"),

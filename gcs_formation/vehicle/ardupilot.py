@@ -26,7 +26,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Known, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.velocity import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
+from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 
 STATION_SYSTEM: Final = 255
 HEARTBEATS_S: Final = 3.0

@@ -12,7 +12,7 @@ from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
-from gcs_formation.vehicle.velocity import SpeedLead, VelocityLead
+from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 
 FAMILIES: dict[Family, type[Autopilot]] = {
     "arduplane": ArduPlane,

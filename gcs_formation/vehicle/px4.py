@@ -29,7 +29,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Step
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.velocity import (
+from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
     TURNS_FROM_MPS,
     SpeedLead,

@@ -29,7 +29,7 @@ from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, Setpoin
 from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, Step
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Motion, Telemetry
-from gcs_formation.vehicle.velocity import ground_motion
+from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_SYSTEM: Final = 255

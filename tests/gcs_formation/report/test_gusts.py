@@ -9,8 +9,8 @@ from formation_scenario import load_scenario
 from gcs_formation.report import load_run
 from gcs_formation.report.error_figures import ALLOWED, LEAST, errors
 from gcs_formation.report.gusts import gusts
-from gcs_formation.report.html import after_gusts
 from gcs_formation.report.page import embedded
+from gcs_formation.report.page_parts import after_gusts
 
 GUST = {"at_s": 30, "vehicles": [2, 3], "velocity_mps": [0.6, -0.6, 0.3]}
 UP_S = 0.02

@@ -7,8 +7,8 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
-from gcs_formation.report.html import beside_the_paper, cards, table, verdict
 from gcs_formation.report.page import PLATES, as_script, embedded
+from gcs_formation.report.page_parts import beside_the_paper, cards, table, verdict
 
 VOID = {"meta", "link", "img", "input", "br"}
 

@@ -12,7 +12,7 @@ from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduCopter
-from gcs_formation.vehicle.velocity import HEIGHT_S, ground_motion
+from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, ground_motion
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned
 
 COPTER, HERE = ArduCopter(7, ORIGIN, 0.4), FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0)

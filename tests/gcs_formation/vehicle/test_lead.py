@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.vehicle.velocity import SpeedLead, VelocityLead
+from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 
 PROMPT, REST_S, PERIOD_S = 0.72, 8.9, 0.1
 speeds = st.floats(-3.0, 3.0)
