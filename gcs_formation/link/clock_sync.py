@@ -26,10 +26,14 @@ FAR: Final = 4.0
 NORMAL: Final = 1.4826
 """Standard deviation of normal noise by its median absolute deviation."""
 FEW: Final = 8
-UNKNOWN_SCATTER_S: Final = 0.02
-"""Assumed standard deviation of round trips as long as there are fewer than `FEW`."""
+UNKNOWN_SCATTER_S: Final = 0.1
+"""Assumed standard deviation of round trips as long as there are fewer than `FEW`, large: these aren't believed."""
+CRYSTAL_DRIFT: Final = 1e-4
+"""Standard deviation of an unknown clock's rate, if a crystal keeps it."""
 INITIAL_DRIFT: Final = 0.02
-"""Standard deviation of an unknown clock's rate: a PX4 simulator's runs 1.5 % off."""
+"""The same, if nothing is known of it: a PX4 simulator's runs 1.5 % off."""
+UNUSUAL: Final = math.log(100.0)
+"""By so much the logarithm of the likelihood has to speak against a crystal."""
 OFFSET_NOISE: Final = 1e-4
 DRIFT_NOISE: Final = 2e-6
 """Random walk of offset (s) and drift per square root of a second."""
@@ -37,11 +41,76 @@ STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty and this shows that the clock has stepped, or begun anew."""
 
 
+class ClockFilter:
+    """A Kalman filter of a clock's offset and drift."""
+
+    def __init__(self, believed_drift: float) -> None:
+        """Start with a standard deviation of the clock's rate."""
+        self.offset_s: float = math.nan
+        """The clock minus ours at the reference."""
+        self.drift: float = 0.0
+        """Rate of change of the offset."""
+        self._believed_drift = believed_drift
+        self._reference = Instant(0)
+        self._p00: float = 1.0
+        self._p01: float = 0.0
+        self._p11: float = squared(believed_drift)
+        """Variance of offset and drift."""
+
+    def predict(self, at: Instant) -> float:
+        """Return the offset at an instant, s."""
+        return self.offset_s + self.drift * (at - self._reference) / NANOSECONDS
+
+    def begin(self, at: Instant, sample_s: float, variance: float) -> None:
+        """Start with a clock of which this sample, of a variance in s², is the first."""
+        self.drift, self._p11 = 0.0, squared(self._believed_drift)
+        self.step(at, sample_s, variance)
+
+    def step(self, at: Instant, sample_s: float, variance: float) -> None:
+        """Follow a clock that has stepped: its rate is what it was."""
+        self.offset_s, self._reference = sample_s, at
+        self._p00, self._p01 = variance, 0.0
+
+    def correct(self, at: Instant, sample_s: float, variance: float) -> float:
+        """Take a sample of the offset, s; return the logarithm of its likelihood, but for a constant."""
+        self._advance(at)
+        total = self._p00 + variance
+        innovation_s = sample_s - self.offset_s
+        gain0, gain1 = self._p00 / total, self._p01 / total
+        self.offset_s += gain0 * innovation_s
+        self.drift += gain1 * innovation_s
+        self._p11 -= gain1 * self._p01
+        self._p00 *= 1.0 - gain0
+        self._p01 *= 1.0 - gain0
+        return (0.0 - math.log(total) - squared(innovation_s) / total) / 2.0
+
+    def to_instant(self, clock_s: float) -> Instant:
+        """Return our instant at which the clock showed a time, s."""
+        at_reference_s = self._reference / NANOSECONDS + self.offset_s
+        return Instant(self._reference + nanoseconds((clock_s - at_reference_s) / (1 + self.drift)))
+
+    def age_s(self, clock_s: float, now: Instant) -> float:
+        """Return how long before `now` the clock showed a time, s."""
+        since_s = (now - self._reference) / NANOSECONDS
+        return since_s - (clock_s - self._reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
+
+    def _advance(self, to: Instant) -> None:
+        elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)
+        self.offset_s += self.drift * elapsed_s
+        self._reference = to
+        grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
+        self._p00 = self._p00 + grown + squared(OFFSET_NOISE) * elapsed_s
+        self._p01 += elapsed_s * self._p11
+        self._p11 += squared(DRIFT_NOISE) * elapsed_s
+
+
 class ClockSync:
     """Maps a vehicle's time since boot to our instants.
 
-    `offset_s` is vehicle minus ours at `reference`, `drift` its rate of change. Samples are
-    weighted by how much their round trips took longer than the fastest, and by how much round trips vary.
+    Two filters take the same samples: one believes that a crystal keeps the clock's rate, the other nothing. The first
+    is used until the samples say that it is wrong (static multiple models: Bar-Shalom, Li, Kirubarajan, "Estimation
+    with Applications to Tracking and Navigation", 11.6.2). Samples are weighted by how much their round trips took
+    longer than the fastest, and by how much round trips vary.
     """
 
     def __init__(self, loop_s: float = 0.0) -> None:
@@ -52,20 +121,27 @@ class ClockSync:
         self.samples = self.restarts = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, without the answering loop's share."""
-        self.offset_s: float = math.nan
-        self.drift: float = 0.0
-        self._reference = Instant(0)
+        self._crystal, self._any = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
+        self._used = self._crystal
+        self._unlike: float = 0.0
+        """Logarithm of how many times as likely the samples are if nothing is believed of the clock's rate."""
         self._asked = Instant(0)
         """When the newest answered probe was sent: the vehicle ran on its clock after that."""
         self._shown_ns = 0
         """What the clock showed last."""
-        self._p00: float = 1.0
-        self._p01: float = 0.0
-        self._p11: float = squared(INITIAL_DRIFT)
-        """Variance of offset and drift."""
         self._recent, self._count = vec[float]([0.0] * WINDOW), i64(0)
         """The last round trips, the oldest first, and how many there are."""
         self._sorted = vec[float]([0.0] * WINDOW)
+
+    @property
+    def offset_s(self) -> float:
+        """The vehicle's clock minus ours when it was read last; NaN before."""
+        return self._used.offset_s
+
+    @property
+    def drift(self) -> float:
+        """The offset's rate of change."""
+        return self._used.drift
 
     @property
     def scatter_s(self) -> float:
@@ -137,7 +213,7 @@ class ClockSync:
         self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
-        off_s = sample_s - self._predict(middle) if self.samples else 0.0
+        off_s = self._off_s(middle, sample_s) if self.samples else 0.0
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
         # A clock that stood still (a machine or a simulator was held up) is behind, shows no less than it did, and has
         # run for longer than nothing was read of it. Any other has begun anew, or is another vehicle's.
@@ -146,13 +222,20 @@ class ClockSync:
             or vehicle_time_ns < self._shown_ns
             or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         )
+        variance = self._sample_variance()
         if self.samples == 0 or restarted:
-            self._begin(middle, sample_s)
+            self._crystal.begin(middle, sample_s, variance)
+            self._any.begin(middle, sample_s, variance)
+            self._unlike, self._used = 0.0, self._crystal
         elif stepped:
-            self._step(middle, sample_s)
+            self._crystal.step(middle, sample_s, variance)
+            self._any.step(middle, sample_s, variance)
         else:
-            self._advance(middle)
-            self._correct(sample_s)
+            crystal, unknown = (
+                self._crystal.correct(middle, sample_s, variance),
+                self._any.correct(middle, sample_s, variance),
+            )
+            self._judge(unknown - crystal)
         self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
         self.restarts += restarted
@@ -160,44 +243,22 @@ class ClockSync:
 
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot in seconds."""
-        at_reference_s = self._reference / NANOSECONDS + self.offset_s
-        return Instant(self._reference + nanoseconds((vehicle_time_s - at_reference_s) / (1 + self.drift)))
+        return self._used.to_instant(vehicle_time_s)
 
     def age_s(self, vehicle_time_s: float, now: Instant) -> float:
         """Return how long before `now` a vehicle's time since boot was, s."""
-        since_s = (now - self._reference) / NANOSECONDS
-        return since_s - (vehicle_time_s - self._reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
+        return self._used.age_s(vehicle_time_s, now)
 
-    def _predict(self, at: Instant) -> float:
-        return self.offset_s + self.drift * (at - self._reference) / NANOSECONDS
+    def _judge(self, unlike: float) -> None:
+        """Take how much less likely a sample is if a crystal keeps the clock; not before its scatter is known."""
+        if self._count >= FEW:
+            self._unlike += unlike
+            self._used = self._any if self._unlike > UNUSUAL else self._crystal
 
-    def _begin(self, at: Instant, sample_s: float) -> None:
-        self.offset_s, self.drift, self._reference = sample_s, 0.0, at
-        self._p00, self._p01, self._p11 = self._sample_variance(), 0.0, squared(INITIAL_DRIFT)
-
-    def _step(self, at: Instant, sample_s: float) -> None:
-        """Follow a clock that has stepped: its rate is what it was."""
-        self.offset_s, self._reference = sample_s, at
-        self._p00, self._p01 = self._sample_variance(), 0.0
-
-    def _advance(self, to: Instant) -> None:
-        elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)
-        self.offset_s += self.drift * elapsed_s
-        self._reference = to
-        grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
-        self._p00 = self._p00 + grown + squared(OFFSET_NOISE) * elapsed_s
-        self._p01 += elapsed_s * self._p11
-        self._p11 += squared(DRIFT_NOISE) * elapsed_s
-
-    def _correct(self, sample_s: float) -> None:
-        total = self._p00 + self._sample_variance()
-        innovation = sample_s - self.offset_s
-        gain0, gain1 = self._p00 / total, self._p01 / total
-        self.offset_s += gain0 * innovation
-        self.drift += gain1 * innovation
-        self._p11 -= gain1 * self._p01
-        self._p00 *= 1.0 - gain0
-        self._p01 *= 1.0 - gain0
+    def _off_s(self, at: Instant, sample_s: float) -> float:
+        """Return how far a sample is off what the filter predicts that is nearer to it."""
+        one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._any.predict(at)
+        return one_s if abs(one_s) < abs(other_s) else other_s
 
     def _sample_variance(self) -> float:
         """Return the variance of a sample's offset, from half its own excess delay and half the delays' scatter.
