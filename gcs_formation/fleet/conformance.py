@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
 from formation_scenario import Scenario
@@ -144,7 +144,9 @@ class _Flier:
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
         by_speed = by_speed and not levels_out
         by_height = by_height and not levels_out and not (fast and end.height_m > before.height_m)
-        expected, flown = _change(before, end), _change(before, seen)
+        expected = _change(before, end)
+        faster_mps, turned_rad, risen_m = _change(before, seen)
+        flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
         channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
 

@@ -49,20 +49,22 @@ class Ground:
         commanded: Acknowledges = lambda _: True,
         airspeed_mps: Callable[[float], float] = lambda _: 22.0,
         height_m: Callable[[float], float] = lambda _: 100.0,
+        told_rad: Callable[[float], float] = lambda _: 0.0,
+        heading_rad: Callable[[float], float] = lambda _: 0.0,
     ) -> list[float]:
-        """Tell the second vehicle 27 m/s from the start and see airspeed and height; return when it is reported."""
+        """Tell the second vehicle 27 m/s from the start, and a heading, and see it; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             told_mps = (22.0, 27.0 if commanded(at_s) else 22.0, 22.0)
             self.controller.history.begin([now] * 3)
-            self.controller.history.note([(each_mps, 0.0, 100.0) for each_mps in told_mps])
+            self.controller.history.note([(each_mps, told_rad(at_s), 100.0) for each_mps in told_mps])
             for each in self.vehicles.values():
                 for channel in each.setpoint_channels:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
                     if acknowledges(at_s) or each is not self.second():
                         channel.acknowledged(now)
             flown = [FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0) for _ in NUMBERS]
-            flown[1] = FlightState(0.0, 0.0, height_m(at_s), 0.0, airspeed_mps(at_s), 0.0, 0.0, 0.0)
+            flown[1] = FlightState(0.0, 0.0, height_m(at_s), 0.0, airspeed_mps(at_s), heading_rad(at_s), 0.0, 0.0)
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
@@ -100,6 +102,18 @@ def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: f
     ground = Ground()
     ground.fly(7.0, height_m=lambda at_s: 100.0 + climb_mps * at_s)
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
+
+
+@pytest.mark.parametrize("radps", [0.1, -0.1, 0.4])
+def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
+    """Headings are within half a turn; the one told leads by what a time constant of 1 s lags behind a ramp."""
+
+    def turned(at_s: float, ahead_s: float) -> float:
+        return math.remainder(math.pi + radps * (at_s + ahead_s - 10.0), math.tau)
+
+    obeys = {"airspeed_mps": lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 3.0)}
+    assert not Ground().fly(20.0, told_rad=lambda s: turned(s, 1.0), heading_rad=lambda s: turned(s, 0.0), **obeys)
+    assert Ground().fly(20.0, told_rad=lambda s: turned(s, 1.0), heading_rad=lambda _: 3.0, **obeys)
 
 
 @pytest.mark.parametrize(
