@@ -1,0 +1,49 @@
+"""A flight is the same whichever way it leads: headings and courses are within half a turn, or within a whole one."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.flights.conftest import Fly
+
+BEND = ((0.0, 0.0), (250.0, 0.0), (480.0, 120.0), (600.0, 350.0), (610.0, 900.0))
+"""North and east, m: it turns right by a quarter of a turn."""
+THROUGH = {"south": math.radians(135.0), "north": math.radians(315.0)}
+ROUNDED_M = 0.05
+"""Positions are told in 1e-7 degrees, 11 mm to the north and 9 to the east, by which lags are learnt otherwise."""
+
+
+def turned(by_rad: float) -> list[list[float]]:
+    """Return the bend's waypoints, turned clockwise."""
+    cosine, sine = math.cos(by_rad), math.sin(by_rad)
+    return [[north * cosine - east * sine, north * sine + east * cosine, 100.0] for north, east in BEND]
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "delay_ms", "speed_mps"), [("emulator", 150, 22.0), ("arduplane", 0, 22.0), ("px4", 0, 15.0)]
+)
+def test_a_flight_that_turns_through_south_or_north_is_the_one_that_turns_from_north_to_east(
+    fly: Fly, tmp_path: Path, autopilot: str, delay_ms: float, speed_mps: float
+) -> None:
+    vehicles = [
+        {"id": number, "role": role, "autopilot": autopilot} for number, role in ((1, "leader"), (2, "follower"))
+    ]
+    keys: dict[str, Any] = {"vehicles": vehicles, "links": {"default": {"delay_ms": delay_ms}}}
+    found = dict[str, tuple[list[str], list[float]]]()
+    for way, by_rad in {"north to east": 0.0, **THROUGH}.items():
+        path = {"speed_mps": speed_mps, "waypoints_m": turned(by_rad)}
+        summary = fly(path=path, duration_s=740.0 / speed_mps, **keys)
+        lines = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8").splitlines()
+        followers = summary.figures["followers"].values()
+        errors = [follower[axis]["max"] for follower in followers for axis in ("error_x_m", "error_y_m", "error_z_m")]
+        found[way] = [json.loads(line)["kind"] for line in lines], errors
+    kinds, errors = found["north to east"]
+    assert "disobeys" not in kinds
+    for way in THROUGH:
+        assert found[way][0] == kinds
+        assert found[way][1] == pytest.approx(errors, abs=ROUNDED_M)
