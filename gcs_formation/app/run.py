@@ -13,6 +13,7 @@ import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,8 @@ from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthError, TruthWriter, read_truth
 
+IMPORTED_AHEAD = ("scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial")
+"""What only some flights need, and these at any moment: a tick that has to import it is late by a second."""
 END_S = 5.0
 """Wall time that the emulators get to end by themselves, s."""
 PARAMETERS = ("param1", "param2", "param3", "param4")
@@ -80,6 +83,7 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
 
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly over UDP, the vehicles in a process of their own."""
+    import_ahead()
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
@@ -89,6 +93,12 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
     return _conclude(session)
+
+
+def import_ahead() -> None:
+    """Import what a flight by the real clock may need, before it begins."""
+    for module in IMPORTED_AHEAD:
+        import_module(module)
 
 
 def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
@@ -172,6 +182,7 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 
 
 def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
+    import_ahead()
     clock, begun, ports = RealClock(options.speedup), None, dict[str, int]()
     if options.resume:
         began_us = epoch_us(options.out)

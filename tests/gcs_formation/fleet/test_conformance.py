@@ -111,9 +111,16 @@ def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
     def turned(at_s: float, ahead_s: float) -> float:
         return math.remainder(math.pi + radps * (at_s + ahead_s - 10.0), math.tau)
 
-    obeys = {"airspeed_mps": lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 3.0)}
-    assert not Ground().fly(20.0, told_rad=lambda s: turned(s, 1.0), heading_rad=lambda s: turned(s, 0.0), **obeys)
-    assert Ground().fly(20.0, told_rad=lambda s: turned(s, 1.0), heading_rad=lambda _: 3.0, **obeys)
+    def flown(heading_rad: Callable[[float], float]) -> list[float]:
+        return Ground().fly(
+            20.0,
+            airspeed_mps=lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 3.0),
+            told_rad=lambda at_s: turned(at_s, 1.0),
+            heading_rad=heading_rad,
+        )
+
+    assert not flown(lambda at_s: turned(at_s, 0.0))
+    assert flown(lambda _: 3.0)
 
 
 @pytest.mark.parametrize(

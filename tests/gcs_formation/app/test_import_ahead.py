@@ -1,0 +1,65 @@
+"""By the real clock no tick waits for an import."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from formation_scenario import load_scenario
+from gcs_formation.app import run
+from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.progress import Progress
+from tests.flights.conftest import scenario
+
+ROOT = Path(__file__).parents[3]
+OUT_OF_FLIGHT = ("app", "cli", "identify", "report", "studies", "testing", "python_api.py")
+"""Of the station: what isn't called in its ticks."""
+
+
+class BeforeAnybodyError(Exception):
+    """Raised in place of the imports."""
+
+
+def sources() -> Iterator[Path]:
+    for package in ("airlink", "flight_model", "formation_scenario", "gcs_formation"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if "cli" not in path.parts and path.relative_to(ROOT / package).parts[0] not in OUT_OF_FLIGHT:
+                yield path
+
+
+def imported_late(tree: ast.Module) -> Iterator[str]:
+    """Yield what is imported inside functions; of scipy, the parts that the module uses."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    late = {
+        alias.name for f in functions for node in ast.walk(f) if isinstance(node, ast.Import) for alias in node.names
+    }
+    late |= {str(node.module) for f in functions for node in ast.walk(f) if isinstance(node, ast.ImportFrom)}
+    yield from late - {"scipy"}
+    if "scipy" in late:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "scipy":
+                yield f"scipy.{node.attr}"
+
+
+def test_all_that_a_tick_may_import_is_imported_ahead() -> None:
+    ahead = {name for module in run.IMPORTED_AHEAD for name in (module, module.rpartition(".")[0])}
+    late = {name for path in sources() for name in imported_late(ast.parse(path.read_text(encoding="utf-8")))}
+    assert late <= ahead
+    assert {"scipy.optimize", "scipy.spatial"} <= late
+
+
+@pytest.mark.parametrize("flown", [run.run, run.fly])
+def test_it_is_imported_before_anything_else_is_done(
+    flown: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def ahead() -> None:
+        raise BeforeAnybodyError
+
+    monkeypatch.setattr(run, "import_ahead", ahead)
+    with pytest.raises(BeforeAnybodyError):
+        flown(load_scenario(scenario()), RunOptions(tmp_path / "run", "real"), Progress(), Interrupts())
+    assert not (tmp_path / "run").exists()
