@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from gcs_formation.report.gusts import allowed_gust_error_m
-from gcs_formation.stability.loop_margins import loop_delay_s
+from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.studies.dataset import markdown
 
 DELAYS_MS = (20, 50, 100, 200, 300)

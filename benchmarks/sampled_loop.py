@@ -21,7 +21,7 @@ from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, nominal_gains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import consensus_delay_margin
-from gcs_formation.stability.loop_margins import SMALL_SIGNAL, forward_plant, loop_margin
+from gcs_formation.stability.pid_margins import SMALL_SIGNAL, forward_plant, loop_margin
 from gcs_formation.studies.dataset import markdown
 
 RATES_HZ = (2.5, 5.0, 5.1, 10.0, 20.0, 50.0)

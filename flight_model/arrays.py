@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,8 +12,10 @@ Mask = npt.NDArray[np.bool_]
 Complex = npt.NDArray[np.complex128]
 Indices = npt.NDArray[np.intp]
 Instants = npt.NDArray[np.int64]
+T = TypeVar("T", float, Array)
+"""Of functions that hold for a number and for each element of an array."""
 
-__all__ = ["Array", "Complex", "Indices", "Instants", "Mask", "or_zero", "within", "wrap"]
+__all__ = ["Array", "Complex", "Indices", "Instants", "Mask", "T", "or_zero", "within", "wrap"]
 
 TURN = 2 * np.pi
 

@@ -17,7 +17,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import columns
-from gcs_formation.app.injection import InjectedDelays, InjectedFaults, impair, injected
+from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected
 from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress

@@ -2,8 +2,8 @@
 
 from gcs_formation.stability.consensus_margins import consensus_delay_margin
 from gcs_formation.stability.law_margins import LawMargins, law_loops, law_margins, scenario_delay_margin
-from gcs_formation.stability.loop_margins import loop_delay_s
 from gcs_formation.stability.mismatch import LoopDelay, Usage
+from gcs_formation.stability.pid_margins import loop_delay_s
 
 __all__ = [
     "LawMargins",

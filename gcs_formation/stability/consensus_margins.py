@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
 from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
-from gcs_formation.stability.loop_margins import Loop, PidGains, Plant
+from gcs_formation.stability.pid_margins import Loop, PidGains, Plant
 
 _GRID = 400
 _MARGINAL = 1e-10

@@ -14,7 +14,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.setpoint import TRAIL_S
 from gcs_formation.stability.consensus_margins import ground_consensus_loops
-from gcs_formation.stability.loop_margins import (
+from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
     Loop,
     Mixer,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
-from gcs_formation.stability.loop_margins import Loop, Plant, Rational, delay_margin, stacked
+from gcs_formation.stability.pid_margins import Loop, Plant, Rational, delay_margin, stacked
 
 _GRID = 4000
 LAGS_OFF = 0.3

@@ -13,7 +13,7 @@ from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fault, FaultKind
-from gcs_formation.app.injection import impair
+from gcs_formation.app.link_injection import impair
 from gcs_formation.mission.starting import CARELESS, Caution
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station

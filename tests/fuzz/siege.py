@@ -22,7 +22,7 @@ from airlink.messages.command import CommandInt
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.app.injection import impair
+from gcs_formation.app.link_injection import impair
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM

@@ -10,7 +10,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation import run
 from gcs_formation.app import session
-from gcs_formation.app.injection import impair
+from gcs_formation.app.link_injection import impair
 
 SCENARIO: dict[str, Any] = {
     "name": "aircraft",

@@ -12,7 +12,7 @@ import pytest
 
 from gcs_formation.record.timeseries import flying
 from gcs_formation.report.gusts import allowed_gust_error_m, met_s, response_s
-from gcs_formation.stability.loop_margins import loop_delay_s
+from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.testing.flight_plan import Formation, Plan
 
 NOISY = {"count": 3, "navigation": {"source": "noisy"}}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from airlink.clock import Instant
 from formation_scenario import load_scenario
-from gcs_formation.app.injection import InjectedFaults
+from gcs_formation.app.link_injection import InjectedFaults
 from gcs_formation.phases import Flight
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Notes

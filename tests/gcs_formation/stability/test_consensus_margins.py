@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from formation_scenario.graph import as_adjacency, graph_adjacency, laplacian
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.consensus_margins import ground_consensus_loops
-from gcs_formation.stability.loop_margins import delay_margin
+from gcs_formation.stability.pid_margins import delay_margin
 from tests.gcs_formation.stability.rightmost_root import consensus_rightmost_root, rightmost_root
 
 DIRECTED_RING = np.roll(np.eye(5), 1, axis=1)

@@ -16,7 +16,7 @@ from formation_scenario.model import Scenario
 from gcs_formation.stability import consensus_delay_margin, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus_margins import ground_consensus_loops
 from gcs_formation.stability.law_margins import consensus_margins
-from gcs_formation.stability.loop_margins import delay_margin
+from gcs_formation.stability.pid_margins import delay_margin
 
 STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
 

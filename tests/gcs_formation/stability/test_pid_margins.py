@@ -12,7 +12,8 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import loop_delay_s
-from gcs_formation.stability.loop_margins import (
+from gcs_formation.stability.mismatch import carried, predicted_mismatch_margin
+from gcs_formation.stability.pid_margins import (
     MID_RANGE,
     SMALL_SIGNAL,
     Loop,
@@ -26,7 +27,6 @@ from gcs_formation.stability.loop_margins import (
     right_plant,
     worst_loop_margin,
 )
-from gcs_formation.stability.mismatch import carried, predicted_mismatch_margin
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
