@@ -12,17 +12,13 @@ import numpy as np
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
-from airlink.frame import StreamParser, first_system
+from airlink.frame import MANY_REMOTES, MAX_REMOTES, StreamParser, first_system
 from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
 
-MAX_REMOTES: Final = 1024
-"""Addresses that are remembered. The one silent longest is forgotten first, so strangers can't fill the memory."""
-MANY_REMOTES: Final = 512
-"""From so many on it matters who has been silent longest."""
 BLOCK: Final = 256
 """Datagrams whose random numbers are drawn at once."""
 DRAWS: Final = 4

@@ -13,9 +13,7 @@ from flight_model.autopilot_model import FlightState, signed
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, minimum_jerk
 from flight_model.slot import Slot
 from gcs_formation.estimation.setpoint_history import HISTORY_S
-from gcs_formation.guidance.tracking import (
-    MotionRates,
-)
+from gcs_formation.guidance.tracking import MotionRates
 
 SHARE: Final = 0.5
 """Of speed and acceleration, that slots use in a turn; the rest is left to the law."""

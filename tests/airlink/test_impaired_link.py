@@ -7,8 +7,8 @@ import pytest
 from airlink.clock import Instant, VirtualClock, after, seconds_between
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, MemoryNetwork
-from airlink.frame import FrameWriter, StreamParser
-from airlink.impaired_link import MAX_REMOTES, ImpairedEngine
+from airlink.frame import MAX_REMOTES, FrameWriter, StreamParser
+from airlink.impaired_link import ImpairedEngine
 from airlink.impairment_settings import UNIMPAIRED, Impairment
 from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
