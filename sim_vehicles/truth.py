@@ -12,7 +12,7 @@ import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import Array
+from flight_model.arrays import Array, columns_of
 from sim_vehicles.autopilot.board_clock import LOOP_HZ
 
 if TYPE_CHECKING:
@@ -102,5 +102,5 @@ def read_truth(path: Path) -> dict[str, Array]:
     width = 1 + len(QUANTITIES) * vehicles
     values = np.frombuffer(data, "<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
-    columns = rows[:, 1:].reshape(len(rows), vehicles, len(QUANTITIES))
-    return {"time_s": rows[:, 0], **{name: columns[:, :, i] for i, name in enumerate(QUANTITIES)}}
+    columns = columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES))).reshape(len(QUANTITIES), -1, vehicles)
+    return {"time_s": rows[:, 0].copy(), **dict(zip(QUANTITIES, columns, strict=True))}

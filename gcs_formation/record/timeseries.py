@@ -16,7 +16,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Mask, columns_of
 from flight_model.slot import NOTHING, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
@@ -152,7 +152,7 @@ def _read_part(path: Path) -> dict[str, Array]:
         rows = np.empty((len(SPOOLED), ticks * len(vehicles)))
         for begin in range(0, rows.shape[1], ROWS_AT_ONCE):
             some = rows[:, begin : begin + ROWS_AT_ONCE]
-            some[:] = np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)).T
+            some[:] = columns_of(np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)))
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 

@@ -1,0 +1,22 @@
+"""Rows turned into columns: the same numbers, wherever a block of rows ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flight_model.arrays import BLOCK_BYTES, columns_of
+
+
+@pytest.mark.parametrize("width", [1, 12, 45, BLOCK_BYTES])
+@pytest.mark.parametrize("over", [-1, 0, 1])
+def test_columns_hold_the_rows_numbers_each_in_one_piece(width, over):
+    block = max(1, BLOCK_BYTES // (8 * width))
+    rows = np.arange((2 * block + over) * width, dtype=np.float64).reshape(-1, width)
+    columns = columns_of(rows)
+    assert (columns == rows.T).all()
+    assert all(column.flags.c_contiguous for column in columns)
+
+
+def test_no_rows_are_columns_without_numbers():
+    assert columns_of(np.empty((0, 3))).shape == (3, 0)
