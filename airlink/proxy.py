@@ -113,7 +113,8 @@ class Proxy:
                 self._send(*passage)
 
     def _from_remotes(self) -> None:
-        for data, peer in self._inbox.take(self._listening):
+        for datagram in self._inbox.take(self._listening):
+            peer = datagram.peer
             remote = self._remotes.get(peer)
             if remote is None:
                 if len(self._remotes) == MAX_REMOTES:
@@ -122,7 +123,7 @@ class Proxy:
                     remote = self._open_towards_target(peer)
                 except (OSError, PortError):  # no route to the target: lost, as in any network
                     continue
-            self._relay.accept((remote, Direction.DOWNLINK, data), self._clock.now())
+            self._relay.accept((remote, Direction.DOWNLINK, datagram.data), self._clock.now())
 
     def _open_towards_target(self, peer: Address) -> int:
         opened = open_socket(self._target)
@@ -138,8 +139,8 @@ class Proxy:
         return remote
 
     def _from_target(self, remote: int) -> None:
-        for data, _ in self._inbox.take(self._sockets[remote]):
-            self._relay.accept((remote, Direction.UPLINK, data), self._clock.now())
+        for datagram in self._inbox.take(self._sockets[remote]):
+            self._relay.accept((remote, Direction.UPLINK, datagram.data), self._clock.now())
 
     def _send(self, remote: int, direction: Direction, data: bytes) -> None:
         with suppress(OSError):  # nobody there, or a full buffer: lost, as in any network

@@ -7,12 +7,14 @@ import errno
 import mmap
 import selectors
 import socket
+import struct
 import sys
 import time
-from array import array
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Final, Self
+
+from librt.strings import read_i64_le
 
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
@@ -30,9 +32,16 @@ MAX_KNOWN: Final = 4096
 NAME: Final = 16
 """Bytes of `struct sockaddr_in`: family, then port and host in the network's order."""
 PIECE: Final = 16
-"""Bytes of `struct iovec`."""
-WORDS: Final = 8
-"""Words of 64 bits of `struct mmsghdr`, its padding included; the last has the length of what has come."""
+"""Bytes of `struct iovec`: where a datagram goes, and how much of it."""
+HEADER: Final = 64
+"""Bytes of `struct mmsghdr`, its padding included."""
+LENGTH: Final = 56
+"""Where it says how long the datagram is that has come."""
+NAMES: Final = BATCH * MAX_DATAGRAM
+PIECES: Final = NAMES + BATCH * NAME
+HEADERS: Final = PIECES + BATCH * PIECE
+ROOM: Final = HEADERS + BATCH * HEADER
+"""Where senders' names, pieces and headers lie behind the datagrams of a batch, and bytes of all of it."""
 IDLE_WAIT_S: Final = 0.1
 IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
@@ -97,47 +106,44 @@ class Inbox:
     def _make_room(self) -> None:
         number = ctypes.c_int
         self._receive.argtypes = (number, ctypes.c_void_p, ctypes.c_uint, number, ctypes.c_void_p)
-        room = mmap.mmap(-1, BATCH * MAX_DATAGRAM)  # of which only what is written to takes memory
-        data, self._bytes = ctypes.addressof(ctypes.c_char.from_buffer(room)), memoryview(room)
-        names = array("B", bytes(BATCH * NAME))
-        self._senders, (sender, _) = memoryview(names), names.buffer_info()
-        # struct iovec: where a datagram goes, and how much of it.
-        self._pieces = array(
-            "Q", [word for each in range(BATCH) for word in (data + each * MAX_DATAGRAM, MAX_DATAGRAM)]
-        )
-        piece, _ = self._pieces.buffer_info()
-        self._headers = array("Q")
+        room = self._room = mmap.mmap(-1, ROOM)  # of which only what is written to takes memory
+        begin = ctypes.addressof(ctypes.c_char.from_buffer(room))
         for each in range(BATCH):
-            self._headers.extend((sender + each * NAME, NAME, piece + each * PIECE, 1, 0, 0, 0, 0))
-        self._begin, _ = self._headers.buffer_info()
+            data, name = begin + each * MAX_DATAGRAM, begin + NAMES + each * NAME
+            piece, header = PIECES + each * PIECE, HEADERS + each * HEADER
+            room[piece : piece + PIECE] = struct.pack("=2Q", data, MAX_DATAGRAM)
+            room[header : header + HEADER] = struct.pack("=8Q", name, NAME, begin + piece, 1, 0, 0, 0, 0)
+        self._headers = begin + HEADERS
 
-    def take(self, opened: socket.socket) -> list[tuple[bytes, Address]]:
-        """Return what has arrived, `DRAIN_LIMIT` datagrams at most, and from where."""
-        found: list[tuple[bytes, Address]] = []
+    def take(self, opened: socket.socket, index: int = 0) -> list[Datagram]:
+        """Return what has arrived, `DRAIN_LIMIT` datagrams at most, as an engine's socket `index` is given it."""
+        found: list[Datagram] = []
         if self._receive is None:
-            self._take_singly(opened, found)
+            self._take_singly(opened, index, found)
             return found
-        handle = opened.fileno()
+        room, known, handle = self._room, self._known, opened.fileno()
         for _ in range(DRAIN_LIMIT // BATCH):
-            count: int = self._receive(handle, self._begin, BATCH, socket.MSG_DONTWAIT, None)
-            for place in range(count):
-                name, begin = place * NAME, place * MAX_DATAGRAM
-                peer = bytes(self._senders[name : name + NAME])
-                length = self._headers[place * WORDS + WORDS - 1]
-                found.append((bytes(self._bytes[begin : begin + length]), self._known.get(peer) or self._met(peer)))
+            count: int = self._receive(handle, self._headers, BATCH, socket.MSG_DONTWAIT, None)
+            if count > 0:
+                names: bytes = room[NAMES : NAMES + count * NAME]
+                headers: bytes = room[HEADERS : HEADERS + count * HEADER]
+                for place in range(count):
+                    name, begin = names[place * NAME : (place + 1) * NAME], place * MAX_DATAGRAM
+                    data: bytes = room[begin : begin + read_i64_le(headers, place * HEADER + LENGTH)]
+                    found.append(Datagram(index, known.get(name) or self._met(name), data))
             # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
             if 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN):
                 break
         return found
 
-    def _met(self, peer: bytes) -> Address:
+    def _met(self, name: bytes) -> Address:
         """Return who has a name, and know him from now on."""
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
-        address = self._known[peer] = Address(socket.inet_ntoa(peer[4:8]), int.from_bytes(peer[2:4], "big"))
+        address = self._known[name] = Address(socket.inet_ntoa(name[4:8]), int.from_bytes(name[2:4], "big"))
         return address
 
-    def _take_singly(self, opened: socket.socket, found: list[tuple[bytes, Address]]) -> None:
+    def _take_singly(self, opened: socket.socket, index: int, found: list[Datagram]) -> None:
         for _ in range(DRAIN_LIMIT):
             try:
                 data, peer = opened.recvfrom(MAX_DATAGRAM)
@@ -145,7 +151,7 @@ class Inbox:
                 return
             except OSError:  # as above
                 continue
-            found.append((data, Address(peer[0], peer[1])))
+            found.append(Datagram(index, Address(peer[0], peer[1]), data))
 
 
 class UdpDriver:
@@ -220,8 +226,7 @@ class UdpDriver:
         arrived: list[Datagram] = []
         for key, _ in select_for(self._selector, wait_s):
             index: int = key.data
-            for data, peer in self._inbox.take(self._sockets[index]):
-                arrived.append(Datagram(index, peer, data))
+            arrived += self._inbox.take(self._sockets[index], index)
         if arrived:
             self._engine.receive(arrived, self._clock.now())
 
