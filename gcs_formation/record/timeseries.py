@@ -152,7 +152,7 @@ def _read_part(path: Path) -> dict[str, Array]:
         rows = np.empty((len(SPOOLED), ticks * len(vehicles)))
         for begin in range(0, rows.shape[1], ROWS_AT_ONCE):
             some = rows[:, begin : begin + ROWS_AT_ONCE]
-            some[:] = columns_of(np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)))
+            columns_of(np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)), some)
     network, system = np.tile(vehicles, (ticks, 1)).T
     return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
 
