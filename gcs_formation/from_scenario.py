@@ -26,6 +26,9 @@ LEAST_OF_DECLARED = 0.25
 """Share of a declared noise below which its estimate doesn't go."""
 HOLD_SHARE = 0.8
 """Share of the speed that vehicles have above and below the path's, used by turns before the path."""
+ENERGY_HOLD_SHARE = 0.6
+"""The same of aircraft under total-energy control: a larger change of airspeed costs them heights by metres, and more
+time than the run-in to be in their slots again."""
 HOLD_TURN_SHARE = 0.5
 """Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
@@ -116,12 +119,13 @@ def hold_radius_m(scenario: Scenario) -> float:
     most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)
     still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
+    share = np.array([HOLD_SHARE if each.airframe is None else ENERGY_HOLD_SHARE for each in models])
     low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T
     kept = np.ones_like(turn_rps, dtype=np.bool_)
     for way in (1.0, -1.0):
         needs = slot_needs(Course(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
-        fast = needs.speed_mps - speed > HOLD_SHARE * (high - speed)
-        slow = speed - needs.speed_mps > HOLD_SHARE * (speed - low)
+        fast = needs.speed_mps - speed > share * (high - speed)
+        slow = speed - needs.speed_mps > share * (speed - low)
         kept &= ~(fast | slow | (np.abs(needs.aside_rad) > SWING_RAD)).any(axis=1)
     tightest = turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)]
     return (speed + wind) / float(tightest)

@@ -57,3 +57,19 @@ def test_copters_that_took_off_9_m_apart_gather_without_the_rule(shape, air, tmp
     keys = COPTERS | {"formation": {"shape": shape, "spacing_m": 12, "frame": "leader_heading"}}
     nearest_m, _ = gathers(keys | air, tmp_path / "run")
     assert nearest_m > 8.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
+def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the_start(frame, tmp_path):
+    """In turns that ask for 0.8 of the speed to spare they are out of their slots, pass after pass, for 900 s."""
+    keys = PLANES | {
+        "vehicles": {"count": 3, "model": "arduplane"},
+        "formation": {"shape": "line", "spacing_m": 40, "frame": frame},
+        "path": PLANES["path"] | {"speed_mps": 20},
+        "duration_s": 1,
+    }
+    gcs_formation.run(keys, clock="virtual", out=tmp_path / "run")
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    phases = {each["text"]: each["t_s"] for each in events if each["kind"] == "phase"}
+    assert phases["flying"] - phases["assembling"] < 200.0

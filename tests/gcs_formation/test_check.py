@@ -309,6 +309,19 @@ def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep
     assert found.lap_s == pytest.approx((turned_m + 2 * (660.0 - 44.0)) / 22.0 + 2.0, abs=0.5)
 
 
+def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_in_a_lap() -> None:
+    """Both may be 6 m/s slower than a leader at 20 m/s; one of equation (7) flies 0.8 of that, an ArduPlane 0.6."""
+    path = {"speed_mps": 20, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
+    model = {"speed_min_mps": 14, "speed_max_mps": 29, "turn_rate_max_rps": 0.35}
+    line = {"shape": "line", "spacing_m": 100}
+    plain, plane = (
+        started(vehicles={"count": 3, "model": each}, formation=line, path=path).lap_radius_m
+        for each in (model, "arduplane")
+    )
+    assert plain == pytest.approx(100 * 20 / (0.8 * 6), rel=0.03)
+    assert plane == pytest.approx(100 * 20 / (0.6 * 6), rel=0.03)
+
+
 def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second() -> None:
     """At its highest speed nobody has any to spare for a turn."""
     fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
