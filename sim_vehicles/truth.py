@@ -12,7 +12,7 @@ import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import Array, columns_of
+from flight_model.arrays import BLOCK_BYTES, Array, columns_of
 from sim_vehicles.autopilot.board_clock import LOOP_HZ
 
 if TYPE_CHECKING:
@@ -95,12 +95,18 @@ def read_truth(path: Path) -> dict[str, Array]:
     Raises:
         TruthError: the file isn't a record of ground truth.
     """
-    data = path.read_bytes()
-    if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
-        raise TruthError(f"{path} is not a record of ground truth")
-    vehicles = HEADER.unpack_from(data)[1]
-    width = 1 + len(QUANTITIES) * vehicles
-    values = np.frombuffer(data, "<f8", offset=HEADER.size, count=(len(data) - HEADER.size) // 8)
-    rows = values[: len(values) // width * width].reshape(-1, width)
-    columns = columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES))).reshape(len(QUANTITIES), -1, vehicles)
-    return {"time_s": rows[:, 0].copy(), **dict(zip(QUANTITIES, columns, strict=True))}
+    with path.open("rb") as file:
+        head = file.read(HEADER.size)
+        if len(head) < HEADER.size or head[: len(MAGIC)] != MAGIC:
+            raise TruthError(f"{path} is not a record of ground truth")
+        vehicles = HEADER.unpack(head)[1]
+        width = 1 + len(QUANTITIES) * vehicles
+        count = (path.stat().st_size - HEADER.size) // (8 * width)
+        time_s, columns = np.empty(count), np.empty((len(QUANTITIES), count * vehicles))
+        at_once = max(1, BLOCK_BYTES // (8 * width))
+        for begin in range(0, count, at_once):
+            rows = np.fromfile(file, "<f8", count=min(at_once, count - begin) * width).reshape(-1, width)
+            time_s[begin : begin + at_once] = rows[:, 0]
+            some = columns[:, begin * vehicles : (begin + at_once) * vehicles]
+            columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES)), some)
+    return {"time_s": time_s, **dict(zip(QUANTITIES, columns.reshape(len(QUANTITIES), count, vehicles), strict=True))}
