@@ -17,7 +17,7 @@ from flight_model.path import PathPoints
 from formation_scenario import Scenario
 from formation_scenario.begin_and_end import planned_end_m
 from formation_scenario.orders import parse_order
-from formation_scenario.performance_limits import SampledPath
+from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence
