@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.lift import SAMPLE_M, STEP_M, sample_places
+from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.formation_changes import column_names
