@@ -18,9 +18,9 @@ from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
 from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import airframe_responses
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
 HORIZON_S = 6.0

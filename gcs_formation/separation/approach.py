@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, within
-from gcs_formation.estimation.flight_state import (
-    AirLags,
+from flight_model.vehicle_arrays import (
     AutopilotModels,
     Columns,
     FlightStates,
@@ -18,6 +17,7 @@ from gcs_formation.estimation.flight_state import (
     Row,
     Setpoints,
     advance,
+    air_errors,
     lift_m,
 )
 
@@ -197,9 +197,8 @@ def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: Flight
 def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model = traffic.model
-    lags = AirLags.of(model)
-    error = lags.errors(state.air_motion, manoeuvre.air_motion)
-    along = state.air_motion + error - lags.remaining(error, times_s[:, None, None])
+    error = air_errors(state.air_motion, manoeuvre.air_motion)
+    along = state.air_motion + error - model.remaining(error, times_s[:, None, None])
     speed, heading = along[:, 0], along[:, 1] + traffic.turn_rps * times_s[:, None]
     velocity = np.array((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
     steps = (velocity[:, 1:] + velocity[:, :-1]) / 2 * np.diff(times_s)[:, None]

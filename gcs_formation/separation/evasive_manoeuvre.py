@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, any_of
-from gcs_formation.estimation.flight_state import Setpoints
+from flight_model.vehicle_arrays import Setpoints
 from gcs_formation.separation.approach import (
     Approach,
     Manoeuvre,

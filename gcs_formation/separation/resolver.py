@@ -12,8 +12,8 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
 from flight_model.slot import NOTHING, Triple
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Tick

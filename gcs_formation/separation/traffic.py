@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
-from gcs_formation.estimation.flight_state import AirLags, FlightStates, Setpoints, lift_m
+from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
@@ -171,14 +171,14 @@ def bound(picture: TrafficPicture) -> Reach:
     trapezium rule, half a step more.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
-    lags, value = AirLags.of(traffic.model), state.air_motion
+    lag_s, rate_max, value = traffic.model.air_lags_s, traffic.model.air_rates_max, state.air_motion
     along = np.array(picture.along)
     errors = np.abs(np.array((along, setpoints.air_motion)) - value)
     errors[:, 1] = np.abs(wrap(errors[:, 1]))
     error, to_setpoint = errors
     first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
-    error += np.minimum(to_setpoint / lags.tau_s, lags.rate_max) * first_s
-    off = error * (first_s + lags.tau_s + COARSE_S / 2) + error**2 / (2 * lags.rate_max)
+    error += np.minimum(to_setpoint / lag_s, rate_max) * first_s
+    off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
     drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(
         along[0] - state.airspeed_mps[REFERENCE]
     )

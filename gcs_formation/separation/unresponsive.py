@@ -7,7 +7,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
 from flight_model.slot import NOTHING, Triple
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import VehicleLink

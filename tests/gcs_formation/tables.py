@@ -11,8 +11,8 @@ import numpy as np
 from flight_model.arrays import Array, Instants
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Triple
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.control.situation import Decided, Law, Situation
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 Made = TypeVar("Made")

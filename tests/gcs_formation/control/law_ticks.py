@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from airlink.clock import Instant
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
@@ -13,7 +14,6 @@ from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRan
 from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading

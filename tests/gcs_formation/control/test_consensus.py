@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from airlink.clock import Instant
 from flight_model.slot import NOTHING
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from formation_scenario.formation import Frame
 from formation_scenario.graph import graph_adjacency, laplacian
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from flight_model.vehicle_arrays import FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
 from gcs_formation.control.laws import Controller, FormationLaw
 from gcs_formation.control.situation import Situation
 from gcs_formation.control.velocity_law import VelocityController
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from tests.gcs_formation import tables
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flight_model.vehicle_arrays import FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,
     DT_S,

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 
 STATES = 8
 NORTH, EAST, HEIGHT, CLIMB, SPEED, HEADING, WIND_NORTH, WIND_EAST = range(STATES)

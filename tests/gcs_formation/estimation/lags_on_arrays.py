@@ -12,7 +12,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Instants, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
-from gcs_formation.estimation.flight_state import AirLags, AutopilotModels, Height, HeightSteps
+from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, air_errors
 from gcs_formation.estimation.lag_fit import (
     ALIKE_S,
     BATCH_S,
@@ -92,11 +92,11 @@ class Bank:
         model, count = self._air_model, self._air.shape[1] // self._columns
         told = np.repeat(told, count, axis=2)
         told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
-        lags, each_s = AirLags.of(model), np.repeat(duration_s, count, axis=1)[:, None]
+        each_s = np.repeat(duration_s, count, axis=1)[:, None]
         values, errors = [self._air], list[Array]()
         for segment, segment_s in zip(told, each_s, strict=True):
-            errors.append(lags.errors(values[-1], segment))
-            values.append(values[-1] + errors[-1] - lags.remaining(errors[-1], segment_s))
+            errors.append(air_errors(values[-1], segment))
+            values.append(values[-1] + errors[-1] - model.remaining(errors[-1], segment_s))
         self._air = values[-1]
         error = np.abs(errors).reshape(-1, 2, self._columns, count).mean(axis=3).max(axis=0)
         free: Mask = error < FREE * self._believed.air_rates_max * self._believed.air_lags_s

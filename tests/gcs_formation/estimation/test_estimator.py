@@ -9,10 +9,10 @@ from airlink.clock import Instant, after
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState
 from flight_model.design import UNMODELLED, WIND_WALK
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample, StateEstimator
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.kalman import Updraught
 from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory

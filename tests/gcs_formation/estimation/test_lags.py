@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 

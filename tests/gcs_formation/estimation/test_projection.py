@@ -7,7 +7,7 @@ import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured, Pairing, Prediction, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables

@@ -9,7 +9,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import resolve

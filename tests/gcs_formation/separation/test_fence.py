@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fence, inside_m
 from gcs_formation import from_scenario
-from gcs_formation.estimation.flight_state import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.fence import FenceLimits
 from tests.flights.conftest import scenario

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.flight_state import FlightStates, Setpoints
+from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
 from gcs_formation.separation.first_look import FirstLook
 from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs

@@ -10,8 +10,8 @@ import pytest
 
 from airlink.clock import Instant, after
 from flight_model.slot import NOTHING, Triple
+from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
-from gcs_formation.estimation.flight_state import FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.event_reporter import words

@@ -167,6 +167,15 @@ class AutopilotModels(Columns):
         """Return the models of vehicles, one after another."""
         return cls.of(np.array([model.values() for model in models]).T)
 
+    def remaining(self, error: Array, time_s: Array) -> Array:
+        """Return what first-order lags with limited rates leave of `error` in speed and heading after `time_s`."""
+        rate_max, tau_s, size = self.air_rates_max, self.air_lags_s, np.abs(error)
+        if all_of(size <= rate_max * tau_s):
+            return error * np.exp(-time_s / tau_s)
+        limited_s = np.minimum(np.maximum(size / rate_max - tau_s, 0.0), time_s)
+        left = (size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s)
+        return np.copysign(left, error)
+
 
 def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
     """Return the state when setpoints have been held for `duration_s`, by the closed forms of equation (7).
@@ -182,10 +191,10 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
     """
     speed_mps, heading_rad, aim_m = setpoints
     speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-    lags, begin = AirLags.of(model), state.air_motion
-    error = lags.errors(begin, np.array((speed_mps, heading_rad)))
-    end = begin + error - lags.remaining(error, duration_s)
-    along = begin + error - lags.remaining(error, (_NODES * duration_s)[:, None])
+    begin = state.air_motion
+    error = air_errors(begin, np.array((speed_mps, heading_rad)))
+    end = begin + error - model.remaining(error, duration_s)
+    along = begin + error - model.remaining(error, (_NODES * duration_s)[:, None])
     way_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
     height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
     lifted_m = lift_m(state, model)
@@ -208,32 +217,12 @@ def lift_m(state: FlightStates, model: AutopilotModels) -> Array:
     return (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
 
 
-class AirLags(NamedTuple):
-    """First-order lags with limited rates: (2, N) for speed and heading."""
-
-    rate_max: Array
-    tau_s: Array
-
-    @classmethod
-    def of(cls, model: AutopilotModels) -> AirLags:
-        """Return the lags of an autopilot model, (N,) columns."""
-        return cls(model.air_rates_max, model.air_lags_s)
-
-    def errors(self, begin: Array, setpoints: Array) -> Array:
-        """Return what is missing (2, N) from `begin` to setpoints of speed and heading; NaN there: nothing."""
-        error = setpoints - begin
-        error[1] = wrap(error[1])
-        error[np.isnan(error)] = 0.0
-        return error
-
-    def remaining(self, error: Array, time_s: Array) -> Array:
-        """Return what is left of `error` after `time_s`."""
-        size = np.abs(error)
-        if all_of(size <= self.rate_max * self.tau_s):
-            return error * np.exp(-time_s / self.tau_s)
-        limited_s = np.minimum(np.maximum(size / self.rate_max - self.tau_s, 0.0), time_s)
-        left = (size - self.rate_max * limited_s) * np.exp((limited_s - time_s) / self.tau_s)
-        return np.copysign(left, error)
+def air_errors(begin: Array, setpoints: Array) -> Array:
+    """Return what is missing (2, N) from `begin` to setpoints of speed and heading; NaN there: nothing."""
+    error = setpoints - begin
+    error[1] = wrap(error[1])
+    error[np.isnan(error)] = 0.0
+    return error
 
 
 class Height(NamedTuple):
