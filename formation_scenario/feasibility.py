@@ -8,11 +8,18 @@ import numpy as np
 
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
-from formation_scenario.formation_changes import ahead, column_names, plan_change, take_over
+from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.path_limits import TOLERANCE, SampledPath, check_fence, check_terrain, climbs, excesses
-from formation_scenario.slot_assignment import SlotStep, assigned, first_arrangement, slot_schedule
+from formation_scenario.slot_assignment import (
+    SlotStep,
+    assigned,
+    column_names,
+    columns,
+    first_arrangement,
+    slot_schedule,
+)
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.transition_plan import NotFlyableError
@@ -51,7 +58,6 @@ def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
     The leader is taken to be on its path in time, and the changes of the formation to have been made as planned.
     """
     path, arrangement, at_m, since_s = scenario.leader_path, first_arrangement(scenario), 0.0, 0.0
-    everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
     orders = [(order.at_s, index, parse_order(order.order)) for index, order in enumerate(scenario.orders)]
     for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
@@ -65,7 +71,7 @@ def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
             plan = scenario.path.model_copy(update={"speed_mps": order.speed_mps})
             flown = scenario.model_copy(update={"path": plan})
         try:
-            places_m = assigned(scenario, wanted, np.zeros((everyone.size, 3)), everyone)
+            places_m = assigned(scenario, wanted, np.zeros((len(columns(scenario)), 3)))
             reasons = check_ahead(flown, SlotStep(at_s, wanted, places_m), path, at_m)
         except ValueError as error:  # a custom shape without slots
             reasons = [str(error)]

@@ -23,7 +23,7 @@ from flight_model.displacement import (
 )
 from flight_model.path import PathPoints, Route, SplinePath
 from formation_scenario.model import Scenario
-from formation_scenario.slot_assignment import Arrangement, assigned, columns
+from formation_scenario.slot_assignment import Arrangement, assigned, column_models, column_names
 from formation_scenario.slot_motion import Course, SlotMotion, Transition
 from formation_scenario.terrain import LEADER_SHARE, Ground
 from formation_scenario.transition_plan import (
@@ -35,7 +35,6 @@ from formation_scenario.transition_plan import (
     plan_transition,
     ways_meet,
 )
-from formation_scenario.vehicles import VehicleModel
 
 TURN_SHARE = 0.5
 """Share of the turn rate that all slots can keep up with, used by a new leader's turns onto the path."""
@@ -192,13 +191,3 @@ def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], Co
         return Course.along(PathPoints(*np.array([point.values() for point in points]).T), speed_mps)
 
     return course
-
-
-def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
-    """Return the model of each column; a virtual leader flies like the first follower."""
-    return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
-
-
-def column_names(scenario: Scenario) -> tuple[str, ...]:
-    """Return a name for the vehicle of each column, for messages."""
-    return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))

@@ -18,7 +18,7 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
 from formation_scenario.model import Scenario, long_ref
-from formation_scenario.vehicles import Vehicle
+from formation_scenario.vehicles import Vehicle, VehicleModel
 
 Place = tuple[float, float]
 """Forward and right of the leader, in units of the spacing."""
@@ -113,6 +113,21 @@ def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
     return (scenario.leader, *scenario.followers)
 
 
+def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
+    """Return the model of each column; a virtual leader flies like the first follower."""
+    return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
+
+
+def column_names(scenario: Scenario) -> tuple[str, ...]:
+    """Return a name for the vehicle of each column, for messages."""
+    return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))
+
+
+def column_ids(scenario: Scenario) -> list[VehicleId | None]:
+    """Return the network and system id of each column's vehicle, None for a virtual leader."""
+    return [None if vehicle is None else vehicle.vehicle_id for vehicle in columns(scenario)]
+
+
 def column_of(scenario: Scenario, ref: VehicleRef) -> int:
     """Return the column of the vehicle with an id, or 'network:id'.
 
@@ -141,11 +156,10 @@ def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
     """Return the formation at the start and after each of `formation.changes`, in time order, with all present."""
     arrangement = first_arrangement(scenario)
     steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
-    everyone = np.ones(1 + len(scenario.followers), dtype=np.bool_)
     for change in sorted(scenario.formation.changes, key=lambda change: change.at_s):
         arrangement = arrangement.changed(change, scenario)
         before = steps[-1].places_m
-        places = assigned(scenario, arrangement, before - before[arrangement.leader], everyone)
+        places = assigned(scenario, arrangement, before - before[arrangement.leader])
         steps.append(SlotStep(change.at_s, arrangement, places))
     return tuple(steps)
 
@@ -163,11 +177,12 @@ def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
     return planned
 
 
-def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask) -> Array:
+def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask | None = None) -> Array:
     """Return the places (C, 3) of an arrangement, assigned at the least sum of squared distances from `now_m` (C, 3).
 
-    Vehicles that aren't `present` (C,) are assigned the last slots, which stay free for them. The slots of a custom
-    shape are assigned by the scenario; if another vehicle leads, its slot goes to the scenario's leader.
+    Vehicles that aren't `present` (C,) are assigned the last slots, which stay free for them; by default all are. The
+    slots of a custom shape are assigned by the scenario; if another vehicle leads, its slot goes to the scenario's
+    leader.
 
     Raises:
         ValueError: a custom shape has no slot for one of the vehicles.
@@ -176,7 +191,8 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
     if arrangement.shape == "custom":
         return places
     following = np.flatnonzero(np.arange(len(places)) != arrangement.leader)
-    there, away = following[present[following]], following[~present[following]]
+    seen = np.ones(len(places), dtype=np.bool_) if present is None else present
+    there, away = following[seen[following]], following[~seen[following]]
     free = places[following]
     import scipy  # noqa: PLC0415 - only changes of the formation assign places anew
 

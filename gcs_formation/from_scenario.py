@@ -9,8 +9,8 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
 from formation_scenario import Scenario, slot_table
-from formation_scenario.formation_changes import column_models
 from formation_scenario.navigation import NoisyNavigation
+from formation_scenario.slot_assignment import column_models
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind

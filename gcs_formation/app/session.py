@@ -16,7 +16,7 @@ from airlink.words import counted
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
-from formation_scenario.slot_assignment import columns
+from formation_scenario.slot_assignment import column_ids
 from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected
 from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
@@ -109,7 +109,7 @@ class Session:
         self.recorder = RunDirectory(
             options.out,
             scenario,
-            [None if each is None else each.vehicle_id for each in columns(scenario)],
+            column_ids(scenario),
             began_us,
             overwrite=options.overwrite,
             frames=options.record == "full",

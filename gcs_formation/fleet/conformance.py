@@ -11,9 +11,8 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, respond, w
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
 from formation_scenario import Scenario
-from formation_scenario.formation_changes import column_models
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import columns
+from formation_scenario.slot_assignment import column_models, columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS, heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory

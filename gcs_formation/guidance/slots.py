@@ -62,8 +62,7 @@ class FormationPlan:
     def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
         """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
         self.arrangement = arrangement
-        everyone = np.ones(len(slots_m), dtype=np.bool_)
-        self.goal_m = assigned(scenario, arrangement, slots_m, everyone)
+        self.goal_m = assigned(scenario, arrangement, slots_m)
         self.offset_m = self.offset_m - self.offset_m[arrangement.leader]
         self._fly(Transition.standing(self.goal_m))
         while self.scheduled and self.scheduled[0].at_s <= mission_s:

@@ -15,8 +15,8 @@ from flight_model.displacement import DisplacedPath
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.formation_changes import ahead, column_names, plan_change, plan_gathering, take_over
-from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned
+from formation_scenario.formation_changes import ahead, plan_change, plan_gathering, take_over
+from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController

@@ -15,7 +15,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Order, parse_order
-from formation_scenario.slot_assignment import Arrangement, columns, first_arrangement
+from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
 from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.resumption import Known, Resumption
@@ -75,7 +75,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
     mission_s, flying = float(last["mission_time_s"][0]), _began(events)
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
     arrangement, speed_mps, heading_rad = formation_of(scenario, events, mission_s)
-    order = [None if each is None else each.vehicle_id for each in columns(scenario)]
+    order = column_ids(scenario)
     return Resumption(
         at=now,
         vehicles={each.vehicle_id: _known(each.vehicle_id, last, events) for each in scenario.vehicles},
@@ -94,7 +94,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
 
 def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:
     """Return where a flight stands of which no tick was recorded: the last second before the end isn't on the disk."""
-    order = [each.vehicle_id for each in columns(scenario) if each is not None]
+    order = [identity for identity in column_ids(scenario) if identity is not None]
     known = {identity: Known(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
         raise RecordError(f"found no flight in {directory}: nobody had been heard; allowed: fly it from its start")
