@@ -10,13 +10,14 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
+from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
 from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
 from formation_scenario.source import Finding, KeyPath
-from formation_scenario.surroundings import CHECKED_M, Fence, Terrain, inside_m, room_m
+from formation_scenario.surroundings import Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle, VehicleModel
 

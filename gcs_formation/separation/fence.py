@@ -8,10 +8,11 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
+from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import columns
-from formation_scenario.surroundings import CHECKED_M, Fence, inside_m, room_m
+from formation_scenario.surroundings import Fence
 from gcs_formation.recorder import Tick
 
 HELD_M = 10.0

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flight_model.fence_geometry import REACT_S, TURN_SHARE, inside_m, room_m
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.surroundings import REACT_S, TURN_SHARE, inside_m, room_m
 from tests.flights.conftest import scenario
 
 SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])

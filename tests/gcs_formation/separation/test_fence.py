@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant
+from flight_model.fence_geometry import inside_m
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.surroundings import Fence, inside_m
+from formation_scenario.surroundings import Fence
 from gcs_formation import from_scenario
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.fence import FenceLimits
