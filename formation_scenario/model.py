@@ -30,7 +30,6 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law, Step
-from formation_scenario.graph import as_adjacency, graph_adjacency
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
@@ -256,9 +255,9 @@ class Scenario(Keys):
 
     @property
     def adjacency(self) -> Array:
-        """The weights of the consensus graph, (N, N) in the order of the vehicles."""
+        """The weights of the consensus graph, (N, N) in the order of the vehicles: [p, q] > 0 where p hears q."""
         graph = self.law.consensus.graph
-        return graph_adjacency(graph, len(self.vehicles)) if isinstance(graph, str) else as_adjacency(graph)
+        return graph_adjacency(graph, len(self.vehicles)) if isinstance(graph, str) else np.array(graph, np.float64)
 
     @property
     def hovers(self) -> bool:
@@ -285,3 +284,19 @@ class Scenario(Keys):
 def long_ref(vehicle: Vehicle) -> str:
     """Return "network:id", which names one vehicle even if several networks use its id."""
     return f"{vehicle.network}:{vehicle.id}"
+
+
+def graph_adjacency(name: str, count: int) -> Array:
+    """Return the unit-weight undirected graph (count, count) of a name: star, path, ring or complete.
+
+    Vehicle 0 is the centre of the star and an end of the path.
+    """
+    p, q = np.indices((count, count))
+    distance = np.abs(p - q)
+    edges = {
+        "star": np.minimum(p, q) == 0,
+        "path": distance == 1,
+        "ring": (distance == 1) | (distance == count - 1),
+        "complete": np.full((count, count), True),
+    }
+    return (edges[name] & (distance > 0)).astype(np.float64)

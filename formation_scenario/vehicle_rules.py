@@ -8,9 +8,9 @@ from typing import get_args
 import numpy as np
 
 from airlink.endpoint import EndpointError, parse_endpoint
+from flight_model.arrays import Array
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Formation, FormationChange, LawType
-from formation_scenario.graph import components
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath
@@ -160,9 +160,17 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
         yield path, found, f"{count} rows of {count} weights, one for each vehicle"
     elif any(graph[index][index] for index in range(count)):
         yield path, "found a weight on the diagonal", "0 there: no vehicle hears itself"
-    elif sum(part.hears_nobody_outside for part in components(np.array(graph))) > 1:
+    elif not all_hear_one(np.array(graph)):
         allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
         yield path, "found nobody whom all hear", allowed
+
+
+def all_hear_one(weights: Array) -> bool:
+    """Return whether there is a vehicle that all hear, directly or through others, by weights [p, q] > 0: p hears q."""
+    hears: Array = np.sign(weights + np.eye(len(weights)))
+    for _ in range(len(weights).bit_length()):
+        hears = np.sign(hears @ hears)  # through twice as many others
+    return bool(hears.all(axis=0).any())
 
 
 def avoidance(scenario: Scenario) -> Iterator[Finding]:

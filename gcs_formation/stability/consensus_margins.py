@@ -1,4 +1,7 @@
-"""Delay margin of the consensus protocol (3) on a directed or undirected communication graph."""
+"""Delay margin of the consensus protocol (3) on a directed or undirected communication graph.
+
+Graphs are weighted adjacency matrices: entry (p, q) is positive when p hears q.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flight_model.arrays import Array, Complex
-from formation_scenario.graph import Component, as_adjacency, laplacian, spanning_components
+from flight_model.arrays import Array, Complex, Indices
 from gcs_formation.stability.pid_margins import Loop, PidGains, Plant
 
 _GRID = 400
@@ -20,6 +22,13 @@ class _Gains(NamedTuple):
     k1: float
     k2: float
     damping: Array  # c_p = k3 h_p of each vehicle, 1/s
+
+
+class Component(NamedTuple):
+    """A strongly connected part of a graph."""
+
+    members: Indices
+    hears_nobody_outside: bool
 
 
 def consensus_delay_margin(
@@ -81,6 +90,58 @@ def ground_consensus_loops(
     modes = [Plant(((0.0, 1.0), (0.0, -c)), (0.0, 1.0), (value * k1, value * k2 + d)) for value in eigenvalues]
     group = [Plant(((-c, 0.0), (0.0, -1.0)), (1.0, 0.0), (d, 0.0))] if d and d > -c else []
     return [Loop(PidGains(1.0, 0.0, 0.0, filter_s=0.0), plant) for plant in modes + group]
+
+
+def as_adjacency(graph: npt.ArrayLike) -> Array:
+    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p hears q.
+
+    Raises:
+        ValueError: not square, a weight negative or not finite.
+    """
+    weights = np.asarray(graph, dtype=np.float64)
+    if weights.size == 0 or weights.shape != (len(weights), len(weights)):
+        raise ValueError(f"adjacency of shape {weights.shape}: a square matrix is needed")
+    if not np.all(np.isfinite(weights) & (weights >= 0.0)):
+        raise ValueError("adjacency weights must be finite and not negative")
+    return weights
+
+
+def laplacian(adjacency: Array) -> Array:
+    """Graph Laplacian: row sums on the diagonal less the adjacency (own loops cancel)."""
+    return np.diag(adjacency.sum(axis=1)) - adjacency
+
+
+def components(adjacency: Array) -> list[Component]:
+    """Strongly connected components: the Laplacian is block triangular over them.
+
+    Its spectrum, and that of the consensus protocol, is the union over the components, also where the
+    whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
+    """
+    import scipy  # noqa: PLC0415 - only mutual laws have such a graph
+
+    linked = adjacency > 0
+    count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
+    parts: list[Component] = []
+    for label in range(int(count)):
+        inside = labels == label
+        parts.append(Component(np.flatnonzero(inside), not bool(linked[np.ix_(inside, ~inside)].any())))
+    return parts
+
+
+def spanning_components(adjacency: Array) -> list[Component]:
+    """`components` of a graph with a spanning tree: exactly one of them hears nobody outside.
+
+    Raises:
+        ValueError: no spanning tree; the message names a vehicle of each group that hears nobody outside.
+    """
+    parts = components(adjacency)
+    roots = [int(part.members[0]) for part in parts if part.hears_nobody_outside]
+    if len(roots) > 1:
+        raise ValueError(
+            "the graph has no spanning tree: one vehicle must be heard, directly or through others, by all, "
+            f"but the vehicles at rows {', '.join(map(str, roots))} hear nobody outside their own groups"
+        )
+    return parts
 
 
 def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike) -> _Gains:

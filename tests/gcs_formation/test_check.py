@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
-from formation_scenario.graph import graph_adjacency
+from formation_scenario.model import graph_adjacency
 from gcs_formation.app.check import check_report
 from gcs_formation.app.check_warnings import (
     Assembly,

@@ -12,13 +12,14 @@ from airlink.clock import Instant
 from flight_model.slot import NOTHING
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from formation_scenario.formation import Frame
-from formation_scenario.graph import graph_adjacency, laplacian
+from formation_scenario.model import graph_adjacency
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
+from gcs_formation.stability.consensus_margins import laplacian
 from tests.gcs_formation import tables
 from tests.gcs_formation.tables import Decision, TableLaw
 

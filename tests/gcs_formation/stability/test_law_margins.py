@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.graph import graph_adjacency, spanning_components
-from formation_scenario.model import Scenario
+from formation_scenario.model import Scenario, graph_adjacency
+from formation_scenario.vehicle_rules import all_hear_one
 from gcs_formation.stability import consensus_delay_margin, law_margins, scenario_delay_margin
-from gcs_formation.stability.consensus_margins import ground_consensus_loops
+from gcs_formation.stability.consensus_margins import ground_consensus_loops, spanning_components
 from gcs_formation.stability.law_margins import consensus_margins
 from gcs_formation.stability.pid_margins import delay_margin
 
@@ -81,7 +81,8 @@ def test_the_other_laws_keep_their_three_loops() -> None:
 @given(arrays.arrays(np.float64, (5, 5), elements=st.sampled_from([0.0, 0.0, 0.0, 1.0])))
 def test_a_graph_has_a_spanning_tree_if_all_hear_one_vehicle(weights: np.ndarray) -> None:
     hears = np.linalg.matrix_power(np.eye(5) + weights, 4) > 0.0  # directly or through others
-    if hears.all(axis=0).any():
+    assert all_hear_one(weights) == hears.all(axis=0).any()
+    if all_hear_one(weights):
         assert sum(part.hears_nobody_outside for part in spanning_components(weights)) == 1
     else:
         with pytest.raises(ValueError, match="spanning tree"):

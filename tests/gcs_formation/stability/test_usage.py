@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from formation_scenario import load_scenario
-from formation_scenario.graph import graph_adjacency, laplacian
+from formation_scenario.model import graph_adjacency
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
-from gcs_formation.stability.consensus_margins import ground_consensus_loops
+from gcs_formation.stability.consensus_margins import ground_consensus_loops, laplacian
 from gcs_formation.stability.mismatch import BANDWIDTHS, predicted_mismatch_margin
 from gcs_formation.stability.pid_margins import Loop, delay_margin, forward_plant, right_plant
 
