@@ -41,9 +41,34 @@ DELAY_MARGIN_S = 1.0
 """Least delay margin of a loop with the response as known."""
 STEPS = (0.03, 0.006, 0.03)
 """Largest standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
+UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
+"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
+of a second."""
+WIND_WALK: Final = 0.02
+"""The same of the wind without gusts, m/s."""
+SAMPLES = 400
+"""Samples after which the filter's gain is taken as steady, and its response to one sample as over."""
+SEEN = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 0.0)))
+"""Position, velocity over ground and airspeed by the states: position, airspeed and wind."""
+PAIR = math.sqrt(2.0)
+"""Noise of a difference of two vehicles, as a share of one's."""
+DERIVATIVE_FILTER_S = 0.3
+OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
+"""Bandwidths of the wind's observer that are tried, the fastest first."""
+OBSERVED_SHARE = 0.85
+"""Share of the airspeed loop's delay margin that is left with the observer in it."""
+UNKNOWN_DELAY_S = 0.6
+"""Delay beyond the links' configured one over which that holds: 300 ms each way."""
+Weights = Mapping[str, float]
+"""k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
+Gains = tuple[float, float, float]
+"""kp, ki and kd."""
+Filters = tuple[float, float, float]
+"""The derivative's time constant, s, the bandwidth of the wind's observer, rad/s, and the anti-windup's time, s: the
+longest integral time, within what an overshoot may last."""
 
 
-class Telemetry(NamedTuple):
+class DelayAndNoise(NamedTuple):
     """What a design must know of the links and the sensors; standard deviations of white noise."""
 
     law_dt_s: float
@@ -54,25 +79,8 @@ class Telemetry(NamedTuple):
     heading_rad: float
 
 
-Weights = Mapping[str, float]
-"""k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
-UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
-"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
-of a second."""
-WIND_WALK: Final = 0.02
-"""The same of the wind without gusts, m/s."""
-SAMPLES = 400
-"""After which the filter's gain is taken for its steady one, and its answer to one sample for over."""
-SEEN = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 0.0)))
-"""Position, velocity over ground and airspeed by the states: position, airspeed and wind."""
-PAIR = math.sqrt(2.0)
-"""Noise of a difference of two vehicles, as a share of one's."""
-Gains = tuple[float, float, float]
-"""kp, ki and kd."""
-
-
 @dataclass(frozen=True)
-class Channel:
+class DesignedChannel:
     """One channel's gains, and the figures that they hold."""
 
     kp: float
@@ -87,34 +95,10 @@ class Channel:
     """Of a tick's setpoint step by the telemetry's noise, m/s, rad or m."""
 
 
-@dataclass(frozen=True)
-class Design:
-    """The three channels, and the law's filters."""
-
-    channels: Mapping[str, Channel]
-    observer_radps: float
-
-    @property
-    def filters(self) -> tuple[float, float, float]:
-        """The derivative's time constant, the observer's bandwidth, the anti-windup: the longest integral time.
-
-        The last is within what an overshoot may last.
-        """
-        integral_s = max(each.kp / each.ki for each in self.channels.values() if each.ki > 0)
-        return DERIVATIVE_FILTER_S, self.observer_radps, float(np.clip(integral_s, 1.0, 20.0))
-
-
-DERIVATIVE_FILTER_S = 0.3
-OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
-"""Bandwidths of the wind's observer that are tried, the fastest first."""
-OBSERVED_SHARE = 0.85
-"""Share of the airspeed loop's delay margin that is left with the observer in it."""
-UNKNOWN_DELAY_S = 0.6
-"""Delay beyond the links' configured one over which that holds: 300 ms each way."""
-
-
-def design(vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: Telemetry) -> Design:
-    """Return gains that hold the bounds around every vehicle.
+def design(
+    vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: DelayAndNoise
+) -> tuple[dict[str, DesignedChannel], Filters]:
+    """Return gains that hold the bounds around every vehicle, by channel, and the law's filters.
 
     Args:
         vehicles: each kind's responses at `FREQUENCIES`.
@@ -126,7 +110,9 @@ def design(vehicles: Sequence[Responses], speed_mps: float, weights: Weights, te
     channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
     speed, tried = channels["speed"], OBSERVERS_RADPS.tolist()
     stands = (r for r in tried if all(_observer_stands(r, each, speed, weights, telemetry) for each in vehicles))
-    return Design(channels, next(stands, float(OBSERVERS_RADPS[-1])))
+    integral_s = max(each.kp / each.ki for each in channels.values() if each.ki > 0)
+    anti_windup_s = float(np.clip(integral_s, 1.0, 20.0))
+    return channels, (DERIVATIVE_FILTER_S, next(stands, float(OBSERVERS_RADPS[-1])), anti_windup_s)
 
 
 def judged_channels(
@@ -134,8 +120,8 @@ def judged_channels(
     vehicles: Sequence[Responses],
     speed_mps: float,
     weights: Weights,
-    telemetry: Telemetry,
-) -> dict[str, Channel]:
+    telemetry: DelayAndNoise,
+) -> dict[str, DesignedChannel]:
     """Return what given gains (kp, ki, kd of speed, heading and height) hold; arguments as for `design`."""
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     return {
@@ -144,7 +130,7 @@ def judged_channels(
 
 
 def _loops(
-    vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: Telemetry
+    vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: DelayAndNoise
 ) -> dict[str, _Loops]:
     s, late_s = 1j * FREQUENCIES, telemetry.delay_s
     place_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
@@ -200,7 +186,7 @@ class _Loops(NamedTuple):
 
 
 def _observer_stands(
-    radps: float, vehicle: Responses, channel: Channel, weights: Weights, telemetry: Telemetry
+    radps: float, vehicle: Responses, channel: DesignedChannel, weights: Weights, telemetry: DelayAndNoise
 ) -> bool:
     """Return whether a wind observer of this bandwidth leaves the airspeed's loop enough of its delay margin.
 
@@ -215,7 +201,7 @@ def _observer_stands(
     return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
 
 
-def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
+def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedChannel:
     """Return the fastest channel that holds the bounds; the slowest that is tried where none does."""
     tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
     for bandwidth, share in tried:
@@ -231,11 +217,11 @@ def _channel(loops: _Loops, telemetry: Telemetry, most: float) -> Channel:
     return judged(loops.gains(slowest, 0.0), slowest, loops, telemetry)
 
 
-def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: Telemetry) -> Channel:
+def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndNoise) -> DesignedChannel:
     """Return the figures of a channel with these gains."""
     loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
     off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s)]
-    return Channel(
+    return DesignedChannel(
         *gains,
         bandwidth,
         min(_delay_margin_s(loop) for loop in loops),

@@ -9,8 +9,8 @@ from typing import Any
 from flight_model.design import (
     FREQUENCIES,
     UNMODELLED,
-    Channel,
-    Telemetry,
+    DelayAndNoise,
+    DesignedChannel,
     design,
     judged_channels,
     left_by_filter,
@@ -74,11 +74,11 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
     """Return a scenario with the law's gains by design, but those that are `given`, its `law` as it was written."""
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
-    found = design(*_known(scenario), weights, _telemetry(scenario))
-    filled = zip(DESIGNED_FILTERS, found.filters, strict=True)
+    channels, filters = design(*_known(scenario), weights, _delay_and_noise(scenario))
+    filled = zip(DESIGNED_FILTERS, filters, strict=True)
     keys: dict[str, Any] = {name: value for name, value in filled if written.get(name) is None}
     keys["mixer"] = scenario.law.mixer.model_copy(update=weights)
-    for name, channel in found.channels.items():
+    for name, channel in channels.items():
         scales = {"error_scale": SCALES[name], "rate_scale": SCALES[name]}
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
@@ -104,12 +104,12 @@ def _same(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-12)
 
 
-def figures(scenario: Scenario) -> Mapping[str, Channel]:
+def figures(scenario: Scenario) -> Mapping[str, DesignedChannel]:
     """Return what the law's gains hold, by channel: bandwidths, margins, steps of setpoints."""
     law = scenario.law
     vehicles, speed_mps = _known(scenario)
     gains = {name: (each.kp, each.ki, each.kd) for name in CHANNELS if (each := getattr(law, name))}
-    return judged_channels(gains, vehicles, speed_mps, law.mixer.model_dump(), _telemetry(scenario))
+    return judged_channels(gains, vehicles, speed_mps, law.mixer.model_dump(), _delay_and_noise(scenario))
 
 
 def by_design(scenario: Scenario) -> bool:
@@ -129,7 +129,7 @@ def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     return airframe_responses(FREQUENCIES, AirframeParameters.of(model.airframe.parameters()), speed_mps)
 
 
-def _telemetry(scenario: Scenario) -> Telemetry:
+def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
     """Return the longest loop delay that is designed for, and the noise of the worst sensors."""
     dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
     delay_s = 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0
@@ -138,7 +138,7 @@ def _telemetry(scenario: Scenario) -> Telemetry:
     for model, keys in kinds:
         if isinstance(keys, NoisyNavigation):
             noise.append(_left(keys, model, scenario.path.speed_mps, sample_s))
-    return Telemetry(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
+    return DelayAndNoise(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
 
 
 def design_delay_s(scenario: Scenario) -> float:

@@ -12,7 +12,7 @@ from flight_model.design import (
     MISMATCH_PEAK,
     PEAK,
     STEPS,
-    Telemetry,
+    DelayAndNoise,
     design,
     judged_channels,
 )
@@ -24,8 +24,8 @@ from formation_scenario.vehicles import EnergyAirframe
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, Pid, PidGains
 
 WEIGHTS = {"k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
-QUIET = Telemetry(0.1, 0.1, 0.0, 0.0, 0.0)
-NOISY = Telemetry(0.1, 0.1, 0.02, 0.03, 0.002)
+QUIET = DelayAndNoise(0.1, 0.1, 0.0, 0.0, 0.0)
+NOISY = DelayAndNoise(0.1, 0.1, 0.02, 0.03, 0.002)
 AIRCRAFT = AirframeParameters.of(EnergyAirframe().parameters())
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
 
@@ -85,7 +85,7 @@ def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
         {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0},
         (0.6, 0.05, 1.2),
     )
-    known = Telemetry(0.1, 0.0, 0.02, 0.03, 0.0)
+    known = DelayAndNoise(0.1, 0.0, 0.02, 0.03, 0.0)
     found = judged_channels(dict.fromkeys(("speed", "heading", "height"), gains), plants, 22.0, weights, known)
     pid = Pid(Channel(PidGains(*gains, 0.3), 1.0, 1.0, math.inf), FIXED_GAINS, None)
     rng, setpoints = np.random.default_rng(1), []
@@ -101,7 +101,7 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
     plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
     gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
     for delay_s, stable in ((3.0, True), (3.3, False)):
-        late = Telemetry(0.1, delay_s, 0.0, 0.0, 0.0)
+        late = DelayAndNoise(0.1, delay_s, 0.0, 0.0, 0.0)
         found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, late)
         assert math.isfinite(found["speed"].peak) == stable
 
@@ -111,8 +111,8 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
 )
 @pytest.mark.parametrize("delay_s", [0.1, 0.7])
 def test_a_design_holds_its_bounds(response, delay_s):
-    found = design([response], 22.0, WEIGHTS, Telemetry(0.1, delay_s, 0.02, 0.03, 0.002))
-    for channel, steps in zip(found.channels.values(), STEPS, strict=True):
+    channels, _ = design([response], 22.0, WEIGHTS, DelayAndNoise(0.1, delay_s, 0.02, 0.03, 0.002))
+    for channel, steps in zip(channels.values(), STEPS, strict=True):
         assert channel.peak <= PEAK
         assert channel.mismatch_peak <= MISMATCH_PEAK
         assert channel.delay_margin_s >= DELAY_MARGIN_S
@@ -123,8 +123,8 @@ def test_a_design_holds_its_bounds(response, delay_s):
 def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(delay_s):
     """An aircraft that does 4 times what it is told at 2 rad/s seems to be in wind, and is told to make up for it."""
     response = airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)
-    found = design([response], 22.0, WEIGHTS, NOISY._replace(delay_s=delay_s))
-    channel, s = found.channels["speed"], 1j * FREQUENCIES
+    channels, (_, observer_radps, _) = design([response], 22.0, WEIGHTS, NOISY._replace(delay_s=delay_s))
+    channel, s = channels["speed"], 1j * FREQUENCIES
     plant = response.speed * np.exp(-s * (delay_s + 0.6))  # over 300 ms each way that nobody has told the design of
     alone = (channel.kp + channel.ki / s + channel.kd * s / (0.3 * s + 1)) / s * plant
 
@@ -134,15 +134,15 @@ def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(dela
         (at,) = np.nonzero((np.abs(loop[:-1]) >= 1) != (np.abs(loop[1:]) >= 1))
         return np.min(np.mod(np.angle(-loop[at]), 2 * np.pi) / FREQUENCIES[at])
 
-    assert margin_s(found.observer_radps) >= 0.85 * margin_s(0.0)
-    assert margin_s(1.2 * found.observer_radps) < 0.85 * margin_s(0.0)
+    assert margin_s(observer_radps) >= 0.85 * margin_s(0.0)
+    assert margin_s(1.2 * observer_radps) < 0.85 * margin_s(0.0)
 
 
 def test_a_longer_delay_and_more_noise_make_slower_loops():
     plants = [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)]
-    near = design(plants, 22.0, WEIGHTS, QUIET).channels
-    far = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 1.5, 0.0, 0.0, 0.0)).channels
-    loud = design(plants, 22.0, WEIGHTS, Telemetry(0.1, 0.1, 0.2, 0.3, 0.02)).channels
+    near, _ = design(plants, 22.0, WEIGHTS, QUIET)
+    far, _ = design(plants, 22.0, WEIGHTS, DelayAndNoise(0.1, 1.5, 0.0, 0.0, 0.0))
+    loud, _ = design(plants, 22.0, WEIGHTS, DelayAndNoise(0.1, 0.1, 0.2, 0.3, 0.02))
     for name in ("speed", "heading"):
         assert far[name].bandwidth_radps < near[name].bandwidth_radps
         assert loud[name].bandwidth_radps < near[name].bandwidth_radps
