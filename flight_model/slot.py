@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
+CHANNELS: Final = ("speed", "heading", "height")
+"""What is controlled, each by a loop of its own."""
 Triple = tuple[float, float, float]
-"""Of forward, right and up; or of the channels speed, heading and height."""
+"""Of forward, right and up; or of the channels."""
 NOTHING: Triple = (math.nan, math.nan, math.nan)
 STANDS_MPS: Final = 0.3
 """A ground speed whose course counts as much as the nose's direction."""

@@ -17,6 +17,7 @@ from flight_model.design import (
 )
 from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import Responses, airframe_responses, lag_responses
+from flight_model.slot import CHANNELS
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.source import Key, Plain, plain_mapping
@@ -51,7 +52,6 @@ FILTERS: dict[str, Group] = {
     CLEAN: {"derivative_filter_s": 0.1, "disturbance_observer_radps": 2.0},
     NOISE: {"derivative_filter_s": 1.0, "disturbance_observer_radps": 0.3},
 }
-CHANNELS = ("speed", "heading", "height")
 DESIGNED_FILTERS = ("derivative_filter_s", "disturbance_observer_radps", "anti_windup_s")
 SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
 """Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""

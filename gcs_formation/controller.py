@@ -14,7 +14,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, advance, finite, rate, within, wrap
-from flight_model.slot import NOTHING, Slot, Triple
+from flight_model.slot import CHANNELS, NOTHING, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
@@ -34,7 +34,6 @@ from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL: Final = 0
 """The column of a virtual leader."""
-CHANNELS: Final = 3
 GAINS_CHANGE_S: Final = 1.0
 """Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
 
@@ -70,7 +69,7 @@ class FormationController:
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self._bandwidth = [[1.0] * CHANNELS for _ in range(self._columns)]
+        self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self._columns)]
         self._lift_m = np.zeros(self._columns)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places as a tick tells them."""
@@ -223,7 +222,7 @@ class FormationController:
         """Lead the loops' bandwidth slowly to the one that is wanted."""
         for column, shares in enumerate(self._bandwidth):
             goals = wanted[column]
-            for channel in range(CHANNELS):
+            for channel in range(len(CHANNELS)):
                 share = shares[channel]
                 if share != goals[channel]:
                     shares[channel] = share + self._gains_change * (goals[channel] - share)

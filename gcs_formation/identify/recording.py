@@ -15,6 +15,7 @@ from airlink.frame import Frame, StreamParser
 from airlink.messages.command import CommandInt, SetPositionTargetLocalNed
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from flight_model.arrays import Array
+from flight_model.slot import CHANNELS
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import read_tlog
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
@@ -47,7 +48,6 @@ DATAFLASH_FIELDS = {
 }
 """Of each kind of message: what it tells, in which field, and the field's unit."""
 SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
-CHANNELS = ("speed", "heading", "height")
 LABELS = {
     "airspeed": "airspeed, m/s",
     "speed seen": "ground speed, m/s",

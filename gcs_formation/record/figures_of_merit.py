@@ -10,9 +10,10 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, wrap
+from flight_model.slot import CHANNELS
 from formation_scenario.expectation import SETTLED_M
 from gcs_formation.record.flight import Flight
-from gcs_formation.record.timeseries import CHANNELS, ERROR, ROWS_AT_ONCE, SETPOINT
+from gcs_formation.record.timeseries import ERROR, ROWS_AT_ONCE, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
 SETTLED_FOR_S = 10.0

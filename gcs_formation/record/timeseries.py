@@ -17,12 +17,11 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, columns_of
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import CHANNELS, NOTHING, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
 
-CHANNELS = ("speed", "heading", "height")
 STATE = (
     "north_m",
     "east_m",

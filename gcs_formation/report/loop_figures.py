@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
+from flight_model.slot import CHANNELS
 from formation_scenario.formation import PidGains
 from gcs_formation.control.laws import gain_range
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.flight import Columns
-from gcs_formation.record.timeseries import CHANNELS, INJECTED_MEAN
+from gcs_formation.record.timeseries import INJECTED_MEAN
 from gcs_formation.report import RunData, style
 from gcs_formation.report.error_figures import WIDTHS, error_windows
 from gcs_formation.report.time_axes import Group, draw_line, everyone, finished, followers_of, span

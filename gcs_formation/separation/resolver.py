@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import CHANNELS, NOTHING, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.projection import Measured
@@ -37,7 +37,6 @@ FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
 FEWEST: Final = 2
 """Vehicles that can come near each other."""
-CHANNELS: Final = 3
 STANDS_MPS: Final = 3.0
 """Speed over ground and through the air below which a vehicle isn't flying."""
 
@@ -88,7 +87,7 @@ class ConflictResolver:
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Encounter] = []
         """What began or ended at the last tick."""
-        self.replaced = [[False] * CHANNELS for _ in range(columns)]
+        self.replaced = [[False] * len(CHANNELS) for _ in range(columns)]
         """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
     def rest(self) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from airlink.cli import Status, raised, refusal
+from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
@@ -22,7 +23,7 @@ from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
 from gcs_formation.record.figures_of_merit import axis_figures, effort, least, separation_m
 from gcs_formation.record.run_directory import SCENARIO
-from gcs_formation.record.timeseries import CHANNELS, ERROR
+from gcs_formation.record.timeseries import ERROR
 from gcs_formation.report import RunData, load_run
 from gcs_formation.report.error_figures import law_errors
 from gcs_formation.report.page_parts import document, figure, number, table
