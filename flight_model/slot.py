@@ -9,7 +9,8 @@ CHANNELS: Final = ("speed", "heading", "height")
 """What is controlled, each by a loop of its own."""
 Triple = tuple[float, float, float]
 """Of forward, right and up; or of the channels."""
-NOTHING: Triple = (math.nan, math.nan, math.nan)
+UNKNOWN: Triple = (math.nan, math.nan, math.nan)
+"""What nobody knows, or nobody was told."""
 STANDS_MPS: Final = 0.3
 """A ground speed whose course counts as much as the nose's direction."""
 LEADS_FROM_MPS: Final = 2.0

@@ -14,7 +14,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, advance, finite, rate, within, wrap
-from flight_model.slot import CHANNELS, NOTHING, Slot, Triple
+from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
@@ -236,7 +236,7 @@ class FormationController:
         situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same ones while they stand
             self._placed, self._slots_m = commanded_slots, [_place_of(each) for each in commanded_slots]
-            self._slots_m[tick.leader] = NOTHING
+            self._slots_m[tick.leader] = UNKNOWN
         tick.slots_m = self._slots_m
         for each in self._law.decide(situation, self._dt_s):
             column = each.column
@@ -335,8 +335,8 @@ class FormationController:
                 speed_mps, heading_rad, _ = tick.setpoints[column]
                 bounds = Envelope(heading_rad, tick.state[column], self.models[column])
                 tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
-        tick.slots_m = [NOTHING] * self._columns
-        tick.error_m = [NOTHING] * self._columns
+        tick.slots_m = [UNKNOWN] * self._columns
+        tick.error_m = [UNKNOWN] * self._columns
 
     def _await_followers(self, tick: Tick) -> None:
         """Have slots that vehicles gather to wait for who can't keep up: beyond the distance that is kept, slower."""
@@ -366,7 +366,7 @@ def _place_of(slot: Slot) -> Triple:
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
     """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard."""
     if known.state is None:
-        return NOTHING
+        return UNKNOWN
     state, seconds = known.state, (now - known.stamp) / NANOSECONDS
     north_mps, east_mps = state.ground_mps()
     return (

@@ -12,7 +12,7 @@ from mypy_extensions import mypyc_attr
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import UNKNOWN, Triple
 from gcs_formation.control.situation import Decided
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -133,13 +133,13 @@ class Tick:
         count = len(links)
         self.state: list[FlightState] = [unknown_state()] * count
         """What the law acted on: predicted to when the setpoints act."""
-        self.setpoints: list[Triple] = [NOTHING] * count
+        self.setpoints: list[Triple] = [UNKNOWN] * count
         """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
         self.yielding = [False] * count
         """Which columns' setpoints are the separation rule's, not the law's."""
-        self.slots_m: list[Triple] = [NOTHING] * count
+        self.slots_m: list[Triple] = [UNKNOWN] * count
         """Slots and errors, forward, right and up; NaN for the leader."""
-        self.error_m: list[Triple] = [NOTHING] * count
+        self.error_m: list[Triple] = [UNKNOWN] * count
         self.decided: list[Decided | None] = [None] * count
         """What the law decided, and by which mixed errors and gains; None for the leader and who isn't commanded."""
 

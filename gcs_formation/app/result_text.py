@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
-from flight_model.slot import NOTHING
+from flight_model.slot import UNKNOWN
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
@@ -187,7 +187,7 @@ def _where(station: Station, now: Instant) -> str:
 def _groups(station: Station) -> list[Group]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
-    errors = [NOTHING if tick is None else tick.error_m[each.column] for each in vehicles.values()]
+    errors = [UNKNOWN if tick is None else tick.error_m[each.column] for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.margins.used[each.column] for each in vehicles.values()]
     return [

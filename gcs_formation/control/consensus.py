@@ -19,7 +19,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
-from flight_model.slot import NOTHING, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
@@ -108,7 +108,7 @@ class ConsensusLaw(Law):
                 flown[p],
                 self._setpoint(flown[p], references[p].leader, own[p], slots[p], sums[p], share, models[p]),
                 self._error(p, leaders[p], flown[p], slots[p]),
-                NOTHING,
+                UNKNOWN,
                 NO_GAINS,
             )
             for p in self._members
@@ -116,7 +116,7 @@ class ConsensusLaw(Law):
 
     def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
         axis_rad = leader.heading_rad if self._frame == "leader_heading" else state.heading_rad
-        return NOTHING if column == self._leader else formation_error(leader, state, slot, axis_rad)
+        return UNKNOWN if column == self._leader else formation_error(leader, state, slot, axis_rad)
 
     def _protocol(
         self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]

@@ -14,7 +14,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
-from flight_model.slot import NOTHING, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Triple
 from formation_scenario.formation import Frame
 from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.setpoint import (
@@ -108,7 +108,7 @@ class Controller(ABC):
         self._forward = Pid(parameters.speed, gain_range, scheduler)
         self._right = Pid(parameters.heading, gain_range, scheduler)
         self._height = Pid(parameters.height, gain_range, scheduler)
-        self.setpoint = self.error_m = self.mixed = NOTHING
+        self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     @property
     def gains(self) -> Gains:
@@ -128,7 +128,7 @@ class Controller(ABC):
         self._forward.forget()
         self._right.forget()
         self._height.forget()
-        self.setpoint = self.error_m = self.mixed = NOTHING
+        self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
         """Return what the controllers add to the feed-forward, for mixed errors that change at the rates `slopes`.

@@ -17,13 +17,13 @@ from mypy_extensions import i64
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import within
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import UNKNOWN, Triple
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS: Final = 5
 Gains = tuple[float, float, float, float, float, float, float, float, float]
 """k_p of the three channels, k_i, k_d."""
-NO_GAINS: Gains = (*NOTHING, *NOTHING, *NOTHING)
+NO_GAINS: Gains = (*UNKNOWN, *UNKNOWN, *UNKNOWN)
 
 # Rows are the error's rate from NH to PH, columns the error from NH to PH.
 TABLE_P = """

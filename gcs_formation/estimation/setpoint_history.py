@@ -9,7 +9,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, respond, within, wrap
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import UNKNOWN, Triple
 
 HISTORY_S: Final = 6.0
 RESPOND_NS: Final = 280_000_000
@@ -38,7 +38,7 @@ class SentSetpoints:
             self.first, self.end = 0, length - 1
         self.acts[self.end] = acts
         self.end += 1
-        self.note(NOTHING)
+        self.note(UNKNOWN)
 
     def _move(self, place: i64, to: i64) -> None:
         self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]

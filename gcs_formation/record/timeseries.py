@@ -17,7 +17,7 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, columns_of
-from flight_model.slot import CHANNELS, NOTHING, Triple
+from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
@@ -234,7 +234,7 @@ def _write(to: BytesWriter, tick: Tick, column: int) -> None:
     _write_three(to, tick.slots_m[column])
     _write_three(to, tick.error_m[column])
     decided = tick.decided[column]
-    _write_three(to, NOTHING if decided is None else decided.mixed)
+    _write_three(to, UNKNOWN if decided is None else decided.mixed)
     gains = NO_GAINS if decided is None else decided.gains
     _write_three(to, (gains[0], gains[1], gains[2]))
     _write_three(to, (gains[3], gains[4], gains[5]))

@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
-from flight_model.slot import CHANNELS, NOTHING, Triple
+from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from gcs_formation.estimation.projection import Measured
@@ -177,10 +177,10 @@ class ConflictResolver:
         models = AutopilotModels.from_each(self._models[each] for each in members)
         traffic = Traffic(self._state(tick, measured, members, until, turn_rps), lead_s, turn_rps, models)
         vehicles, commanded = [*members, *unresponsive], [tick.active[each] for each in members]
-        setpoints = [tick.setpoints[each] if tick.active[each] else NOTHING for each in members]
+        setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
         if unresponsive:
             traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-            setpoints += [NOTHING] * len(unresponsive)
+            setpoints += [UNKNOWN] * len(unresponsive)
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
             turning = traffic.take(np.array(circling)).turning()

@@ -6,7 +6,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -52,7 +52,7 @@ class Unresponsive:
         states: list[FlightState] = []
         for column in which:
             state, elapsed_s = measured.states[column].copy(), max(at - measured.stamps[column], 0) / NANOSECONDS
-            model, (speed_mps, heading_rad, height_m) = self._models[column], self._held[column] or NOTHING
+            model, (speed_mps, heading_rad, height_m) = self._models[column], self._held[column] or UNKNOWN
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
             advance(state, model, speed_mps, heading_rad, height_m, elapsed_s)
             states.append(state)

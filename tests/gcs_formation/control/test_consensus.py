@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.clock import Instant
-from flight_model.slot import NOTHING
+from flight_model.slot import UNKNOWN
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from formation_scenario.formation import Frame
 from formation_scenario.model import graph_adjacency
@@ -76,7 +76,7 @@ def situation(
         states=Measured(tables.states(state), [0] * COUNT, [True] * COUNT, [0] * COUNT),
         lead=lead,
         slots=slots.each,
-        commanded=[NOTHING] * COUNT,
+        commanded=[UNKNOWN] * COUNT,
         wind_variance=[0.0] * COUNT,
         active=[True] * COUNT if active is None else active.tolist(),
         bandwidth=[[1.0] * 3] * COUNT,

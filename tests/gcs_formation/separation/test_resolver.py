@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
-from flight_model.slot import NOTHING, Triple
+from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
 from gcs_formation.estimation.projection import Measured
@@ -190,7 +190,7 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
 
 def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
     crossing = Crossing()
-    crossing.slots_m = [NOTHING, NOTHING]
+    crossing.slots_m = [UNKNOWN, UNKNOWN]
     for tenth in range(3):
         crossing.keep(at_s=0.1 * tenth)
     assert crossing.resolver.kept_m == 10.5
