@@ -24,7 +24,7 @@ from flight_model.displacement import (
 from flight_model.path import PathPoints, Route, SplinePath
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import Arrangement, assigned, column_models, column_names
-from formation_scenario.slot_motion import Course, SlotMotion, Transition
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition
 from formation_scenario.terrain import LEADER_SHARE, Ground
 from formation_scenario.transition_plan import (
     MARGIN_M,
@@ -57,7 +57,7 @@ def plan_change(
     start: SlotMotion,
     arrangement: Arrangement,
     at_s: float,
-    course: Callable[[Array], Course],
+    flight: Callable[[Array], LeaderFlight],
     present: Mask | None = None,
 ) -> Transition:
     """Return the transition of all columns to an arrangement.
@@ -69,7 +69,7 @@ def plan_change(
         start: (C, 3) present slots, in the frame of the arrangement's leader.
         arrangement: the arrangement to reach.
         at_s: when the transition begins.
-        course: the leader's flight, as a function of the seconds since then.
+        flight: the leader's flight, as a function of the seconds since then.
         present: (C,) which vehicles are present; default: all.
 
     Raises:
@@ -77,7 +77,7 @@ def plan_change(
     """
     there = np.ones(len(start.position_m), dtype=np.bool_) if present is None else present
     goal_m = assigned(scenario, arrangement, start.position_m, there)
-    conditions = _conditions(scenario, arrangement.leader, course, there)
+    conditions = _conditions(scenario, arrangement.leader, flight, there)
     return plan_transition(start.standing(~there, goal_m), goal_m, at_s, conditions)
 
 
@@ -87,7 +87,7 @@ def plan_gathering(
     goal_m: Array,
     leader: int,
     at_s: float,
-    course: Callable[[Array], Course],
+    flight: Callable[[Array], LeaderFlight],
     present: Mask,
 ) -> Transition | None:
     """Return the transition of vehicles from where they are to their slots; None if all are near.
@@ -99,13 +99,13 @@ def plan_gathering(
         NotFlyableError: it can't be flown there, or would last far longer than on a straight and level course.
     """
     kept_m = max(scenario.safety.separation_m, scenario.safety.avoidance.distance_m)
-    conditions = _conditions(scenario, leader, course, present)
+    conditions = _conditions(scenario, leader, flight, present)
     conditions = replace(conditions, separation_m=kept_m, spacing_share=0.0, lift_m=kept_m + MARGIN_M)
     begin = start.standing(~present, goal_m)
     farthest_m = float(np.linalg.norm(begin.position_m - goal_m, axis=1).max())
     if farthest_m < NEAR_M and not ways_meet(begin.position_m, goal_m, conditions):
         return None
-    level = plan_transition(begin, goal_m, at_s, replace(conditions, course=_level(course)))
+    level = plan_transition(begin, goal_m, at_s, replace(conditions, flight=_level(flight)))
     way = plan_transition(begin, goal_m, at_s, conditions)
     if way.duration_s > WORTH_WAITING * level.duration_s:
         raise NotFlyableError(
@@ -114,19 +114,19 @@ def plan_gathering(
     return way
 
 
-def _level(course: Callable[[Array], Course]) -> Callable[[Array], Course]:
+def _level(flight: Callable[[Array], LeaderFlight]) -> Callable[[Array], LeaderFlight]:
     """Return a straight and level flight at a leader's speed."""
 
-    def level(elapsed_s: Array) -> Course:
+    def level(elapsed_s: Array) -> LeaderFlight:
         still = np.zeros_like(elapsed_s)
-        return Course(course(elapsed_s[:1]).speed_mps, still, still, still, still)
+        return LeaderFlight(flight(elapsed_s[:1]).speed_mps, still, still, still, still)
 
     return level
 
 
-def _conditions(scenario: Scenario, leader: int, course: Callable[[Array], Course], present: Mask) -> Conditions:
+def _conditions(scenario: Scenario, leader: int, flight: Callable[[Array], LeaderFlight], present: Mask) -> Conditions:
     return Conditions(
-        course=course,
+        flight=flight,
         frame=scenario.formation.frame,
         limits=Limits.of(column_models(scenario), scenario.path.speed_mps),
         separation_m=scenario.safety.separation_m,
@@ -183,11 +183,11 @@ def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
 
 
-def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], Course]:
+def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], LeaderFlight]:
     """Return the flight of a leader along a route from `from_m` on, as a function of the elapsed seconds."""
 
-    def course(elapsed_s: Array) -> Course:
+    def flight(elapsed_s: Array) -> LeaderFlight:
         points = [route.at(distance_m) for distance_m in (from_m + speed_mps * elapsed_s).tolist()]
-        return Course.along(PathPoints(*np.array([point.values() for point in points]).T), speed_mps)
+        return LeaderFlight.along(PathPoints(*np.array([point.values() for point in points]).T), speed_mps)
 
-    return course
+    return flight

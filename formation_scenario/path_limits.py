@@ -15,7 +15,7 @@ from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
-from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.surroundings import Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
@@ -148,8 +148,8 @@ def _followers(
     scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], step: SlotStep
 ) -> Iterator[_Demand]:
     """Yield what a formation's slots ask of each limit."""
-    course = Course.along(sampled.points, scenario.path.speed_mps)
-    needs = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
+    flight = LeaderFlight.along(sampled.points, scenario.path.speed_mps)
+    needs = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
     leader, at_mps = step.arrangement.leader, scenario.path.speed_mps
     models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]

@@ -63,7 +63,7 @@ class SlotMotion:
         return SlotMotion(*((value - value[leader]) @ turn for value in each))
 
 
-class Course(NamedTuple):
+class LeaderFlight(NamedTuple):
     """The leader's flight at K points or moments: arrays (K,), and a constant speed."""
 
     speed_mps: float
@@ -73,7 +73,7 @@ class Course(NamedTuple):
     climb_change_mps2: Array
 
     @classmethod
-    def along(cls, points: PathPoints, speed_mps: float) -> Course:
+    def along(cls, points: PathPoints, speed_mps: float) -> LeaderFlight:
         """Return the leader's flight at points of its path."""
         return cls(
             speed_mps,
@@ -95,17 +95,17 @@ class SlotNeeds(NamedTuple):
     aside_rad: Array
 
 
-def slot_needs(course: Course, slots: SlotMotion, frame: Frame) -> SlotNeeds:
+def slot_needs(flight: LeaderFlight, slots: SlotMotion, frame: Frame) -> SlotNeeds:
     """Return the flight that slots (N, 3), or (K, N, 3) if they move, require in still air.
 
     A slot in the leader's frame has the velocity of a point of that rotating frame, and its derivative. For the
     follower's frame the equilibrium of a steady turn is used, in which both turn at the leader's rate.
     """
-    speed, turn, bend = course.speed_mps, course.turn_rate_rps[:, None], course.turn_change_rps2[:, None]
+    speed, turn, bend = flight.speed_mps, flight.turn_rate_rps[:, None], flight.turn_change_rps2[:, None]
     (x, y, _), (vx, vy, vz), (ax, ay, az) = (
         np.moveaxis(each, -1, 0) for each in (slots.position_m, slots.velocity_mps, slots.acceleration_mps2)
     )
-    climb = course.climb_mps[:, None] + vz, course.climb_change_mps2[:, None] + az
+    climb = flight.climb_mps[:, None] + vz, flight.climb_change_mps2[:, None] + az
     if frame == "leader_heading":
         along, across = speed - turn * y + vx, turn * x + vy
         along_change, across_change = -bend * y - turn * vy + ax, bend * x + turn * vx + ay

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from flight_model.arrays import Array, Mask
 from flight_model.displacement import PEAK_RATE
 from formation_scenario.formation import Frame
-from formation_scenario.slot_motion import Course, SlotMotion, SlotNeeds, Transition, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, SlotNeeds, Transition, slot_needs
 from formation_scenario.vehicles import VehicleModel
 
 MEAN_SPEED_MPS = 2.0
@@ -71,7 +71,7 @@ class Limits(NamedTuple):
 class Conditions:
     """The conditions under which a transition is planned."""
 
-    course: Callable[[Array], Course]
+    flight: Callable[[Array], LeaderFlight]
     """The leader's flight, as a function of the seconds since the transition began."""
     frame: Frame
     limits: Limits
@@ -127,24 +127,26 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
         NotFlyableError: it can't be flown in this duration.
     """
     moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
-    course = conditions.course(moments_s)
-    near = np.flatnonzero(_distances_m(level, course, moments_s, conditions).min(axis=0) < apart_m)
+    flight = conditions.flight(moments_s)
+    near = np.flatnonzero(_distances_m(level, flight, moments_s, conditions).min(axis=0) < apart_m)
     if not near.size:
         return level
     lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
-    lifted = _lift(level, lift_m, course, conditions)
-    _refuse_near(_distances_m(lifted, course, moments_s, conditions), apart_m, moments_s, conditions)
+    lifted = _lift(level, lift_m, flight, conditions)
+    _refuse_near(_distances_m(lifted, flight, moments_s, conditions), apart_m, moments_s, conditions)
     return lifted
 
 
-def _refuse_beyond(way: Transition, needs: SlotNeeds, course: Course, moments_s: Array, conditions: Conditions) -> None:
+def _refuse_beyond(
+    way: Transition, needs: SlotNeeds, flight: LeaderFlight, moments_s: Array, conditions: Conditions
+) -> None:
     """Refuse what the slots require where it's beyond the limits.
 
     The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. Where a slot at rest
     already requires more than a transition may use, that much is allowed.
     """
     still = [
-        slot_needs(course, SlotMotion.at_rest(places), conditions.frame)
+        slot_needs(flight, SlotMotion.at_rest(places), conditions.frame)
         for places in (way.start.position_m, way.goal_m)
     ]
     flies = conditions.present.copy()
@@ -171,11 +173,11 @@ def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
     return speed, -speed, np.abs(needs.accel_mps2), np.abs(needs.turn_rate_rps), climb
 
 
-def _distances_m(way: Transition, course: Course, moments_s: Array, conditions: Conditions) -> Array:
+def _distances_m(way: Transition, flight: LeaderFlight, moments_s: Array, conditions: Conditions) -> Array:
     """Return the distances (K, pairs) of all vehicles that are present, on a way inside the limits."""
     slots = way.sample(moments_s)
-    needs, places = slot_needs(course, slots, conditions.frame), slots.position_m
-    _refuse_beyond(way, needs, course, moments_s, conditions)
+    needs, places = slot_needs(flight, slots, conditions.frame), slots.position_m
+    _refuse_beyond(way, needs, flight, moments_s, conditions)
     if conditions.frame == "follower_heading":
         cos, sin = np.cos(needs.aside_rad), np.sin(needs.aside_rad)
         forward, right = places[..., 0], places[..., 1]
@@ -233,9 +235,9 @@ def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
     return np.where(levels > 0, np.maximum(levels * apart_m + highest_m - ends_m.min(axis=0), 0.0), 0.0)
 
 
-def _lift(level: Transition, lift_m: Array, course: Course, conditions: Conditions) -> Transition:
+def _lift(level: Transition, lift_m: Array, flight: LeaderFlight, conditions: Conditions) -> Transition:
     """Return the transition with lifts, as fast as the climb limits allow in addition to the leader's climb."""
-    room_mps = conditions.limits.ceilings[4] - float(np.abs(course.climb_mps).max())
+    room_mps = conditions.limits.ceilings[4] - float(np.abs(flight.climb_mps).max())
     rises = lift_m > 0
     if (room_mps[rises] <= 0).any():
         raise NotFlyableError("no climb is left for some to pass over others", "a path less steep there", 0.0)

@@ -11,7 +11,7 @@ from flight_model.autopilot_model import AutopilotModel
 from formation_scenario import Scenario, slot_table
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models
-from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation import noise
@@ -123,7 +123,7 @@ def hold_radius_m(scenario: Scenario) -> float:
     low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T
     kept = np.ones_like(turn_rps, dtype=np.bool_)
     for way in (1.0, -1.0):
-        needs = slot_needs(Course(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
+        needs = slot_needs(LeaderFlight(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
         fast = needs.speed_mps - speed > share * (high - speed)
         slow = speed - needs.speed_mps > share * (speed - low)
         kept &= ~(fast | slow | (np.abs(needs.aside_rad) > SWING_RAD)).any(axis=1)

@@ -19,7 +19,7 @@ from formation_scenario.begin_and_end import planned_end_m
 from formation_scenario.orders import parse_order
 from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
-from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
@@ -82,9 +82,9 @@ def _left(
 
     With the wind behind it a leader turns faster than in still air.
     """
-    course, windy = Course.along(points, speed_mps), 1.0 + math.hypot(*scenario.wind.velocity_mps[:2]) / speed_mps
-    course = course._replace(turn_rate_rps=windy * course.turn_rate_rps)
-    needs_mps = slot_needs(course, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
+    flight, windy = LeaderFlight.along(points, speed_mps), 1.0 + math.hypot(*scenario.wind.velocity_mps[:2]) / speed_mps
+    flight = flight._replace(turn_rate_rps=windy * flight.turn_rate_rps)
+    needs_mps = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
     below, above = list[tuple[float, str]](), list[tuple[float, str]]()
     for column, vehicle in enumerate(columns(scenario)):
         if vehicle is None or column == step.arrangement.leader:

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import SplinePath
-from formation_scenario.slot_motion import Course, SlotMotion, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 
 
 def circle(radius: float, north: float = 0.0) -> list[list[float]]:
@@ -131,7 +131,7 @@ def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
     place = points.north_m + 1j * points.east_m + heading * (forward + 1j * right)
     velocity = np.gradient(place, step)[1:-1]
     slot = SlotMotion.at_rest(np.array([[forward, right, 0.0]]))
-    motion = slot_needs(Course.along(points, speed), slot, "leader_heading")
+    motion = slot_needs(LeaderFlight.along(points, speed), slot, "leader_heading")
     assert abs(velocity[1]) == pytest.approx(motion.speed_mps[2, 0], rel=1e-5)
     turn = np.angle(velocity[2] / velocity[0]) / (2 * step)
     assert turn == pytest.approx(motion.turn_rate_rps[2, 0], abs=1e-5)
@@ -145,7 +145,7 @@ def test_in_a_steady_turn_both_frames_keep_the_distance_to_the_leader(back, righ
     speed = 22.0
     points = SplinePath([[0, 0, 0], [100, 0, 0]]).at(np.zeros(1))._replace(curvature_1pm=np.array([turn / speed]))
     slot = SlotMotion.at_rest(np.array([[-back, right, 0.0]]))
-    own = slot_needs(Course.along(points, speed), slot, "follower_heading")
+    own = slot_needs(LeaderFlight.along(points, speed), slot, "follower_heading")
     angle = np.arcsin(turn * back / speed)  # leader's heading minus follower's
     along = speed * np.cos(angle) - turn * right
     assert own.speed_mps[0, 0] == pytest.approx(along)

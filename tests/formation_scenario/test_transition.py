@@ -21,7 +21,7 @@ from formation_scenario.formation_changes import (
     take_over,
 )
 from formation_scenario.slot_assignment import assigned, slot_schedule
-from formation_scenario.slot_motion import Course, SlotMotion, Transition, slot_needs
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition, slot_needs
 from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -37,8 +37,8 @@ def flown(scenario):
     steps = slot_schedule(scenario)
     way = Transition.standing(steps[0].places_m)
     for step in steps[1:]:
-        course = ahead(path, SPEED, SPEED * step.at_s)
-        way = plan_change(scenario, way.at(step.at_s), step.arrangement, step.at_s, course)
+        flight = ahead(path, SPEED, SPEED * step.at_s)
+        way = plan_change(scenario, way.at(step.at_s), step.arrangement, step.at_s, flight)
         yield way
 
 
@@ -103,8 +103,8 @@ def test_a_slot_whose_vehicle_is_away_has_no_way_and_nobody_makes_room_for_it(lo
     step = slot_schedule(scenario)[0]
     start = SlotMotion(step.places_m - step.places_m[2], np.ones((5, 3)), np.zeros((5, 3)))
     present = np.array([False, True, True, True, True])
-    course = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
-    way = plan_change(scenario, start, step.arrangement._replace(shape="line", leader=2), 0.0, course, present)
+    flight = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    way = plan_change(scenario, start, step.arrangement._replace(shape="line", leader=2), 0.0, flight, present)
     for moment in (0.0, way.duration_s / 2):
         np.testing.assert_array_equal(way.at(moment).position_m[0], [0, 60, 0])
         np.testing.assert_array_equal(way.at(moment).velocity_mps[0], 0.0)
@@ -124,10 +124,10 @@ def test_who_is_up_already_is_lifted_over_the_others_not_over_itself(load):
     """A follower that passes the leader, 18 m over it: one that begins 12 m up needs no more than one that doesn't."""
     scenario = load("vehicles={count: 2}")
     arrangement = slot_schedule(scenario)[0].arrangement._replace(shape="follower")
-    course = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    flight = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
     lifts = [
         plan_change(
-            scenario, SlotMotion.at_rest(np.array([[0.0, 0.0, 0.0], [30.0, 0.0, up_m]])), arrangement, 0.0, course
+            scenario, SlotMotion.at_rest(np.array([[0.0, 0.0, 0.0], [30.0, 0.0, up_m]])), arrangement, 0.0, flight
         )
         for up_m in (0.0, 12.0)
     ]
@@ -138,11 +138,11 @@ EVERYONE = np.ones(4, dtype=np.bool_)
 ROW = np.array([[0.0, 0.0, 0.0], [0.0, 12.0, 0.0], [0.0, 24.0, 0.0], [0.0, 36.0, 0.0]])
 
 
-def gathered(scenario, start_m, course=None):
+def gathered(scenario, start_m, flight=None):
     """Plan the way of vehicles from where they are to the slots of a diamond."""
     goal_m = slot_schedule(scenario)[0].places_m
-    course = course or ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
-    return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, course, EVERYONE)
+    flight = flight or ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
+    return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, flight, EVERYONE)
 
 
 def test_who_stood_in_a_row_gathers_farther_apart_than_the_separation_rule_keeps(load):
@@ -176,7 +176,7 @@ def test_gathering_waits_for_a_leader_that_climbs(load):
 
     def climbing(elapsed_s):
         still = np.zeros_like(elapsed_s)
-        return Course(SPEED, still, still, np.where(elapsed_s < 30.0, 2.0, 0.0), still)
+        return LeaderFlight(SPEED, still, still, np.where(elapsed_s < 30.0, 2.0, 0.0), still)
 
     scenario = load("safety.separation_m=3")
     with pytest.raises(NotFlyableError, match="to gather; allowed: up to"):
@@ -233,9 +233,9 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does():
     slot, velocity, acceleration = -30 + 20j, 1.5 - 2j, 0.2 + 0.3j
     places = leader + np.exp(1j * heading) * (slot + velocity * t + acceleration * t**2 / 2)
     ground = np.gradient(places, step)
-    course = Course(SPEED, np.array([turn]), np.array([bend]), np.zeros(1), np.zeros(1))
+    flight = LeaderFlight(SPEED, np.array([turn]), np.array([bend]), np.zeros(1), np.zeros(1))
     motion = SlotMotion(*(np.array([[[v.real, v.imag, 0.0]]]) for v in (slot, velocity, acceleration)))
-    needs = slot_needs(course, motion, "leader_heading")
+    needs = slot_needs(flight, motion, "leader_heading")
     assert abs(ground[3]) == pytest.approx(needs.speed_mps[0, 0], abs=1e-4)
     assert np.angle(ground[3]) == pytest.approx(needs.aside_rad[0, 0], abs=1e-5)
     assert (abs(ground[4]) - abs(ground[2])) / (2 * step) == pytest.approx(needs.accel_mps2[0, 0], abs=1e-3)
@@ -319,9 +319,9 @@ def test_of_a_speed_that_comes_with_an_integrator_a_way_counts_on_the_prompt_sha
     model = scenario.vehicles[0].model
     assert model.soon_mps(18.0) == pytest.approx((14.15, 19.1))
     assert model.model_copy(update={"hovers": True}).soon_mps(18.0) == (11.0, 20.0)
-    course, (first, last) = ahead(SplinePath(scenario.path.waypoints_m), 18.0, 180.0), slot_schedule(scenario)
-    way = plan_change(scenario, SlotMotion.at_rest(first.places_m), last.arrangement, 10.0, course)
+    flight, (first, last) = ahead(SplinePath(scenario.path.waypoints_m), 18.0, 180.0), slot_schedule(scenario)
+    way = plan_change(scenario, SlotMotion.at_rest(first.places_m), last.arrangement, 10.0, flight)
     moments_s = np.linspace(0.0, way.duration_s, 101)
-    needs = slot_needs(course(moments_s), way.sample(moments_s), "leader_heading")
+    needs = slot_needs(flight(moments_s), way.sample(moments_s), "leader_heading")
     assert needs.speed_mps.max() < 19.1
     assert needs.speed_mps.min() > 14.15
