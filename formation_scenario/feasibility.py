@@ -68,8 +68,7 @@ def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
         if order.change is not None:
             wanted = arrangement.changed(order.change, scenario)
         if order.speed_mps is not None:
-            plan = scenario.path.model_copy(update={"speed_mps": order.speed_mps})
-            flown = scenario.model_copy(update={"path": plan})
+            flown = scenario.at_speed(order.speed_mps)
         try:
             places_m = assigned(scenario, wanted, np.zeros((len(columns(scenario)), 3)))
             reasons = check_ahead(flown, SlotStep(at_s, wanted, places_m), path, at_m)

@@ -85,6 +85,11 @@ class Wind(Keys):
 
     velocity_mps: Vector = key((0.0, 0.0, 0.0), "where it blows to: north, east, down, m/s", [3, -2, 0])
 
+    @property
+    def speed_mps(self) -> float:
+        """Its horizontal speed."""
+        return hypot(*self.velocity_mps[:2])
+
 
 class Avoidance(Keys):
     """The separation rule."""
@@ -245,7 +250,7 @@ class Scenario(Keys):
         models = [vehicle.model for vehicle in self.vehicles]
         climb_mps = min(model.climb_max_mps for model in models)
         lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
-        speed_mps = self.path.speed_mps + hypot(*self.wind.velocity_mps[:2])
+        speed_mps = self.path.speed_mps + self.wind.speed_mps
         return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
 
     @property
@@ -268,6 +273,10 @@ class Scenario(Keys):
     def followers(self) -> tuple[Vehicle, ...]:
         """The vehicles that follow, in the scenario's order: the order of every slot array."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")
+
+    def at_speed(self, speed_mps: float) -> Scenario:
+        """Return the scenario with another speed along the path."""
+        return self.model_copy(update={"path": self.path.model_copy(update={"speed_mps": speed_mps})})
 
     def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
         """Return the vehicles that a key such as `vehicles: [2, 3]` names, in the scenario's order."""

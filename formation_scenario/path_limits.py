@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -326,7 +325,7 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
         found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
         yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
         return
-    through_air = speed + math.hypot(*scenario.wind.velocity_mps[:2])
+    through_air = speed + scenario.wind.speed_mps
     turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
     room = room_m(corners_m, places, speed * along, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
     if room.min() < CHECKED_M:

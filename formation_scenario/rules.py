@@ -73,7 +73,7 @@ def fence(scenario: Scenario) -> Iterator[Finding]:
 
 def wind(scenario: Scenario) -> Iterator[Finding]:
     """Yield a wind at least as fast as the slowest vehicle's highest airspeed."""
-    speed_mps = math.hypot(*scenario.wind.velocity_mps[:2])
+    speed_mps = scenario.wind.speed_mps
     slowest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.speed_max_mps)
     if speed_mps >= slowest.model.speed_max_mps:
         allowed = f"less than {slowest.model.speed_max_mps:g} m/s, vehicle {slowest.vehicle_id}'s speed_max_mps"

@@ -81,7 +81,7 @@ def _noise(keys: NoisyNavigation) -> Array:
 
 
 def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
-    """Return by how much less samples tell of which several share one error: a factor of the standard deviation."""
+    """Return the factor by which the standard deviation is widened where several samples share one error."""
     return math.sqrt(max(1.0, telemetry_hz / keys.rate_hz, 2.0 * keys.correlation_s * telemetry_hz))
 
 
@@ -114,7 +114,7 @@ def hold_radius_m(scenario: Scenario) -> float:
 
     A tailwind makes the leader turn faster.
     """
-    speed, wind = scenario.path.speed_mps, math.hypot(*scenario.wind.velocity_mps[:2])
+    speed, wind = scenario.path.speed_mps, scenario.wind.speed_mps
     models = column_models(scenario)[1:]
     most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)

@@ -82,7 +82,7 @@ def _left(
 
     With the wind behind it a leader turns faster than in still air.
     """
-    flight, windy = LeaderFlight.along(points, speed_mps), 1.0 + math.hypot(*scenario.wind.velocity_mps[:2]) / speed_mps
+    flight, windy = LeaderFlight.along(points, speed_mps), 1.0 + scenario.wind.speed_mps / speed_mps
     flight = flight._replace(turn_rate_rps=windy * flight.turn_rate_rps)
     needs_mps = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
     below, above = list[tuple[float, str]](), list[tuple[float, str]]()

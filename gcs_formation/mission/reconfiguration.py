@@ -84,8 +84,7 @@ class Reconfiguration:
         guidance = self._controller.guidance
         self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
         if resumed.speed_mps != guidance.speed_mps:
-            path = self._scenario.path.model_copy(update={"speed_mps": resumed.speed_mps})
-            self._scenario = self._scenario.model_copy(update={"path": path})
+            self._scenario = self._scenario.at_speed(resumed.speed_mps)
         amid_m = None if resumed.path_began is None else resumed.reach_m
         guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, amid_m)
         self._planned_for = [False] * len(self._names)
@@ -195,9 +194,7 @@ class Reconfiguration:
 
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         """Fly at another speed; return why it can't be flown, None when it is."""
-        path = self._scenario.path.model_copy(update={"speed_mps": speed_mps})
-        scenario = self._scenario.model_copy(update={"path": path})
-        guidance = self._controller.guidance
+        scenario, guidance = self._scenario.at_speed(speed_mps), self._controller.guidance
         off_rad = 0.0 if guidance.turn is None else self._off_path_rad()
         if speed_mps > 0.0 and off_rad > FACES_RAD:
             found = f"the formation faces {math.degrees(off_rad):.0f}° off its path"
