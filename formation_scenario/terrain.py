@@ -145,7 +145,7 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
 
 
 class Hills:
-    """Level ground with hills, which add up, by the formulas of `environment.Hill`."""
+    """Level ground with hills, which add up, by the formulas of `surroundings.Hill`."""
 
     def __init__(self, base_m: float, hills: Sequence[Hill]) -> None:
         self._base_m = base_m

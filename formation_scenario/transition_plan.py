@@ -35,7 +35,7 @@ MARGIN_M = 2.0
 RESERVE = 0.9
 """Share of acceleration, turn rate and climb that a transition may use; the rest is left to the law."""
 TINY = 1e-9
-"""Ways whose squares are shorter than this, m², or as parallel, have no place of their own where they are nearest."""
+"""Squared lengths, m², below which a segment counts as a point; likewise for how parallel two are."""
 
 
 class NotFlyableError(Exception):

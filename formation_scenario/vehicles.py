@@ -207,7 +207,7 @@ class VehicleCommon(Keys):
 
 
 class VehicleIdentity(Keys):
-    """Keys of a vehicle in the list only."""
+    """Keys of a vehicle in the list only. A base of its own, so that these keys come first."""
 
     id: SystemId = key(..., "MAVLink system id, unique on its network", 2)
     role: Literal["leader", "follower"] = key("follower", "whether it leads at the start; one vehicle may")
