@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, beside
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import slot_table
 
@@ -41,9 +41,7 @@ def start_states(scenario: Scenario) -> list[StartState]:
     in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
-    cosine, sine = np.cos(leader.course_rad), np.sin(leader.course_rad)
-    north_m = leader.north_m + cosine * places[:, 0] - sine * places[:, 1]
-    east_m = leader.east_m + sine * places[:, 0] + cosine * places[:, 1]
+    north_m, east_m = beside(leader.north_m, leader.east_m, leader.course_rad, places[:, 0], places[:, 1])
     height_m = leader.height_m + places[:, 2] if in_air else np.zeros_like(north_m)
     if in_air and scenario.terrain is not None:
         height_m = np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)

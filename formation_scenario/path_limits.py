@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Mask, beside
 from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.path import PathPoints, SplinePath
@@ -212,14 +212,12 @@ def _over_plain(scenario: Scenario) -> Iterator[Finding]:
 
 def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
     """Yield the first point of the path below which, or below a slot at which, the file has no value."""
-    cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
         for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
             slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
     for slot, who in slots.items():
-        north = points.north_m + slot[0] * cosine - slot[1] * sine
-        east = points.east_m + slot[0] * sine + slot[1] * cosine
+        north, east = beside(points.north_m, points.east_m, points.course_rad, slot[0], slot[1])
         void = np.flatnonzero(np.isnan(ground.height(north, east)))
         if void.size:
             first = int(void[0])
@@ -314,20 +312,19 @@ def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterat
 
 def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
     """Yield the place farthest outside; if none is, the one with the least room."""
-    course, speed = sampled.points.course_rad, scenario.path.speed_mps
-    along = np.stack((np.cos(course), np.sin(course)), axis=-1)
-    across = np.stack((-along[:, 1], along[:, 0]), axis=-1)
-    leader = np.stack((sampled.points.north_m, sampled.points.east_m), axis=-1)
-    places = np.stack([leader + x * along + y * across for x, y, _ in flyers])
+    points, speed = sampled.points, scenario.path.speed_mps
+    forward_m, right_m, _ = np.array(list(flyers)).T[:, :, None]
+    places = np.stack(beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m), axis=-1)
     within = inside_m(corners_m, places)
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
         found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
         yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
         return
+    velocity = speed * np.stack((np.cos(points.course_rad), np.sin(points.course_rad)), axis=-1)
     through_air = speed + scenario.wind.speed_mps
     turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
-    room = room_m(corners_m, places, speed * along, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
+    room = room_m(corners_m, places, velocity, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
     if room.min() < CHECKED_M:
         who, index = np.unravel_index(int(room.argmin()), room.shape)
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"

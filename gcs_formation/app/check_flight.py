@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array
+from flight_model.arrays import Array, beside
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.path import PathPoints
 from formation_scenario import Scenario
@@ -190,9 +190,8 @@ class _Climb:
     def _places(self, ahead_m: Array) -> tuple[Array, Array]:
         """Return how far north and east everybody is (V, T) where the leader is so far (T,) beyond the end."""
         points = self._path.at(self._end_m + ahead_m)
-        cosine, sine = np.cos(points.course_rad), np.sin(points.course_rad)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]
-        return points.north_m + forward_m * cosine - right_m * sine, points.east_m + forward_m * sine + right_m * cosine
+        return beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
 
 
 def _climbed_m(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:

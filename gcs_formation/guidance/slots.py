@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Mask, beside
 from flight_model.autopilot_model import FlightState
 from flight_model.displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from flight_model.path import Route
@@ -255,8 +255,7 @@ class SlotClearance:
         axis = np.broadcast_to(heading, forward.shape)
         if self._frame == "follower_heading":
             axis = axis + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
-        cos, sin = np.cos(axis), np.sin(axis)
-        ground_m = self._ground.height(north + cos * forward - sin * right, east + sin * forward + cos * right)
+        ground_m = self._ground.height(*beside(north, east, axis, forward, right))
         return ground_m + self._clearance_m - (height + up)
 
 
