@@ -37,7 +37,7 @@ def start_states(scenario: Scenario) -> list[StartState]:
     the ground they stand in a row if the scenario says so; otherwise those that would be nearer to others than
     `safety.separation_m` are placed farther back.
     """
-    leader = scenario.path.written.at(-scenario.start.run_in_s * scenario.path.speed_mps)
+    leader = scenario.path.written.at(-scenario.run_in_m)
     in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots

@@ -98,7 +98,7 @@ def plan_gathering(
     Raises:
         NotFlyableError: it can't be flown there, or would last far longer than on a straight and level course.
     """
-    kept_m = max(scenario.safety.separation_m, scenario.safety.avoidance.distance_m)
+    kept_m = scenario.safety.kept_m
     conditions = _conditions(scenario, leader, flight, present)
     conditions = replace(conditions, separation_m=kept_m, spacing_share=0.0, lift_m=kept_m + MARGIN_M)
     begin = start.standing(~present, goal_m)

@@ -107,6 +107,11 @@ class Safety(Keys):
     clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
     fence: Fence | None = key(None, "where paths, slots and setpoints must stay; without it, anywhere")
 
+    @property
+    def kept_m(self) -> float:
+        """Distance that ways to slots are planned to keep: the least one, or the separation rule's if that is more."""
+        return max(self.separation_m, self.avoidance.distance_m)
+
 
 class Finish(Keys):
     """The end of a run."""
@@ -273,6 +278,11 @@ class Scenario(Keys):
     def followers(self) -> tuple[Vehicle, ...]:
         """The vehicles that follow, in the scenario's order: the order of every slot array."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")
+
+    @property
+    def run_in_m(self) -> float:
+        """How far before the path's start the leader begins, straight ahead."""
+        return self.start.run_in_s * self.path.speed_mps
 
     def at_speed(self, speed_mps: float) -> Scenario:
         """Return the scenario with another speed along the path."""

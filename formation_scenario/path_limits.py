@@ -186,7 +186,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
     if terrain is None:
         return list(_over_plain(scenario))
     ground, flat = scenario.ground, scenario.path.written
-    begin_m = -scenario.start.run_in_s * scenario.path.speed_mps
+    begin_m = -scenario.run_in_m
     places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
     unknown = list(_unknown_ground(scenario, ground, places, points))
@@ -278,7 +278,7 @@ def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...
     fence = scenario.safety.fence
     if fence is None:
         return
-    begin_m = -scenario.start.run_in_s * scenario.path.speed_mps if from_m <= 0.0 else from_m
+    begin_m = -scenario.run_in_m if from_m <= 0.0 else from_m
     sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
     yield from _fence_heights(fence, sampled, flyers)
     if fence.corners_m is not None:

@@ -95,7 +95,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     return LeaderGuidance(
         path=scenario.leader_path,
         speed_mps=scenario.path.speed_mps,
-        run_in_m=scenario.start.run_in_s * scenario.path.speed_mps,
+        run_in_m=scenario.run_in_m,
         hold_radius_m=hold_radius_m(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
     )

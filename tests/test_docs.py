@@ -12,7 +12,17 @@ from formation_scenario.schema import scenario_reference, scenario_schema
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 CODE = r"`([\w./-]+\.(?:py|ya?ml|md|schema\.json))`"
-PACKAGES = ("airlink", "formation_scenario", "sim_vehicles", "gcs_formation", "tests", "benchmarks", "configs", "docs")
+PACKAGES = (
+    "airlink",
+    "flight_model",
+    "formation_scenario",
+    "sim_vehicles",
+    "gcs_formation",
+    "tests",
+    "benchmarks",
+    "configs",
+    "docs",
+)
 FOLDER = rf"`((?:{'|'.join(PACKAGES)})/[\w/]*)`"
 FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.*")}
 """Names that may stand alone, where a document has said before which folder is meant."""

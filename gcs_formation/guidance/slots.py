@@ -54,7 +54,7 @@ class FormationPlan:
         """(C, 3) the slots of the arrangement, where all come to rest."""
         self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
         self.offset_m[0] = 0.0
-        self.kept_m = max(scenario.safety.separation_m, scenario.safety.avoidance.distance_m)
+        self.kept_m = scenario.safety.kept_m
         """Distance that ways to slots are planned to keep."""
         self._pace = 1.0
         """Share of their planned speed at which slots move."""

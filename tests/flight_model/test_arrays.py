@@ -1,11 +1,11 @@
-"""Rows turned into columns: the same numbers, wherever a block of rows ends."""
+"""Rows turned into columns, the same numbers wherever a block of rows ends; places beside others."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from flight_model.arrays import BLOCK_BYTES, columns_of
+from flight_model.arrays import BLOCK_BYTES, beside, columns_of
 
 
 @pytest.mark.parametrize("width", [1, 12, 45, BLOCK_BYTES])
@@ -24,3 +24,9 @@ def test_columns_hold_the_rows_numbers_each_in_one_piece(width, over):
 
 def test_no_rows_are_columns_without_numbers():
     assert columns_of(np.empty((0, 3))).shape == (3, 0)
+
+
+def test_right_of_who_heads_east_is_south():
+    north_m, east_m = beside(100.0, 200.0, np.array([0.0, np.pi / 2]), 10.0, 5.0)
+    assert north_m == pytest.approx([110.0, 95.0])
+    assert east_m == pytest.approx([205.0, 210.0])
