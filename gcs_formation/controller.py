@@ -25,7 +25,14 @@ from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader import ASSEMBLED_S, LeaderCommand, LeaderCommands, LeaderWind, amid, points_ahead
+from gcs_formation.guidance.leader_guidance import (
+    ASSEMBLED_S,
+    LeaderCommand,
+    LeaderCommands,
+    LeaderWind,
+    amid,
+    points_ahead,
+)
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state

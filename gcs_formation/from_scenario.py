@@ -14,12 +14,11 @@ from formation_scenario.slot_assignment import column_models
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation import noise
 from gcs_formation.estimation.lags import LagEstimator
-from gcs_formation.estimation.noise import VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader_route import LeaderGuidance
+from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 
 LEAST_OF_DECLARED = 0.25
@@ -58,23 +57,23 @@ def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
 
     Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
     """
-    sigma, least = np.tile(noise.RESOLUTION, (2, 1 + len(scenario.followers), 1))
+    sigma, least = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
     for column, vehicle in enumerate(vehicles, first):
         if isinstance(vehicle.navigation, NoisyNavigation):
             white, shared = _noise(vehicle.navigation), _shared(vehicle.navigation, scenario.telemetry.rate_hz)
-            sigma[column] = np.maximum(shared * white, noise.RESOLUTION)
-            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), noise.RESOLUTION)
+            sigma[column] = np.maximum(shared * white, RESOLUTION)
+            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), RESOLUTION)
         elif vehicle.autopilot != "emulator":
-            sigma[column] = noise.UNDECLARED
+            sigma[column] = UNDECLARED
     stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
     each = zip(sigma.tolist(), least.tolist(), stated, strict=True)
     return [VehicleNoise(tuple(declared), tuple(lowest), stated=says) for declared, lowest, says in each]
 
 
 def _noise(keys: NoisyNavigation) -> Array:
-    """Return standard deviations (6,) in the order of `noise.QUANTITIES`."""
+    """Return standard deviations (6,) in the order of `noise_and_plausibility.QUANTITIES`."""
     position_m, velocity_mps = keys.position_sigma_m, keys.velocity_sigma_mps
     heading_rad = math.radians(keys.heading_sigma_deg)
     return np.array((position_m, position_m, velocity_mps, velocity_mps, keys.airspeed_sigma_mps, heading_rad))

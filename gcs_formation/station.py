@@ -16,7 +16,6 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
-from gcs_formation.event_reporter import Reporter, look_on
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
@@ -29,7 +28,7 @@ from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.phases import COMMANDED, Cause, Phase
-from gcs_formation.recorder import Recorder, Tick
+from gcs_formation.recorder import Recorder, Reporter, Tick
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -62,7 +61,7 @@ class Station(Engine):
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
-        self._reporter = Reporter(recorder, self.vehicles)
+        self._reporter = Reporter(recorder)
         fleet = self.vehicles, self._reporter.event
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.course = Course(
@@ -294,7 +293,8 @@ class Station(Engine):
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)
-        self._reporter.setpoints(self.controller, now)
+        for event in (*controller.separation.changes, *controller.fence.changes):
+            self._recorder.event(event)
         self.controlled_ticks += 1
         if phase is Phase.ASSEMBLING and controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
@@ -310,7 +310,8 @@ class Station(Engine):
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
         mission_s, unused = self.flight.mission_time_s(now), [math.nan] * len(links)
         tick = self.controller.blank_tick(now, mission_s, self.flight.phase.value, links, unused)
-        self._record(look_on(tick, self.vehicles.values(), now))
+        self._dispatch.look_on(tick, now)
+        self._record(tick)
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)

@@ -23,7 +23,7 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
-from gcs_formation.guidance.leader import points_ahead
+from gcs_formation.guidance.leader_guidance import points_ahead
 from gcs_formation.mission.vertical_separation import Stack, stacked
 from gcs_formation.vehicle.telemetry import Motion
 

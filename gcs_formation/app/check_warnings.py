@@ -21,8 +21,7 @@ from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.feasibility import unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from gcs_formation.from_scenario import hold_radius_m
-from gcs_formation.guidance.leader import ASSEMBLED_S
-from gcs_formation.guidance.leader_route import DECISION_S, SETTLE_S
+from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.guidance.tracking import join
 
 PLANES_MOST_HZ = 40.0

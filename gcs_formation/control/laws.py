@@ -16,7 +16,7 @@ from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainSched
 from gcs_formation.control.setpoint import LeaderMotion, Mixer
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.control.velocity_law import VelocityController
-from gcs_formation.guidance.leader import LeaderCommand
+from gcs_formation.guidance.leader_guidance import LeaderCommand
 
 LEAST_FILTER_S = 1e-6
 Nominal = tuple[PidGains, PidGains, PidGains]

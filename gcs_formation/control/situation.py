@@ -12,7 +12,7 @@ from flight_model.slot import Slot, Triple
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.estimation.projection import States
-from gcs_formation.guidance.leader import LeaderCommand
+from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 
 

@@ -27,8 +27,16 @@ from gcs_formation.estimation.kalman import (
     minus,
     spreads,
 )
-from gcs_formation.estimation.noise import PlaceStray, Values, VehicleNoise
-from gcs_formation.estimation.plausibility import IMPLAUSIBLE_SIGMAS, STRAYED, excesses, plausible, weighed
+from gcs_formation.estimation.noise_and_plausibility import (
+    IMPLAUSIBLE_SIGMAS,
+    STRAYED,
+    PlaceStray,
+    Values,
+    VehicleNoise,
+    excesses,
+    plausible,
+    weighed,
+)
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0

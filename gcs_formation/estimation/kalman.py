@@ -14,7 +14,7 @@ from typing import Final
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
 from flight_model.decay import of_climb
-from gcs_formation.estimation.noise import Values
+from gcs_formation.estimation.noise_and_plausibility import Values
 
 Level = tuple[float, float, float, float, float, float]
 """Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
-from flight_model.autopilot_model import Setpoint, finite
+from flight_model.autopilot_model import FlightState, Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note, Tick, VehicleLink
@@ -74,6 +74,19 @@ class Dispatch:
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s
+
+    def look_on(self, tick: Tick, now: Instant) -> None:
+        """Fill in a blank tick at which nobody is commanded: the newest positions as told, and their ages."""
+        tick.active = [False] * len(tick.active)
+        for vehicle in self._vehicles:
+            column, seen = vehicle.column, vehicle.telemetry
+            if seen.motion is None:
+                continue
+            motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan
+            place = motion.north_m, motion.east_m, motion.height_m, motion.climb_mps
+            tick.state[column] = FlightState(*place, seen.airspeed_mps, heading_rad, math.nan, math.nan)
+            if vehicle.clock.samples:
+                tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation.noise import QUANTITIES, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import LAGS_NOTED

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from airlink.clock import Instant
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
-from formation_scenario.slot_assignment import columns
+from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Fence
-from gcs_formation.recorder import Tick
+from gcs_formation.recorder import Event, Tick
 
 HELD_M = 10.0
 """Room beyond a turn away from the fence below which a vehicle is turned away."""
@@ -22,14 +21,6 @@ TURN_RAD = np.pi / 2
 STEP_M = 1.0
 HEADING, HEIGHT = 1, 2
 """Channels of a setpoint."""
-
-
-class Held(NamedTuple):
-    """A vehicle that begins, or ends, to be held inside."""
-
-    column: int
-    text: str
-    begins: bool
 
 
 class FenceLimits:
@@ -43,12 +34,13 @@ class FenceLimits:
         """Take the scenario's fence; the (C,) `models` have the turn rates."""
         self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
-        self._real = np.array([vehicle is not None for vehicle in columns(scenario)])
+        self._identities = column_ids(scenario)
+        self._real = np.array([each is not None for each in self._identities])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._real.size)
         """-1, 1: to which side a column is being turned away."""
         self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
-        self.changes: list[Held] = []
+        self.changes: list[Event] = []
         """What began or ended at the last tick."""
 
     def rest(self) -> None:
@@ -77,7 +69,7 @@ class FenceLimits:
         for row, column in np.argwhere(beyond != self._at_limit).tolist():
             limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
             text = f"height held at {limit_m:g} m" if begins else f"height no longer held at {limit_m:g} m"
-            self.changes.append(Held(column, text, begins))
+            self._report(tick.now, column, text, begins=begins)
         self._at_limit = beyond
 
     def _turn_away(self, tick: Tick, active: Mask, replaced: list[list[bool]]) -> None:
@@ -104,7 +96,7 @@ class FenceLimits:
             speed_mps, _, height_m = tick.setpoints[column]
             tick.setpoints[column] = speed_mps, heading_rad, height_m
             replaced[column][HEADING] = True
-        self._note(which, side, inside_m(self._corners_m, place))
+        self._note(tick.now, which, side, inside_m(self._corners_m, place))
 
     def _inward_rad(self, place: Array) -> Array:
         """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
@@ -112,12 +104,15 @@ class FenceLimits:
         rise = [inside_m(self._corners_m, place + step) - inside_m(self._corners_m, place - step) for step in steps]
         return np.arctan2(rise[1], rise[0])
 
-    def _note(self, which: Indices, side: Array, inside: Array) -> None:
-        now = np.zeros(self._side.size)
-        now[which] = side
+    def _note(self, now: Instant, which: Indices, side: Array, inside: Array) -> None:
+        sides = np.zeros(self._side.size)
+        sides[which] = side
         distance_m = dict(zip(which.tolist(), inside.tolist(), strict=True))
-        for column in np.flatnonzero((now != 0.0) != (self._side != 0.0)).tolist():
-            begins = bool(now[column])
+        for column in np.flatnonzero((sides != 0.0) != (self._side != 0.0)).tolist():
+            begins = bool(sides[column])
             text = f"turned away, {distance_m[column]:.0f} m inside" if begins else "no longer turned away"
-            self.changes.append(Held(column, text, begins))
-        self._side = now
+            self._report(now, column, text, begins=begins)
+        self._side = sides
+
+    def _report(self, now: Instant, column: int, text: str, *, begins: bool) -> None:
+        self.changes.append(Event(now, "fence", text, self._identities[column], {"begins": begins}))

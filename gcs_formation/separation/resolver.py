@@ -8,15 +8,16 @@ from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
+from formation_scenario.slot_assignment import column_ids
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.recorder import Tick
+from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
 from gcs_formation.separation.first_look import FirstLook
@@ -43,18 +44,11 @@ STANDS_MPS: Final = 3.0
 
 @dataclass
 class Encounter:
-    """A vehicle giving way to another, columns of a tick."""
+    """A vehicle giving way to another."""
 
-    vehicle: int
-    other: int
     begun: Instant
-    nearest_m: float
-    """How near they would come without the rule, when it began to act."""
-    in_s: float
-    upwards: bool
-    least_m: float
+    least_m: float = math.inf
     """Least distance since, as the states of the law have it."""
-    ended: Instant | None = None
 
 
 class ConflictResolver:
@@ -73,8 +67,8 @@ class ConflictResolver:
         self._first = 1 if self._virtual else 0
         """The first column that is a vehicle."""
         self._first_look = FirstLook(models[self._first :], float(self._times_s[1]), float(self._times_s[-1]))
-        columns = len(models)
-        self._side, self._turn_rps = [0.0] * columns, [0.0] * columns
+        count = len(models)
+        self._side, self._turn_rps = [0.0] * count, [0.0] * count
         self._last: Measured | None = None
         self._slots: list[Triple] = []
         self._slots_known: list[Triple] | None = None
@@ -84,10 +78,11 @@ class ConflictResolver:
         slots = slot_schedule(scenario)
         self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
         """Reckoned with between vehicles that are commanded."""
+        self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
-        self.changes: list[Encounter] = []
+        self.changes: list[Event] = []
         """What began or ended at the last tick."""
-        self.replaced = [[False] * len(CHANNELS) for _ in range(columns)]
+        self.replaced = [[False] * len(CHANNELS) for _ in range(count)]
         """Speed, heading and height of each column: what the law asked for isn't what is flown."""
 
     def rest(self) -> None:
@@ -144,9 +139,8 @@ class ConflictResolver:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
         self._side = [0.0] * len(self._models)
         sides: list[float] = resolution.side.tolist()
-        columns: list[int] = vehicles.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
-        for column, side, (speed_mps, heading_rad, height_m) in zip(columns, sides, commanded, strict=True):
+        for column, side, (speed_mps, heading_rad, height_m) in zip(vehicles.tolist(), sides, commanded, strict=True):
             if side:
                 setpoint = speed_mps, heading_rad, height_m
                 self._side[column] = side
@@ -266,17 +260,28 @@ class ConflictResolver:
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:
-                upwards = self._side[pair[0]] > 0.0
-                begun = Encounter(*pair, now, conflict.nearest_m, conflict.in_s, upwards, np.inf)
-                self._encounters[pair] = begun
-                self.changes.append(begun)
+                self._encounters[pair] = Encounter(now)
+                way = "upwards" if self._side[pair[0]] > 0.0 else "downwards"
+                apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
+                figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
+                self._report(now, pair, "gives way to", f", {way}: {apart}", figures)
         for pair, encounter in list(self._encounters.items()):
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
                 encounter.least_m = min(encounter.least_m, distance_m)
             if not self._side[pair[0]]:
-                encounter.ended = now
-                self.changes.append(self._encounters.pop(pair))
+                del self._encounters[pair]
+                least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, now)
+                figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
+                text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
+                self._report(now, pair, "no longer gives way to", text, figures)
+
+    def _report(self, now: Instant, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
+        """Report that the first of two vehicles begins or ends to give way to the second."""
+        vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
+        details: dict[str, Detail] = {"other": other}
+        details.update(figures)
+        self.changes.append(Event(now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
 def _off_s(tick: Tick, column: int) -> float:

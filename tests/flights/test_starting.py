@@ -13,7 +13,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
 from flight_model.arrays import wrap
-from gcs_formation.guidance.leader_route import SETTLE_S
+from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.in_memory import Between, World

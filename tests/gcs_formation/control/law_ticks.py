@@ -15,7 +15,7 @@ from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
-from gcs_formation.guidance.leader import LeaderCommand
+from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
 from tests.gcs_formation.tables import Decision, TableLaw

@@ -17,7 +17,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
-from gcs_formation.guidance.leader import LeaderCommand
+from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability.consensus_margins import laplacian
 from tests.gcs_formation import tables

@@ -14,7 +14,7 @@ from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.kalman import Updraught
-from gcs_formation.estimation.noise import RESOLUTION, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.from_scenario import declared_noise
 from tests.flights.conftest import scenario

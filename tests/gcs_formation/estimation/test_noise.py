@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.noise import MOST_STRAY, PlaceStray, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import MOST_STRAY, PlaceStray, VehicleNoise
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)

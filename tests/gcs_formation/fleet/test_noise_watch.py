@@ -7,7 +7,7 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from gcs_formation.estimation.noise import VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import VehicleNoise
 from gcs_formation.fleet.margin_watch import NoiseWatch
 from tests.gcs_formation.noted import Noted
 

@@ -9,7 +9,7 @@ import pytest
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
-from gcs_formation.guidance.leader_route import LeaderGuidance
+from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from tests.flights.conftest import scenario
 
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.event_reporter import words
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.resolver import ConflictResolver
@@ -122,7 +122,7 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
     assert crossing.gives_way(at_s=0.0)
     crossing.heading[1] += 0.2
     assert not crossing.gives_way(at_s=1.0)
-    assert crossing.resolver.changes[0].ended is not None
+    assert crossing.resolver.changes[0].details["begins"] is False
 
 
 @pytest.mark.parametrize(
@@ -168,22 +168,19 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     crossing = Crossing()
     crossing.keep()
     (begun,) = crossing.resolver.changes
-    assert (begun.vehicle, begun.other, begun.ended) == (0, 1, None)
-    assert begun.nearest_m == pytest.approx(6.0, abs=0.1)
-    assert begun.in_s == pytest.approx(5.0, abs=0.5)
-    text, _ = words(begun, {0: "1", 1: "2"})
-    assert text.startswith(
-        f"gives way to 2, {'upwards' if begun.upwards else 'downwards'}: they would be 6.0 m apart in"
-    )
+    assert (str(begun.vehicle), begun.details["other"], begun.details["begins"]) == ("1", "2", True)
+    assert begun.details["nearest_m"] == pytest.approx(6.0, abs=0.1)
+    assert begun.details["in_s"] == pytest.approx(5.0, abs=0.5)
+    assert re.match("gives way to 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
     crossing.north[0], crossing.east[1] = -44.0, 44.0
     crossing.keep(at_s=3.0)
     assert crossing.resolver.changes == []
     crossing.north[0], crossing.east[1] = 300.0, -300.0
     crossing.keep(at_s=20.0)
-    assert crossing.resolver.changes == [begun]
-    text, figures = words(begun, {0: "1", 1: "2"})
-    assert text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
-    assert figures["lasted_s"] == pytest.approx(20.0)
+    (ended,) = crossing.resolver.changes
+    assert ended.text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
+    assert ended.details["lasted_s"] == pytest.approx(20.0)
+    assert ended.details["begins"] is False
     crossing.keep(at_s=20.1)
     assert crossing.resolver.changes == []
 
