@@ -208,11 +208,14 @@ class ConflictResolver:
         return FlightStates.from_each(states).turned(turn_rps, over_s)
 
     def _floor_m(self, state: FlightStates) -> Array:
-        """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on."""
-        over_s = self._times_s[:, None]
-        north_m = state.north_m + over_s * state.airspeed_mps * np.cos(state.heading_rad)
-        east_m = state.east_m + over_s * state.airspeed_mps * np.sin(state.heading_rad)
-        return self._ground.height(north_m, east_m).max(axis=0) + self._clearance_m + self._keys.distance_m
+        """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on.
+
+        Where that isn't known, nobody is sent down.
+        """
+        over_s, (north_mps, east_mps) = self._times_s[:, None], state.ground_mps
+        north_m, east_m = state.north_m + over_s * north_mps, state.east_m + over_s * east_mps
+        ground_m = self._ground.height(north_m, east_m).max(axis=0)
+        return np.where(np.isnan(ground_m), state.height_m, ground_m + self._clearance_m + self._keys.distance_m)
 
     def _watch_turns(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands."""

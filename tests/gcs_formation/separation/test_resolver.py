@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -191,3 +192,37 @@ def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
     for tenth in range(3):
         crossing.keep(at_s=0.1 * tenth)
     assert crossing.resolver.kept_m == 10.5
+
+
+def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) -> float:
+    """Return the height that a vehicle may be sent down to which flies northwards with 22 m/s, 100 m high."""
+    planned = load_scenario(scenario(**keys))
+    resolver = ConflictResolver(planned, SetpointHistory(planned.law.rate_hz), autopilot_models(planned))
+    values = north_m, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, wind_east_mps
+    return float(resolver._floor_m(FlightStates.of(np.array([values]).T))[0])
+
+
+def test_who_is_sent_down_is_clear_of_ground_that_the_wind_takes_it_over() -> None:
+    """Within 12 s it comes 264 m to the north, where a hill of 40 m stands 120 m to the east.
+
+    Places are looked at a few metres from each other.
+    """
+    hill = {"north_m": 264, "east_m": 120, "height_m": 40, "radius_m": 20}
+    keys = {"terrain": {"hills": [hill], "clearance_m": 20}, "safety": {"clearance_m": 5, "separation_m": 5}}
+    assert floor_m(keys, 0.0) == pytest.approx(5.0 + 10.0, abs=0.1)
+    assert floor_m(keys, 0.0, wind_east_mps=10.0) == pytest.approx(40.0 + 5.0 + 10.0, abs=2.0)
+
+
+def test_over_ground_that_is_not_known_nobody_is_sent_down_and_anybody_may_be_sent_up(tmp_path: Path) -> None:
+    """The tile's values end 1112 m north of the origin."""
+    heights_m = np.full((1201, 1201), 30, dtype=">i2")
+    heights_m[:599] = -32768
+    heights_m.tofile(tmp_path / "N35E125.hgt")
+    keys = {
+        "terrain": {"file": str(tmp_path / "N35E125.hgt")},
+        "origin": {"lat_deg": 35.49, "lon_deg": 125.5},
+        "start": {"in_air": True},
+        "path": {"waypoints_m": [[0, 0, 100], [900, 0, 100]]},
+    }
+    assert floor_m(keys, 0.0) == pytest.approx(30.0 + 5.0 + 10.0)
+    assert floor_m(keys, 1000.0) == 100.0
