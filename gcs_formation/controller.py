@@ -31,7 +31,7 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderCommands,
     LeaderWind,
     amid,
-    points_ahead,
+    way_ahead,
 )
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
@@ -117,11 +117,7 @@ class FormationController:
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return how far north and east the leader gets along its route within some time, m, point by point."""
         route, begin_m = self.guidance.route, self.guidance.distance_m
-        if route is None:
-            return [(0.0, 0.0)]
-        here = route.at(begin_m)
-        points = [route.at(begin_m + far_m) for far_m in points_ahead(seconds * self.guidance.speed_mps)]
-        return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
+        return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
     def take(self, samples: dict[int, Sample]) -> None:
         """Take the newest sample of each column that has one."""

@@ -143,7 +143,7 @@ class Station(Engine):
         """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self._each:
-                vehicle.was_not_asked(now)
+                vehicle.forget_probes(now)
         if now >= self._heartbeats.next_probe:
             self._send_all(self._heartbeats.probes(now), now)
         if now >= self._next_tick:
@@ -155,13 +155,13 @@ class Station(Engine):
     def tick(self, now: Instant) -> None:
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
-        if self._heartbeats.greets(now):
+        if self._heartbeats.heartbeat_due(now):
             if self.flight.phase in COMMANDED:
                 self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
             self._noise.watch(now, [each.noise for each in self.controller.estimator.filters])
             unguided = self._dispatch.unguided(now)
-            self._send_all(self._heartbeats.greetings(self.flight.mission_time_s(now), unguided, now), now)
+            self._send_all(self._heartbeats.heartbeats(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
         self._watch_links(now)
         self._start_vehicles(now)

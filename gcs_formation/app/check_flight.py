@@ -23,9 +23,9 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
-from gcs_formation.guidance.leader_guidance import points_ahead
+from gcs_formation.guidance.leader_guidance import way_ahead
 from gcs_formation.mission.vertical_separation import Stack, stacked
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.telemetry import ReportedMotion
 
 SIGMAS = 2.0
 """Standard deviations of the difference of two vehicles' gusts along the path that should be left of a speed."""
@@ -129,7 +129,9 @@ class _Climb:
         up_m = np.fmax(self._end.height_m + self._slots_m[:, 2], lowest_m).tolist()
         each = zip(north_m[:, 0].tolist(), east_m[:, 0].tolist(), up_m, strict=True)
         climb_mps = self._end.slope * self._speed_mps
-        self._begin = {VehicleId(1, at): Motion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)}
+        self._begin = {
+            VehicleId(1, at): ReportedMotion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)
+        }
         self._stack = Stack(scenario.safety.avoidance.distance_m, stand=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
@@ -167,8 +169,7 @@ class _Climb:
             )
 
     def _ahead(self, seconds: float) -> list[tuple[float, float]]:
-        points = [self._path.at(self._end_m + far_m) for far_m in points_ahead(seconds * self._speed_mps)]
-        return [(point.north_m - self._end.north_m, point.east_m - self._end.east_m) for point in points]
+        return way_ahead(self._path, self._end_m, seconds * self._speed_mps)
 
     def _too_low(self) -> Iterator[str]:
         """Yield the lowest clearance on the way straight on, until the last vehicle is at its height."""
@@ -194,7 +195,7 @@ class _Climb:
         return beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
 
 
-def _climbed_m(model: AutopilotModel, begin: Motion, goal_m: float, count: int) -> list[float]:
+def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, count: int) -> list[float]:
     """Return the heights of a vehicle that is told another one, every `STEP_S`."""
     state = FlightState(0.0, 0.0, begin.height_m, begin.climb_mps, model.speed_min_mps, 0.0, 0.0, 0.0)
     heights_m = [state.height_m]

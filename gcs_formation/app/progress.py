@@ -133,7 +133,7 @@ def _where(station: Station) -> tuple[str, ...]:
 
 def _worst_error(station: Station) -> tuple[str, ...]:
     tick = station.last_tick
-    errors_m = np.array(() if tick is None else tick.error_m[1:])
+    errors_m = np.array(() if tick is None else tick.error_m)
     if np.isnan(errors_m).all():
         return ("",)
     worst = np.nanmax(np.abs(errors_m), axis=0)

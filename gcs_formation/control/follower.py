@@ -16,7 +16,7 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import UNKNOWN, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.fuzzy_pid import Channel, FuzzyGainScheduler, GainRange, Gains, Pid
+from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, GainRange, Gains, Pid
 from gcs_formation.control.setpoint import (
     TRAIL_S,
     Envelope,
@@ -48,9 +48,9 @@ class LawParameters:
 
     mixer: Mixer
     frame: Frame
-    speed: Channel
-    heading: Channel
-    height: Channel
+    speed: ChannelConstants
+    heading: ChannelConstants
+    height: ChannelConstants
     gain_range: GainRange
     scheduler: FuzzyGainScheduler | None
     """None for the plain PID: gains stay nominal."""

@@ -154,7 +154,7 @@ FIXED_GAINS = GainRange(base=1.0, span=0.0)
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelConstants:
     """Constants of one channel's controller."""
 
     nominal: PidGains
@@ -170,7 +170,7 @@ class Pid:
 
     __slots__ = ("_channel", "_gain_range", "_kept", "_kept_for_s", "_scheduler", "integral", "kd", "ki", "kp", "rate")
 
-    def __init__(self, channel: Channel, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
+    def __init__(self, channel: ChannelConstants, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
         """Start at rest, with the integrator at trim (29); without a scheduler gains stay nominal."""
         self._channel = channel
         self._gain_range = gain_range
@@ -187,7 +187,7 @@ class Pid:
         """Start again."""
         self.integral = self.rate = 0.0
 
-    def retune(self, channel: Channel) -> None:
+    def retune(self, channel: ChannelConstants) -> None:
         """Go on with other constants; what is integrated and filtered stays."""
         self._channel, self._kept, self._kept_for_s = channel, 1.0, 0.0
 

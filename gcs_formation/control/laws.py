@@ -12,7 +12,7 @@ from formation_scenario import Scenario
 from formation_scenario import formation as keys
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters, Pair
-from gcs_formation.control.fuzzy_pid import FIXED_GAINS, Channel, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.setpoint import LeaderMotion, Mixer
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.control.velocity_law import VelocityController
@@ -129,7 +129,7 @@ def law_parameters(scenario: Scenario) -> LawParameters:
     """Return the constants of a law in which each follows the leader by controllers of its own."""
     law = scenario.law
     speed, heading, height = (
-        Channel(
+        ChannelConstants(
             PidGains(gains.kp, gains.ki, gains.kd, max(gains.filter_s, LEAST_FILTER_S)),
             channel.error_scale,
             channel.rate_scale,

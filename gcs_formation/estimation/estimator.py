@@ -17,15 +17,15 @@ from flight_model.design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,
-    Along,
     HeightCovariance,
     LevelCovariance,
     Updraught,
+    VelocityJacobian,
     correct_height,
     correct_level,
     innovation,
+    innovation_variances,
     minus,
-    spreads,
 )
 from gcs_formation.estimation.noise_and_plausibility import (
     IMPLAUSIBLE_SIGMAS,
@@ -144,7 +144,7 @@ class VehicleFilter:
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
         self.updraught = Updraught(followed=updraughts)
-        self._along = Along()
+        self._along = VelocityJacobian()
         """Of the state."""
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
@@ -155,7 +155,7 @@ class VehicleFilter:
     def place(self, state: FlightState, stamp: int) -> None:
         """Set the state."""
         self.state, self.stamp = state, stamp
-        self._along.follow(state)
+        self._along.linearise(state)
 
     def begin(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
@@ -169,7 +169,7 @@ class VehicleFilter:
         self.state = FlightState(
             values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
         )
-        self._along.follow(self.state)
+        self._along.linearise(self.state)
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
         self.updraught.forget()
@@ -194,11 +194,11 @@ class VehicleFilter:
         variances = self.noise.values
         self.stray.learn(values, elapsed_s, variances)
         self._carry(elapsed_s, model, walk)
-        along.follow(predicted)
+        along.linearise(predicted)
         difference = innovation(values, predicted, along)
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
-        own = spreads(self.level, self.height, along, variances)
+        own = innovation_variances(self.level, self.height, along, variances)
         self.noise.learn(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
@@ -206,7 +206,7 @@ class VehicleFilter:
         self.updraught.feel(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
-        along.follow(predicted)
+        along.linearise(predicted)
         self._residual = innovation(values, predicted, along)
         self._implausible = 0 if plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
@@ -214,7 +214,7 @@ class VehicleFilter:
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
             self._begin(values, stamp, winds, (level.wind_north[WIND_NORTH], level.wind_east[WIND_EAST]))
 
-    def _move(self, state: FlightState, along: Along, difference: Values, variances: Values) -> None:
+    def _move(self, state: FlightState, along: VelocityJacobian, difference: Values, variances: Values) -> None:
         """Move a predicted state to where a sample's values, of such noise, have it; the covariances shrink."""
         north, east, speed, heading, wind_north, wind_east = correct_level(self.level, along, difference, variances)
         up, climb = correct_height(self.height, difference, variances)

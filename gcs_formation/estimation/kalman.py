@@ -50,7 +50,7 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def carry(self, along: Along, elapsed_s: float, model: AutopilotModel) -> None:
+    def carry(self, along: VelocityJacobian, elapsed_s: float, model: AutopilotModel) -> None:
         """Carry it on by the derivative F of the states after `elapsed_s` by the states before: F P F^T.
 
         The heading is taken to be constant for that: `along` is of the state before.
@@ -88,16 +88,16 @@ class LevelCovariance:
         self.wind_north = plus(self.wind_north, 1.0, (both, 0.0, 0.0, 0.0, variance, 0.0))
         self.wind_east = plus(self.wind_east, 1.0, (0.0, both, 0.0, 0.0, 0.0, variance))
 
-    def of_north_mps(self, along: Along) -> Level:
+    def of_north_mps(self, along: VelocityJacobian) -> Level:
         """Return the covariances of the states with the velocity over ground to the north."""
         return plus(plus(self.wind_north, along.north_by_speed, self.speed), along.north_by_heading, self.heading)
 
-    def of_east_mps(self, along: Along) -> Level:
+    def of_east_mps(self, along: VelocityJacobian) -> Level:
         """Return the covariances of the states with the velocity over ground to the east."""
         return plus(plus(self.wind_east, along.east_by_speed, self.speed), along.east_by_heading, self.heading)
 
-    def take(self, seen: Level, spread: float, off: float) -> Level:
-        """Return by how much a value that is `off` corrects the states, and take away what it tells.
+    def update(self, seen: Level, spread: float, off: float) -> Level:
+        """Return the correction of the states by a scalar measurement of innovation `off`, and update the covariance.
 
         `seen`: its covariances with the states; `spread`: the variance of its innovation.
         """
@@ -112,8 +112,8 @@ class LevelCovariance:
         return a * share, b * share, c * share, d * share, e * share, f * share
 
 
-class Along:
-    """The derivatives of the velocity over ground, north and east, by airspeed and heading, in a state."""
+class VelocityJacobian:
+    """The derivatives of the velocity over ground, north and east, by airspeed and heading, at a state."""
 
     __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
 
@@ -121,8 +121,8 @@ class Along:
         """Start without a state."""
         self.north_by_speed = self.north_by_heading = self.east_by_speed = self.east_by_heading = 0.0
 
-    def follow(self, state: FlightState) -> None:
-        """Take the derivatives in another state."""
+    def linearise(self, state: FlightState) -> None:
+        """Take the derivatives at another state."""
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         self.north_by_speed, self.north_by_heading = cos, -state.airspeed_mps * sin
         self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
@@ -208,7 +208,7 @@ class Updraught:
             state.updraught_mps += share * (certain_mps - state.updraught_mps)
 
 
-def innovation(sample: Values, state: FlightState, along: Along) -> Values:
+def innovation(sample: Values, state: FlightState, along: VelocityJacobian) -> Values:
     """Return a sample minus the one that a vehicle in `state` would give; `along` is of that state."""
     a, b, c, d, e, f, g, h = sample
     return (
@@ -230,7 +230,9 @@ def minus(values: Values, others: Values) -> Values:
     return a - s, b - t, c - u, d - v, e - w, f - x, g - y, h - z
 
 
-def spreads(level: LevelCovariance, height: HeightCovariance, along: Along, noise: Values) -> Values:
+def innovation_variances(
+    level: LevelCovariance, height: HeightCovariance, along: VelocityJacobian, noise: Values
+) -> Values:
     """Return the variances of a sample's innovations: what comes from the state's, and its values' own `noise`."""
     return (
         level.north[NORTH] + noise[0],
@@ -244,25 +246,25 @@ def spreads(level: LevelCovariance, height: HeightCovariance, along: Along, nois
     )
 
 
-def correct_level(covariance: LevelCovariance, along: Along, off: Values, noise: Values) -> Level:
+def correct_level(covariance: LevelCovariance, along: VelocityJacobian, off: Values, noise: Values) -> Level:
     """Return by how much a sample's values correct the states, and take what they tell from the covariance.
 
     `off` and `noise` are the innovations and variances of all eight values.
     """
     seen = covariance.north
-    found = covariance.take(seen, seen[NORTH] + noise[0], off[0])
+    found = covariance.update(seen, seen[NORTH] + noise[0], off[0])
     seen = covariance.east
-    found = plus(found, 1.0, covariance.take(seen, seen[EAST] + noise[1], off[1] - found[EAST]))
+    found = plus(found, 1.0, covariance.update(seen, seen[EAST] + noise[1], off[1] - found[EAST]))
     seen = covariance.of_north_mps(along)
     left = off[3] - along.north_mps(found)
-    found = plus(found, 1.0, covariance.take(seen, along.north_mps(seen) + noise[3], left))
+    found = plus(found, 1.0, covariance.update(seen, along.north_mps(seen) + noise[3], left))
     seen = covariance.of_east_mps(along)
     left = off[4] - along.east_mps(found)
-    found = plus(found, 1.0, covariance.take(seen, along.east_mps(seen) + noise[4], left))
+    found = plus(found, 1.0, covariance.update(seen, along.east_mps(seen) + noise[4], left))
     seen = covariance.speed
-    found = plus(found, 1.0, covariance.take(seen, seen[SPEED] + noise[6], off[6] - found[SPEED]))
+    found = plus(found, 1.0, covariance.update(seen, seen[SPEED] + noise[6], off[6] - found[SPEED]))
     seen = covariance.heading
-    return plus(found, 1.0, covariance.take(seen, seen[HEADING] + noise[7], off[7] - found[HEADING]))
+    return plus(found, 1.0, covariance.update(seen, seen[HEADING] + noise[7], off[7] - found[HEADING]))
 
 
 def correct_height(covariance: HeightCovariance, off: Values, noise: Values) -> tuple[float, float]:

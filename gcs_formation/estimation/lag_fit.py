@@ -9,7 +9,7 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot_model import squared, within
-from gcs_formation.estimation.lag_simulation import Tracks
+from gcs_formation.estimation.lag_simulation import ResidualBatch
 
 RATIO_MAX: Final = 2.0
 """A lag is found between the believed one divided and multiplied by this."""
@@ -115,7 +115,7 @@ class Persistence:
         return (GUST_WORTH * GUST_ALIKE + self._count * seen) / (GUST_WORTH + self._count)
 
 
-class Channel:
+class LagFit:
     """A vehicle's airspeed, heading or height: what was seen, and the P lags that fit it."""
 
     def __init__(self, nodes: Nodes, resolution: float, rate_hz: float, *, in_use: bool) -> None:
@@ -147,7 +147,7 @@ class Channel:
         self._calm_square = self._calm_total = self._calm_count = 0.0
         """Sums over recent samples of batches that don't show lags: of residuals, and of 1."""
 
-    def learn(self, tracks: Tracks) -> bool:
+    def learn(self, tracks: ResidualBatch) -> bool:
         """Take a batch of samples. Fit the lags anew if it shows any, or while they still change; return whether.
 
         Where simulations of all lags are the same, samples only tell how large and how lasting other residuals are.
@@ -178,7 +178,7 @@ class Channel:
         self._calm_total *= STILL_RECENT
         self._calm_count *= STILL_RECENT
 
-    def _add(self, tracks: Tracks) -> None:
+    def _add(self, tracks: ResidualBatch) -> None:
         """Add a batch that shows lags to the sums."""
         _keep(self._all, self._kept)
         _keep(self._recent, self._still_recent)
@@ -186,7 +186,7 @@ class Channel:
         for sample in range(tracks.count):
             _add(tracks.rows[sample], self._all, self._recent)
 
-    def _take(self, tracks: Tracks, weights: vec[float], *, calm: bool) -> None:
+    def _take(self, tracks: ResidualBatch, weights: vec[float], *, calm: bool) -> None:
         """Take what lags leave of a batch, by these weights; it's `calm` if it shows none."""
         square = total = 0.0
         for sample in range(tracks.count):
@@ -270,7 +270,7 @@ def _dot(one: vec[float], other: vec[float]) -> float:
 
 
 def _keep(sums: vec[vec[float]], share: float) -> None:
-    """Forget all but a share."""
+    """Scale all sums by a share: exponential forgetting."""
     for row in sums:
         for place in range(len(row)):
             row[place] = row[place] * share

@@ -22,12 +22,12 @@ STEP_NS: Final = 100_000_000
 ALIKE_NS: Final = 1_000_000
 """Steps that differ by no more are taken as equally long, so that exponentials are seldom computed. What one leaves out
 of the time, the next one has."""
-Motion = tuple[float, float, float, float]
+Seen = tuple[float, float, float, float]
 """Airspeed, heading, height and climb, m/s, rad, m."""
 
 
-class Tracks:
-    """A vehicle's batch of samples of a channel: of each, K simulations minus telemetry, and 1."""
+class ResidualBatch:
+    """A vehicle's residuals of one channel: of each of some samples, the K simulations minus telemetry, then 1."""
 
     __slots__ = ("count", "rows")
 
@@ -203,7 +203,7 @@ class Samples:
         """In order, ns."""
         self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * most) for _ in range(3))
 
-    def add(self, stamp: i64, motion: Motion) -> None:
+    def add(self, stamp: i64, motion: Seen) -> None:
         """Add one, unless it isn't newer."""
         if self.count > 0 and stamp <= self.stamps[self.count - 1]:
             return
@@ -246,7 +246,7 @@ class Bank:
         """The instant of the simulations, ns."""
         self._step: i64 = 0
 
-    def begin(self, learnt: list[bool], stamp: i64, seen: Motion) -> None:
+    def begin(self, learnt: list[bool], stamp: i64, seen: Seen) -> None:
         """Begin those simulations, of airspeed, heading and height, anew that aren't `learnt` from what was `seen`."""
         self.flying = not math.isnan(seen[0])
         speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
@@ -259,7 +259,7 @@ class Bank:
         if not learnt[2]:
             self._heights.begin(height_m, climb_mps)
 
-    def fly(self, samples: Samples, sent: SentSetpoints, batch: list[Tracks]) -> list[bool]:
+    def fly(self, samples: Samples, sent: SentSetpoints, batch: list[ResidualBatch]) -> list[bool]:
         """Put the simulations minus telemetry into a batch of airspeed, heading and height, without samples.
 
         Return of which of them lags are to be learnt: of those that kept clear of the rate limits; of none if the

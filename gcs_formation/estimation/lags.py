@@ -15,8 +15,8 @@ from typing import Final
 from mypy_extensions import i64
 
 from flight_model.autopilot_model import AutopilotModel
-from gcs_formation.estimation.lag_fit import BATCH_S, Channel, Nodes
-from gcs_formation.estimation.lag_simulation import Bank, Motion, Samples, Tracks
+from gcs_formation.estimation.lag_fit import BATCH_S, LagFit, Nodes
+from gcs_formation.estimation.lag_simulation import Bank, ResidualBatch, Samples, Seen
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
@@ -39,11 +39,11 @@ class VehicleLags:
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
         self._bank = Bank(model, air.at, height.at)
         each = list(zip((air, air, height), RESOLUTION, strict=True))
-        self.channels = [Channel(nodes, finest, hz, in_use=in_use) for nodes, finest in each]
+        self.channels = [LagFit(nodes, finest, hz, in_use=in_use) for nodes, finest in each]
         """Airspeed, heading, height."""
-        self._batch = [Tracks(len(nodes.at), samples) for nodes, _ in each]
+        self._batch = [ResidualBatch(len(nodes.at), samples) for nodes, _ in each]
         self._in_use = in_use
-        self._motion: Motion = (math.nan, math.nan, math.nan, math.nan)
+        self._motion: Seen = (math.nan, math.nan, math.nan, math.nan)
         self._stamp: i64 = 0
         self._samples = Samples(samples + 1)
         self._learning = True
@@ -52,7 +52,7 @@ class VehicleLags:
         """Return logarithms of its lags by the believed ones: of airspeed, of heading, and both of height."""
         return [each for channel in self.channels for each in channel.log_ratio]
 
-    def hear(self, stamp: i64, motion: Motion) -> None:
+    def hear(self, stamp: i64, motion: Seen) -> None:
         """Take its motion as measured at `stamp`."""
         self._stamp, self._motion = max(stamp, self._stamp), motion
 
@@ -117,7 +117,7 @@ class LagEstimator:
         """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
         return [[each.channels[place].misfit for each in self.vehicles] for place in range(len(RESOLUTION))]
 
-    def hear(self, column: int, stamp: int, motion: Motion) -> None:
+    def hear(self, column: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
         self.vehicles[column].hear(stamp, motion)
 

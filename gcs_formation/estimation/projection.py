@@ -63,12 +63,12 @@ class Projection:
         return measured
 
 
-class Sampled:
+class TickStates:
     """What was known of every vehicle at a tick."""
 
     __slots__ = ("carried_east_m", "carried_north_m", "stamps", "states")
 
-    def __init__(self, stamps: list[int], states: list[FlightState], before: Sampled | None) -> None:
+    def __init__(self, stamps: list[int], states: list[FlightState], before: TickStates | None) -> None:
         """Take the states at their stamps, in ns, and what the sample of the tick before knew."""
         self.stamps = vec[i64](stamps)
         self.states = states
@@ -92,7 +92,7 @@ class WhenSetpointsAct(States):
     def __init__(
         self,
         acts: list[int],
-        samples: list[Sampled],
+        samples: list[TickStates],
         history: SetpointHistory,
         models: list[AutopilotModel],
         between_messages: int,
@@ -123,7 +123,7 @@ class WhenSetpointsAct(States):
         self._history.carry(state, since, self._acts[whose], which, self._models[which])
         return state
 
-    def _meet(self, state: FlightState, whose: int, met: Sampled, since: i64) -> None:
+    def _meet(self, state: FlightState, whose: int, met: TickStates, since: i64) -> None:
         """Move a state at `since` to where the wind has carried it that `whose` has met since the sample `met`.
 
         The prediction takes the wind to have been as it is now since the beginning.
@@ -140,7 +140,7 @@ class WhenSetpointsAct(States):
         state.east_m += east_m - east_mps * ago_s
         state.wind_east_mps += east_mps
 
-    def _nearest(self, vehicle: i64, stamp: i64) -> Sampled:
+    def _nearest(self, vehicle: i64, stamp: i64) -> TickStates:
         """Return the sample of a vehicle that is nearest to a stamp."""
         best = index = len(self._samples) - 1
         nearest = _apart(self._samples[best].stamps[vehicle], stamp)
@@ -170,7 +170,7 @@ class Prediction(Projection):
         self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
         self._models = models
-        self._samples: list[Sampled] = []
+        self._samples: list[TickStates] = []
 
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
@@ -181,7 +181,7 @@ class Prediction(Projection):
         before = self._samples[-1] if self._samples else None
         if len(self._samples) == self._history.length:
             del self._samples[0]
-        self._samples.append(Sampled(stamps, measured.states, before))
+        self._samples.append(TickStates(stamps, measured.states, before))
         return WhenSetpointsAct(measured.acts, self._samples, self._history, self._models, self._between_messages)
 
 

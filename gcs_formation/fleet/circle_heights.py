@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.telemetry import ReportedMotion
 
 STACK_M = 15.0
 """Vertical distance of circles that may meet."""
@@ -101,7 +101,7 @@ class Band(NamedTuple):
 
 
 def loiter_heights(
-    places: Mapping[VehicleId, Motion],
+    places: Mapping[VehicleId, ReportedMotion],
     floor_m: float = -math.inf,
     taken: Sequence[Band] = (),
     apart_m: float = STACK_M,
@@ -125,7 +125,7 @@ def opening_limit_s(climb_m: float, climb_mps: float) -> float:
     return max(OPENING_LIMIT_S, climb_m / climb_mps + OPENING_RESERVE_S)
 
 
-def may_meet(one: Motion, other: Motion) -> bool:
+def may_meet(one: ReportedMotion, other: ReportedMotion) -> bool:
     """Return whether circles that begin at two places may meet."""
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
 

@@ -22,7 +22,7 @@ LOOKED_AT = 12
 """Round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
 
 
-class Bounds(NamedTuple):
+class UtcBounds(NamedTuple):
     """UTC minus our clock by one vehicle, s: causality allows what is within `reach_s` of `middle_s`."""
 
     middle_s: float
@@ -35,7 +35,7 @@ class Bounds(NamedTuple):
         return abs(utc_s - self.middle_s) <= self.reach_s + SLACK_S
 
 
-def agreed_s(bounds: Sequence[Bounds], before_s: float = math.nan) -> float:
+def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
     """Return UTC minus our clock that most vehicles allow; NaN without vehicles, or where there is no majority.
 
     What was agreed before stands while most allow it. Else it's the median of those that agree, within what they allow.
@@ -86,7 +86,7 @@ class CommonClock:
             change_s = 0.0 if math.isnan(self._utc_s) else found_s - self._utc_s
             self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
 
-    def _judge(self, vehicle: Vehicle, bounds: Bounds | None, now: Instant, slew_s: float) -> None:
+    def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
         why = self._why_not(vehicle, bounds)
         flies = vehicle.member is Member.FLYING
         vehicle.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
@@ -98,7 +98,7 @@ class CommonClock:
             found = went_on if jump_s else "its stamps are mapped by its UTC"
             self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
 
-    def _why_not(self, vehicle: Vehicle, bounds: Bounds | None) -> str | None:
+    def _why_not(self, vehicle: Vehicle, bounds: UtcBounds | None) -> str | None:
         if bounds is None:
             return vehicle.gnss.why_not() if vehicle.gnss else None
         if math.isnan(self._utc_s):
@@ -109,8 +109,8 @@ class CommonClock:
         return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
 
 
-def _bounds(vehicle: Vehicle) -> Bounds | None:
+def _bounds(vehicle: Vehicle) -> UtcBounds | None:
     clock = vehicle.gnss
     if clock is None or clock.why_not() is not None:
         return None
-    return Bounds(clock.station_utc_s(), clock.shortest_s / 2)
+    return UtcBounds(clock.station_utc_s(), clock.shortest_s / 2)

@@ -18,7 +18,7 @@ from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS, heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 CHECK_S: Final = 0.4
@@ -159,7 +159,7 @@ class _Flier:
             speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
         # Nobody acknowledges setpoints: answers to probes show that it hears. One that can stand has any course there.
-        hears = self.vehicle.talks_on_s <= UNANSWERED_S
+        hears = self.vehicle.unanswered_s <= UNANSWERED_S
         return hears, hears and not self.vehicle.autopilot.stands, hears
 
     def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
@@ -274,7 +274,7 @@ class ConformanceMonitor:
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
         for vehicle in self._vehicles:
-            missing = vehicle.talks_on_s > UNANSWERED_S
+            missing = vehicle.unanswered_s > UNANSWERED_S
             if not missing and not self._unanswered:
                 continue
             identity = vehicle.identity
@@ -333,7 +333,7 @@ class ConformanceMonitor:
                 self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
 
 
-def _by_course(state: FlightState, seen: Motion | None) -> FlightState:
+def _by_course(state: FlightState, seen: ReportedMotion | None) -> FlightState:
     """Return a state with the heading that the course over ground shows."""
     shown = state.copy()
     if seen is not None:

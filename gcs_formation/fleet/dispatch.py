@@ -189,14 +189,14 @@ class HeartbeatScheduler:
         """Make the next heartbeat, and the mission time with it, due at once."""
         self._next_heartbeat = now
 
-    def greets(self, now: Instant) -> bool:
+    def heartbeat_due(self, now: Instant) -> bool:
         """Return whether a heartbeat is due; if so, schedule the next one."""
         if now < self._next_heartbeat:
             return False
         self._next_heartbeat = after(now, HEARTBEAT_S)
         return True
 
-    def greetings(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:
+    def heartbeats(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return the heartbeat of every vehicle but the `unguided`, and the mission time once there is one."""
         found = list[tuple[Vehicle, Message]]()
         for identity, vehicle in self._vehicles.items():

@@ -43,7 +43,7 @@ class Look:
         self.messages = messages
 
 
-class Streams:
+class RequestedMessages:
     """The messages requested from one vehicle, and what has arrived."""
 
     def __init__(self, rates_hz: Mapping[int, float]) -> None:
@@ -97,7 +97,7 @@ class MessageIntervals:
 
     def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Watch `vehicles`."""
-        self._streams = [(each, Streams(each.rates_hz)) for each in vehicles.values()]
+        self._streams = [(each, RequestedMessages(each.rates_hz)) for each in vehicles.values()]
         self._note = note
         self._next_look = Instant(0)
 
@@ -112,7 +112,7 @@ class MessageIntervals:
             elif vehicle.commands.outcome is not Outcome.WAITING:
                 self._judge(vehicle, streams, now)
 
-    def _judge(self, vehicle: Vehicle, streams: Streams, now: Instant) -> None:
+    def _judge(self, vehicle: Vehicle, streams: RequestedMessages, now: Instant) -> None:
         streams.look(vehicle, now)
         missing = streams.too_few()
         if vehicle.connection.state is LinkState.MUTE and m.MAVLINK_MSG_ID_HEARTBEAT not in missing:
@@ -126,7 +126,7 @@ class MessageIntervals:
             self._note(now, "streams", f"sends {_names(streams.missing)} again", vehicle)
             streams.missing, streams.refused, streams.wait_s = (), False, ASK_AGAIN_S
 
-    def _request(self, vehicle: Vehicle, streams: Streams, missing: tuple[int, ...], now: Instant) -> None:
+    def _request(self, vehicle: Vehicle, streams: RequestedMessages, missing: tuple[int, ...], now: Instant) -> None:
         if not set(missing) <= set(streams.missing):
             text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
             self._note(now, "streams", text, vehicle, {"messages": _names(missing)})

@@ -86,7 +86,7 @@ class Membership:
         self._circles_m: Mapping[VehicleId, float] | None = None
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
-        """Until when each has been."""
+        """When each was last told to loiter."""
 
     def leader_lost(
         self,

@@ -53,9 +53,14 @@ AHEAD_M: Final = 165.0
 """Distance of the places along the leader's way around which the ground is looked at."""
 
 
-def points_ahead(way_m: float) -> list[float]:
-    """Return how far along a way the ground is looked at, m: of a longer way the same places, and more."""
-    return [AHEAD_M * each for each in range(1 + math.ceil(way_m / AHEAD_M))]
+def way_ahead(route: Route, begin_m: float, way_m: float) -> list[tuple[float, float]]:
+    """Return how far north and east of a place on a route its next `way_m` lead, m, point by point.
+
+    A longer way has the same points, and more.
+    """
+    here = route.at(begin_m)
+    points = [route.at(begin_m + AHEAD_M * each) for each in range(1 + math.ceil(way_m / AHEAD_M))]
+    return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.mission.ending import Ending, why_not
+from gcs_formation.mission.ending import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.vertical_separation import Opening, stays
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
@@ -169,7 +169,7 @@ class Course:
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""
-        unable = why_not(self._vehicles, self._ground) if manner == "land" else None
+        unable = why_not_land(self._vehicles, self._ground) if manner == "land" else None
         if unable:
             return f"{unable}; allowed: rtl, loiter"
         self.cut_short = self.cut_short or self.flight.phase not in OVER
@@ -197,7 +197,7 @@ class Course:
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
         """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
-        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.called_off()
+        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.call_off()
         ahead = self._controller.ahead_m if opens else stays
         gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
         climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)

@@ -19,7 +19,7 @@ from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFl
 from gcs_formation.link.link_health import TALKING
 from gcs_formation.mission.vertical_separation import Ahead, Stack, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 LOITER_LIMIT_S = 20.0
@@ -65,7 +65,7 @@ class Ending:
             sway_m: how far the air moves vehicles off their heights, a standard deviation.
             climb_mps: how fast all of them climb.
         """
-        self.landings = landings or Landings(lambda: why_not(vehicles, ground))
+        self.landings = landings or Landings(lambda: why_not_land(vehicles, ground))
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
@@ -104,14 +104,14 @@ class Ending:
         climbs_out = any(self._is_pending(identity, self._vehicles[identity]) for identity in self._left)
         self.landings.advance(now, climbs_out=climbs_out)
 
-    def _places(self) -> dict[VehicleId, Motion]:
+    def _places(self) -> dict[VehicleId, ReportedMotion]:
         armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
         return {identity: place for identity, vehicle in armed.items() if (place := place_of(vehicle))}
 
     def hasten(self) -> None:
         """Begin no further landing, and wait for nothing but acknowledgements."""
         self._loiter_s = 0.0
-        self.landings.called_off()
+        self.landings.call_off()
 
     def over(self, waited_s: float) -> bool:
         """Return whether the run is over, this long after vehicles were told to leave."""
@@ -136,7 +136,7 @@ def _keep_down(vehicle: Vehicle, now: Instant) -> None:
     vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now)
 
 
-def why_not(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str | None:
+def why_not_land(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str | None:
     """Return why the flying vehicles can't land where they took off, in words; None if they can."""
     flying = {each: vehicle for each, vehicle in vehicles.items() if _is_ours(vehicle)}
     places = {each: v.take_off.stood if each in flying else v.telemetry.motion for each, v in vehicles.items()}
@@ -180,7 +180,7 @@ class Landings:
         """Add a vehicle that was commanded to circle over its home at a height above the origin."""
         self._waiting = deque(sorted((*self._waiting, (height_m, vehicle)), key=lambda each: each[0]))
 
-    def called_off(self) -> Landings | None:
+    def call_off(self) -> Landings | None:
         """Start no further landing; return this if one has begun, which is completed."""
         self._waiting.clear()
         return self if self._landing is not None else None
@@ -220,7 +220,7 @@ class Landings:
             self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.begin((), now)
-            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
+            said = vehicle.telemetry.last_words
             self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){said}")
         elif waited_s > LANDING_LIMIT_S:
             self._give_up(f"vehicle {vehicle.identity} has not landed within {LANDING_LIMIT_S:g} s")
@@ -234,7 +234,7 @@ def _is_ours(vehicle: Vehicle) -> bool:
     return vehicle.member is not Member.PARTED and vehicle.airborne
 
 
-def _in_way(home: Motion, course_rad: float, place: Motion) -> bool:
+def _in_way(home: ReportedMotion, course_rad: float, place: ReportedMotion) -> bool:
     """Return whether a vehicle that lands at `home` on this course is low at `place`, or rolls there."""
     north_m, east_m = place.north_m - home.north_m, place.east_m - home.east_m
     along_m = north_m * math.cos(course_rad) + east_m * math.sin(course_rad)

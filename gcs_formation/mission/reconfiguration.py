@@ -157,6 +157,7 @@ class Reconfiguration:
         """
         controller, plan = self._controller, self._controller.plan
         present, now_s = self._present(), now / NANOSECONDS
+        taken_over: tuple[DisplacedPath | None, float, float] | None = None
         route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
         if wanted.leader != plan.leader:
             if not present[wanted.leader]:
@@ -165,14 +166,15 @@ class Reconfiguration:
             turn = controller.guidance.turn
             if turn is not None and not turn.over(now):
                 raise NotFlyableError("the formation turns on the spot", "another leader once it stands", 0.0)
-            route, distance_m, swing_rad = self._take_over(wanted.leader, now_s)
+            taken_over = self._take_over(wanted.leader, now)
+            route, distance_m, swing_rad = taken_over
         start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
-        if wanted.leader != plan.leader:
-            self._hand_over(wanted.leader, now)
+        if taken_over is not None:
+            self._hand_over(wanted.leader, *taken_over, now)
         plan.adopt(wanted, way)
         self._wanted, self._planned_for = None, present.tolist()
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
@@ -249,7 +251,7 @@ class Reconfiguration:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
         heir = self.successor(now)
         if heir is not None:
-            self._hand_over(heir, now)
+            self._hand_over(heir, *self._take_over(heir, now), now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
@@ -263,9 +265,11 @@ class Reconfiguration:
     def _want(self, arrangement: Arrangement, now: Instant) -> None:
         self._wanted, self._next_try = arrangement, now
 
-    def _hand_over(self, leader: int, now: Instant) -> None:
+    def _hand_over(
+        self, leader: int, route: DisplacedPath | None, distance_m: float, swing_rad: float, now: Instant
+    ) -> None:
+        """Make another column the leader, with the route of `_take_over`."""
         controller = self._controller
-        route, distance_m, swing_rad = self._take_over(leader, now / NANOSECONDS)
         controller.guidance.take_over(route, distance_m)
         controller.hand_over(leader, swing_rad)
         self._lead_standing(leader, now)
@@ -291,7 +295,7 @@ class Reconfiguration:
             return state.airspeed_mps, state.heading_rad
         return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
 
-    def _take_over(self, leader: int, now_s: float) -> tuple[DisplacedPath | None, float, float]:
+    def _take_over(self, leader: int, now: Instant) -> tuple[DisplacedPath | None, float, float]:
         """Return a successor's route onto the path, its distance along it, and its heading relative to the leader's."""
         controller, guidance = self._controller, self._controller.guidance
         tick = controller.last_tick
@@ -301,7 +305,7 @@ class Reconfiguration:
         swing_rad = math.remainder(self._as_leader(leader, place)[1] - before.heading_rad, math.tau)
         if not guidance.started:
             return None, 0.0, swing_rad
-        slots = controller.plan.seen_from(leader, swing_rad, now_s)
+        slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
         distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
         point = guidance.path.at(distance_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)

@@ -17,7 +17,7 @@ from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.autopilot_family import Step
+from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -155,7 +155,7 @@ class Starting:
         self._note = note
         self._give_up = give_up
         if together:
-            wait = Step("waited for the others to be ready", lambda _: self._all_ready(), timeout_s=TOGETHER_S)
+            wait = StartUpStep("waited for the others to be ready", lambda _: self._all_ready(), timeout_s=TOGETHER_S)
             for vehicle in vehicles.values():
                 vehicle.start_up.steps = (*vehicle.start_up.steps, wait)
 
@@ -205,8 +205,8 @@ class Starting:
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
         reason = vehicle.start_up.failure(vehicle.commands, now)
         if reason:
-            said = f"; it said: '{vehicle.telemetry.texts[-1]}'" if vehicle.telemetry.texts else ""
-            self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{_result(vehicle)}{said}", now)
+            answered = f"{_result(vehicle)}{vehicle.telemetry.last_words}"
+            self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 

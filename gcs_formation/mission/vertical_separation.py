@@ -22,13 +22,12 @@ from gcs_formation.fleet.circle_heights import (
     opening_limit_s,
 )
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
+from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
-FORGOTTEN_AFTER_S = 30.0
-"""For how long one that isn't heard is kept clear of."""
 COMMANDED_M = 0.5
-"""How near its own height one must be told to fly."""
+"""A vehicle counts as sent to its own height once it is told one this near to it, m."""
 BESIDE_M = 5.0
 """What circles are farther apart than vehicles must be, in calm air."""
 SWAY_SIGMAS = 4.0
@@ -48,7 +47,9 @@ class Flier:
 
     __slots__ = ("band", "commanded_m", "place", "steered")
 
-    def __init__(self, place: Motion, commanded_m: float, band: Band | None = None, *, steered: bool = False) -> None:
+    def __init__(
+        self, place: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
+    ) -> None:
         """Take what is known of it.
 
         Args:
@@ -109,7 +110,7 @@ class Stack:
         if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
             self._assign(free, taken)
 
-    def add(self, places: Mapping[VehicleId, Motion]) -> None:
+    def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
         taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
@@ -121,7 +122,7 @@ class Stack:
         self._floor_m = max(floor_m, self._floor_m)
         return raised
 
-    def climb_m(self, places: Mapping[VehicleId, Motion]) -> float:
+    def climb_m(self, places: Mapping[VehicleId, ReportedMotion]) -> float:
         """Return the longest climb from these places to the heights that they would be given."""
         heights_m = loiter_heights(places, self._floor_m, (), self._apart_m, together=self._together)
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
@@ -140,7 +141,7 @@ class Stack:
                     return False
         return True
 
-    def _assign(self, places: Mapping[VehicleId, Motion], taken: Sequence[Band]) -> None:
+    def _assign(self, places: Mapping[VehicleId, ReportedMotion], taken: Sequence[Band]) -> None:
         self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
 
     def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
@@ -162,7 +163,12 @@ class Stack:
 
 
 def stacked(
-    places: Mapping[VehicleId, Motion], stack: Stack, ground: GroundFloor, manner: End, ahead: Ahead, climb_mps: float
+    places: Mapping[VehicleId, ReportedMotion],
+    stack: Stack,
+    ground: GroundFloor,
+    manner: End,
+    ahead: Ahead,
+    climb_mps: float,
 ) -> float:
     """Raise a stack clear of the ground that comes while all climb to it; return for how long they may climb, s.
 
@@ -184,7 +190,9 @@ def stacked(
         seen = len(way)
 
 
-def _floor_m(places: Iterable[Motion], way: Sequence[tuple[float, float]], manner: End, ground: GroundFloor) -> float:
+def _floor_m(
+    places: Iterable[ReportedMotion], way: Sequence[tuple[float, float]], manner: End, ground: GroundFloor
+) -> float:
     """Return the lowest height for all circles: over the ground here and ahead or, to get home, on the ways there."""
     begins = [(place.north_m + north_m, place.east_m + east_m) for place in places for north_m, east_m in way]
     if manner != "loiter":
@@ -258,7 +266,7 @@ class Opening:
         return math.nan if tick is None else tick.setpoints[column][2]
 
 
-def place_of(vehicle: Vehicle) -> Motion | None:
+def place_of(vehicle: Vehicle) -> ReportedMotion | None:
     """Return a vehicle's position; that of one that is taking off has the height at which it will be done."""
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
@@ -266,10 +274,10 @@ def place_of(vehicle: Vehicle) -> Motion | None:
     return _climbed_out(motion, vehicle)
 
 
-def _climbed_out(motion: Motion, vehicle: Vehicle) -> Motion:
+def _climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:
     height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
     velocity = motion.north_mps, motion.east_mps, motion.climb_mps
-    return Motion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
+    return ReportedMotion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
 
 
 def _hull(one: Band, other: Band) -> Band:

@@ -13,7 +13,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.flight import Flight
+from gcs_formation.record.flight import RecordedFlight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
@@ -45,7 +45,7 @@ class RunOutcome:
 
     scenario: Scenario
     clock: str
-    flight: Flight
+    flight: RecordedFlight
     links: Mapping[VehicleId, LinkFigures]
     ticks_s: Array
     """(3, K): when ticks were due and when they began, by the run's clock, and how long they took, in real time."""
@@ -117,7 +117,7 @@ class Verdict:
 
 def judge(
     scenario: Scenario,
-    flight: Flight,
+    flight: RecordedFlight,
     parts: Mapping[str, Any],
     links: Mapping[VehicleId, LinkFigures],
     cut_short: bool,
@@ -155,12 +155,12 @@ def judge(
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
 
 
-def _leads_throughout(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> bool:
+def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> bool:
     leads = flight.vehicles[vehicle]["leads"][flight.window(wanted.from_s, wanted.to_s)] > 0
     return bool(leads.size and leads.all())
 
 
-def _lost_at_s(wanted: Expectation, flight: Flight, vehicle: VehicleId) -> float | None:
+def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> float | None:
     """Return when a follower was down, or without a leader, for the rest of the window; None if it never was.
 
     Where another vehicle has taken over meanwhile, that the first one was lost isn't why this one is.
@@ -182,7 +182,9 @@ def _crashes_at_s(scenario: Scenario, vehicle: VehicleId, by_s: float) -> float 
     return min(crashes_s, default=None)
 
 
-def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, parts: Mapping[str, Any]) -> float | None:
+def _follower_value(
+    wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, parts: Mapping[str, Any]
+) -> float | None:
     """Return a follower's figure over the window; when it settled is of the whole run, for `steady_max` too."""
     settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
     window = flight.window(wanted.from_s, wanted.to_s)
@@ -192,7 +194,7 @@ def _follower_value(wanted: Expectation, flight: Flight, vehicle: VehicleId, par
 def _link_value(
     wanted: Expectation,
     vehicle: VehicleId,
-    flight: Flight,
+    flight: RecordedFlight,
     parts: Mapping[str, Any],
     links: Mapping[VehicleId, LinkFigures],
 ) -> float | None:
@@ -206,7 +208,7 @@ def _link_value(
     return figures.percentiles(values_s * 1e3, int(percentile))[f"p{percentile}"]
 
 
-def _run_value(wanted: Expectation, flight: Flight, parts: Mapping[str, Any]) -> float | None:
+def _run_value(wanted: Expectation, flight: RecordedFlight, parts: Mapping[str, Any]) -> float | None:
     window = flight.window(wanted.from_s, wanted.to_s)
     if wanted.metric == "min_separation_m":
         return float(figures.separation_m(flight, window).min()) if window.any() else None

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, wrap
 from flight_model.slot import CHANNELS
 from formation_scenario.expectation import SETTLED_M
-from gcs_formation.record.flight import Flight
+from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.timeseries import ERROR, ROWS_AT_ONCE, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
@@ -53,7 +53,7 @@ def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
     return found
 
 
-def of_follower(flight: Flight, vehicle: VehicleId, window: Mask, settled_s: float | None) -> dict[str, Any]:
+def of_follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask, settled_s: float | None) -> dict[str, Any]:
     """Return a follower's figures over a (T,) window of ticks, by their names in summary.json.
 
     `settled_s` is since when it is settled in the whole flight, None if it never is.
@@ -112,7 +112,7 @@ def _in_slot(error_m: Array) -> Mask:
     return np.all(np.abs(error_m.T) <= SETTLED_M, axis=0)
 
 
-def separation_m(flight: Flight, window: Mask) -> Array:
+def separation_m(flight: RecordedFlight, window: Mask) -> Array:
     """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
     places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
     _, vehicles, ticks = places.shape
@@ -141,13 +141,13 @@ def _nearest_m(places: Array) -> Array:
     return np.sqrt(squared)
 
 
-def gave_way_s(flight: Flight, window: Mask, rate_hz: float) -> float:
+def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
     """Return for how long the separation rule had some vehicle give way, in s."""
     anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
     return float(anybody.sum() / rate_hz)
 
 
-def clearance_m(flight: Flight, window: Mask) -> Array:
+def clearance_m(flight: RecordedFlight, window: Mask) -> Array:
     """Return the least height above ground of airborne vehicles at each tick of the window, (T,) m; NaN without any."""
     return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
 

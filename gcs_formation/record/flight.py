@@ -30,7 +30,7 @@ WHOLE = slice(None)
 
 
 @dataclass(frozen=True)
-class Flight:
+class RecordedFlight:
     """The time series, vehicle by vehicle: every vehicle has a row for every tick, so columns are parallel."""
 
     vehicles: Mapping[VehicleId, Columns]
@@ -137,11 +137,11 @@ def table(
     return columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
 
 
-def split(columns: Columns, scenario: Scenario) -> Flight:
+def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
     """Return the flight of the columns (T, V) of `table`."""
     identities = enumerate(each.vehicle_id for each in scenario.vehicles)
     vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
-    return Flight(vehicles, TRUTH[0] in columns)
+    return RecordedFlight(vehicles, TRUTH[0] in columns)
 
 
 def parts(columns: Columns) -> Iterator[dict[str, Array]]:

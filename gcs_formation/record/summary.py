@@ -13,7 +13,7 @@ from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, judge
-from gcs_formation.record.flight import Flight
+from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
@@ -78,14 +78,14 @@ def summarise(outcome: RunOutcome) -> Summary:
     return Summary(parts, verdicts, (*breaches, *outcome.undone), measured=measured)
 
 
-def _begun_s(flight: Flight) -> float | None:
+def _begun_s(flight: RecordedFlight) -> float | None:
     """Return how long after the run's start the path began, s; None if it never did."""
     since_s = next(iter(flight.vehicles.values()))["t_s"] - flight.mission_time_s
     known = since_s[np.isfinite(since_s)]
     return float(known[0]) if known.size else None
 
 
-def _follower(flight: Flight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
+def _follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
     settled_s = figures.settled_at_s(flight.mission_time_s[window], flight.error(vehicle, window))
     return figures.of_follower(flight, vehicle, window, settled_s)
 
@@ -157,7 +157,7 @@ def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
     return measured | {"violations": violations, "avoidance_s": gave_way_s}, tuple(breaches)
 
 
-def _when(flight: Flight, tick: int) -> str:
+def _when(flight: RecordedFlight, tick: int) -> str:
     """Return in words when a tick was, by mission time where there is one, and in which phase if not on the path."""
     rows = next(iter(flight.vehicles.values()))
     mission_s, phase = float(rows["mission_time_s"][tick]), PHASES[int(rows["phase"][tick])]

@@ -19,7 +19,7 @@ from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
-from gcs_formation.record.flight import Columns, Flight, split, table
+from gcs_formation.record.flight import Columns, RecordedFlight, split, table
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
@@ -53,8 +53,8 @@ class RunData:
     scenario: Scenario
     summary: Mapping[str, Any]
     events: Events
-    whole: Flight
-    flown: Flight
+    whole: RecordedFlight
+    flown: RecordedFlight
     clock_s: Array
     """(T,) times of all ticks on the run's clock."""
     zero_s: float
@@ -121,7 +121,7 @@ def load_run(directory: Path) -> RunData:
     if missing:
         found = f"found no column {missing[0]} in {directory / TIMESERIES}"
         raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
-    whole = Flight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
+    whole = RecordedFlight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
     return _run_data(scenario, summary, events, whole)
 
 
@@ -153,7 +153,7 @@ def _events(path: Path) -> Events:
 
 
 def _run_data(
-    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: Flight, missing: tuple[str, ...] = ()
+    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: RecordedFlight, missing: tuple[str, ...] = ()
 ) -> RunData:
     any_vehicle = next(iter(whole.vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
@@ -161,7 +161,7 @@ def _run_data(
     first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
     flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in whole.vehicles.items()}
     zero_s = float(clock_s[first] - (mission_s[first] if known.size else 0.0))
-    flight = Flight(flown, whole.truth)
+    flight = RecordedFlight(flown, whole.truth)
     return RunData(scenario, summary, events, whole, flight, clock_s, zero_s, bool(known.size), missing)
 
 
@@ -213,7 +213,7 @@ def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenar
     return redesigned(scenario, delays_s[-1]) if delays_s else scenario
 
 
-def _outcome(scenario: Scenario, flight: Flight) -> RunOutcome:
+def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
     t_s = next(iter(flight.vehicles.values()))["t_s"]
     return RunOutcome(
         scenario=scenario,
@@ -256,7 +256,7 @@ def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _missing(scenario: Scenario, flight: Flight, events: Events, *, cut_off: bool) -> tuple[str, ...]:
+def _missing(scenario: Scenario, flight: RecordedFlight, events: Events, *, cut_off: bool) -> tuple[str, ...]:
     failures = [str(event.get("text")) for event in events if event.get("kind") == "failure"]
     why = f"the run failed: {failures[-1]}" if failures else "the run was killed, or it has not ended yet"
     mission_s = float(flight.mission_time_s[-1])

@@ -26,13 +26,13 @@ FINE_S, COARSE_S = 0.5, 1.0
 FINE_UNTIL_S = 4.0
 
 
-class Approach(NamedTuple):
+class ClosestApproach(NamedTuple):
     """How near pairs come, (P,)."""
 
     nearest_m: Array
     in_s: Array
     """When."""
-    deficit_ms: Array
+    deficit_m_s: Array
     """Integral over time of what their distance lacks of the one that is to be kept; 0 where it's kept."""
 
 
@@ -40,19 +40,19 @@ class MinimumDistance(NamedTuple):
     """What pairs are to keep, (P,)."""
 
     distance_m: Array
-    off_s: Array
-    """How much earlier or later than reckoned the one may be where it's reckoned to be, as seen from the other."""
+    timing_s: Array
+    """Timing uncertainty of both together, s: the faster they pass each other, the more distance it adds."""
 
     def times(self, share: float) -> MinimumDistance:
         """Return a share of both."""
-        return MinimumDistance(share * self.distance_m, share * self.off_s)
+        return MinimumDistance(share * self.distance_m, share * self.timing_s)
 
 
-def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array) -> Approach:
+def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array) -> ClosestApproach:
     """Return how near pairs come; between the samples they move straight.
 
     The faster they move past each other, the farther may they be from where they're reckoned to be: the distance that
-    they keep grows with `off_s`. It depends on the way alone: what is safe on a way stays safe while it is flown.
+    they keep grows with `timing_s`. It depends on the way alone: what is safe on a way stays safe while it is flown.
 
     Args:
         one: (3, S, P) places of the one vehicle of each pair.
@@ -66,10 +66,10 @@ def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array)
     share = within(-(begin * way).sum(axis=0) / squared, 0.0, 1.0)
     distance = np.sqrt(((begin + share * way) ** 2).sum(axis=0))
     steps_s = np.diff(times_s)[:, None]
-    needed_m = minimum.distance_m + minimum.off_s * np.sqrt(squared) / steps_s
+    needed_m = minimum.distance_m + minimum.timing_s * np.sqrt(squared) / steps_s
     when = np.argmin(distance, axis=0)
     pairs = np.arange(minimum.distance_m.size, dtype=np.intp)
-    return Approach(
+    return ClosestApproach(
         distance[when, pairs],
         (times_s[:-1, None] + share * steps_s)[when, pairs],
         (np.maximum(needed_m - distance, 0.0) * steps_s).sum(axis=0),
@@ -94,7 +94,7 @@ def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s:
     above = np.minimum(theirs[:, 1:], theirs[:, :-1]) - high[:, :, None]
     below = low[:, :, None] - np.maximum(theirs[:, 1:], theirs[:, :-1])
     apart_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
-    return (apart_m < minimum.distance_m + minimum.off_s * fast_mps).any(axis=0)
+    return (apart_m < minimum.distance_m + minimum.timing_s * fast_mps).any(axis=0)
 
 
 class Manoeuvre(Columns):

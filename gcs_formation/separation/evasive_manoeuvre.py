@@ -13,7 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, any_of
 from flight_model.vehicle_arrays import Setpoints
 from gcs_formation.separation.approach import (
-    Approach,
+    ClosestApproach,
     Manoeuvre,
     MinimumDistance,
     approach,
@@ -25,7 +25,7 @@ from gcs_formation.separation.traffic import REFERENCE, TrafficPicture, free_hei
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
-NEGLIGIBLE_MS = 1e-6
+NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
 """Share of the kept distance below which those give way too that go first: states are never quite as reckoned."""
 HEIGHTS_MAX = 8
@@ -71,7 +71,7 @@ def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
     which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
     ways = fly_level(picture.traffic.take(which), picture.as_commanded().take(which), picture.times_s)
     first, second = ways[:, :, places[: one.size]], ways[:, :, places[one.size :]]
-    return approach(first, second, picture.minimum(one, other), picture.times_s).deficit_ms > NEGLIGIBLE_MS
+    return approach(first, second, picture.minimum(one, other), picture.times_s).deficit_m_s > NEGLIGIBLE_M_S
 
 
 class _Search:
@@ -85,7 +85,7 @@ class _Search:
         self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s)
         self._conflicts: dict[int, tuple[Conflict, ...]] = {}
         near = approach(self._ways[:, :, one], self._ways[:, :, other], picture.minimum(one, other), picture.times_s)
-        bad = near.deficit_ms > NEGLIGIBLE_MS
+        bad = near.deficit_m_s > NEGLIGIBLE_M_S
         self._waiting = {self._second(i, j) for i, j in zip(one[bad].tolist(), other[bad].tolist(), strict=True)}
         self._waiting |= set(np.flatnonzero(self._before & picture.commanded).tolist())
 
@@ -123,7 +123,7 @@ class _Search:
         picture, others = self._picture, self._neighbours(vehicle)
         plain = self._plain(vehicle)
         near = self._approach(vehicle, plain, others, RELEASE)
-        conflicting = near.deficit_ms.max(axis=0, initial=0.0) > NEGLIGIBLE_MS
+        conflicting = near.deficit_m_s.max(axis=0, initial=0.0) > NEGLIGIBLE_M_S
         self._conflicts[vehicle] = _conflicts(vehicle, others, near, conflicting)
         heights = free_heights(
             picture, vehicle, others[conflicting], self._ways[2, -1, others[conflicting]], self._side[vehicle]
@@ -133,17 +133,17 @@ class _Search:
         gives_way = self._giving_way(vehicle, escapes)
         options = _joined(waits, gives_way)
         comes = self._approach(vehicle, options, others, 1.0)
-        total = comes.deficit_ms.sum(axis=1)
+        total = comes.deficit_m_s.sum(axis=1)
         held_back = waits.height_m.size if self._before[vehicle] and not self._released(near) else 0
         total[:held_back] = np.inf
-        safe = np.flatnonzero(total <= NEGLIGIBLE_MS)
+        safe = np.flatnonzero(total <= NEGLIGIBLE_M_S)
         chosen = int(safe[0]) if safe.size else int(np.argmin(total))
         self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
         return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
 
-    def _released(self, near: Approach) -> bool:
+    def _released(self, near: ClosestApproach) -> bool:
         """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone."""
-        return not (near.deficit_ms[1] > NEGLIGIBLE_MS).any()
+        return not (near.deficit_m_s[1] > NEGLIGIBLE_M_S).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
@@ -189,17 +189,17 @@ class _Search:
     def _minimum(self, vehicle: int, others: Indices) -> MinimumDistance:
         return self._picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
 
-    def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> Approach:
+    def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> ClosestApproach:
         """Return how near each of a vehicle's options (M,) comes to each of the others: (M, O) arrays."""
         picture, count = self._picture, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
         ways = np.repeat(fly(picture.traffic.take(which), options, picture.times_s), others.size, axis=2)
         minimum = MinimumDistance(*(np.tile(values, count) for values in self._minimum(vehicle, others).times(share)))
         near = approach(ways, np.tile(self._ways[:, :, others], count), minimum, picture.times_s)
-        return Approach(*(values.reshape(count, others.size) for values in near))
+        return ClosestApproach(*(values.reshape(count, others.size) for values in near))
 
 
-def _conflicts(vehicle: int, others: Indices, near: Approach, conflicting: Mask) -> tuple[Conflict, ...]:
+def _conflicts(vehicle: int, others: Indices, near: ClosestApproach, conflicting: Mask) -> tuple[Conflict, ...]:
     """Return whom a vehicle would come near, flying straight on where that is the nearer way."""
     way = np.argmin(near.nearest_m, axis=0)
     found: list[Conflict] = []

@@ -18,7 +18,7 @@ HALF_S: Final = COARSE_S / 2
 class Spot:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
-    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "off_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "timing_s")
 
     def __init__(self, model: AutopilotModel) -> None:
         """Begin with one that hasn't been seen."""
@@ -28,7 +28,7 @@ class Spot:
         """Its place along the axis on which all are farthest apart."""
         self.far_m = self.fast_mps = 0.0
         """How far and how fast it may go."""
-        self.off_s = 0.0
+        self.timing_s = 0.0
         """How much earlier or later than reckoned it may be where it's reckoned to be."""
 
 
@@ -57,7 +57,7 @@ class FirstLook:
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def see(
-        self, place: int, state: FlightState, speed_mps: float, heading_rad: float, early_s: float, off_s: float
+        self, place: int, state: FlightState, speed_mps: float, heading_rad: float, early_s: float, timing_s: float
     ) -> None:
         """Look at one vehicle.
 
@@ -66,8 +66,8 @@ class FirstLook:
             state: when what it is commanded now acts.
             speed_mps: commanded.
             heading_rad: commanded.
-            early_s: how long before the instant that counting begins at, the same for all, its setpoint acts.
-            off_s: how much earlier or later than reckoned it may be where it's reckoned to be.
+            early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
+            timing_s: timing uncertainty of its state.
         """
         its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
         assert its is not None
@@ -85,10 +85,10 @@ class FirstLook:
         spot.north_m = state.north_m + self._frame_north_mps * early_s
         spot.east_m = state.east_m + self._frame_east_mps * early_s
         spot.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
-        spot.fast_mps, spot.off_s = slow_mps + along_mps * off_rad + drift_mps, off_s
+        spot.fast_mps, spot.timing_s = slow_mps + along_mps * off_rad + drift_mps, timing_s
         self._far_most_m = max(self._far_most_m, spot.far_m)
         self._fast_most_mps = max(self._fast_most_mps, spot.fast_mps)
-        self._off_most_s = max(self._off_most_s, off_s)
+        self._off_most_s = max(self._off_most_s, timing_s)
 
     def all_apart(self, kept_m: float) -> bool:
         """Return whether all that were seen keep their distance: along one axis, those far apart need no look."""
@@ -101,7 +101,7 @@ class FirstLook:
                 other = order[j]
                 if other.along_m - one.along_m > most_m:
                     break
-                off_m = (one.off_s + other.off_s) * (one.fast_mps + other.fast_mps)
+                off_m = (one.timing_s + other.timing_s) * (one.fast_mps + other.fast_mps)
                 needed_m = kept_m + off_m + one.far_m + other.far_m
                 ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
                 if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:

@@ -77,7 +77,7 @@ class ConflictResolver:
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         slots = slot_schedule(scenario)
         self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
-        """Reckoned with between vehicles that are commanded."""
+        """Distance kept between commanded vehicles, m: the rule's, less where the formation's slots are nearer."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
         self.changes: list[Event] = []
@@ -131,16 +131,17 @@ class ConflictResolver:
         look.begin(tick.state[max(first, tick.leader)])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
-            early_s, off_s = (together - acts[column]) / NANOSECONDS, _off_s(tick, column)
-            look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, off_s)
+            early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
+            look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, timing_s)
         return look.all_apart(self.kept_m)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
         self._side = [0.0] * len(self._models)
+        places: list[int] = vehicles.tolist()
         sides: list[float] = resolution.side.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
-        for column, side, (speed_mps, heading_rad, height_m) in zip(vehicles.tolist(), sides, commanded, strict=True):
+        for column, side, (speed_mps, heading_rad, height_m) in zip(places, sides, commanded, strict=True):
             if side:
                 setpoint = speed_mps, heading_rad, height_m
                 self._side[column] = side
@@ -189,7 +190,7 @@ class ConflictResolver:
             vehicles=np.array(vehicles, dtype=np.intp),
             kept_m=self.kept_m,
             kept_from_others_m=self._kept_from_others_m,
-            timing_s=np.array([_off_s(tick, each) for each in vehicles]),
+            timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
             times_s=self._times_s,
         )
@@ -287,10 +288,10 @@ class ConflictResolver:
         self.changes.append(Event(now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
-def _off_s(tick: Tick, column: int) -> float:
-    """Return by how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
-    off_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
-    return 0.0 if math.isnan(off_s) else off_s
+def _timing_s(tick: Tick, column: int) -> float:
+    """Return the timing uncertainty of a vehicle's state, s."""
+    timing_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
+    return 0.0 if math.isnan(timing_s) else timing_s
 
 
 def _nearest_m(slots_m: Array) -> float:

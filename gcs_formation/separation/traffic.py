@@ -45,9 +45,7 @@ class TrafficPicture:
     @cached_property
     def velocity_mps(self) -> Array:
         """Ground velocity north and east, (2, N)."""
-        state = self.traffic.state
-        north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
-        return np.array((north, state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps))
+        return self.traffic.state.ground_mps
 
     @cached_property
     def along(self) -> tuple[Array, Array]:
@@ -110,8 +108,8 @@ def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoe
     lasting = [np.full(height_m.size, value) for value in picture.lasting(vehicle)]
     first_m = picture.within_reach(which, height_m)
     course = [np.full(height_m.size, value[vehicle]) for value in (setpoints.speed_mps, setpoints.heading_rad)]
-    minimum = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
-    ways = ((course, lasting), (course, [on, on]), (along, lasting), (minimum, [on, on]))
+    present = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
+    ways = ((course, lasting), (course, [on, on]), (along, lasting), (present, [on, on]))
     rows = [np.stack((*first, first_m, *then, height_m)) for first, then in ways]
     return Manoeuvre.of(np.stack(rows, axis=2).reshape(6, -1))
 
@@ -123,7 +121,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
-    beside_m = minimum.distance_m + minimum.off_s * passing_mps + BESIDE_M
+    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M
     heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= picture.floor_m[vehicle]
@@ -158,7 +156,7 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
     one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
     apart_m = _length(reach.place_m[:, other] - reach.place_m[:, one])
     minimum = picture.minimum(one, other)
-    needed_m = minimum.distance_m + minimum.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
+    needed_m = minimum.distance_m + minimum.timing_s * (reach.fast_mps[one] + reach.fast_mps[other])
     possible: Mask = apart_m < needed_m + reach.far_m[one] + reach.far_m[other]
     possible &= picture.commanded[one] | picture.commanded[other]
     return one[possible], other[possible]

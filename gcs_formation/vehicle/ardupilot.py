@@ -23,7 +23,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Known, Step
+from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Known, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
@@ -69,7 +69,7 @@ TAKE_OFF_TO_M = 20.0
 CM = 0.01
 
 
-def patience(name: str) -> Check:
+def heartbeat_timeout(name: str) -> Check:
     """Return the check of the parameter that says how long a failsafe waits for heartbeats."""
     return Check(
         (name,),
@@ -90,11 +90,13 @@ class ArduPilot(Autopilot, ABC):
             return False
         return telemetry.armed and (heartbeat.system_status == ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M)
 
-    def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+    def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the first two steps: streams, ready."""
         return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True),
-            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            StartUpStep(
+                "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
+            ),
+            StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
         )
 
     def _is_ready(self, seen: Telemetry) -> bool:
@@ -133,14 +135,14 @@ class ArduPlane(ArduPilot):
         """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
         return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in PLANE_TYPES
 
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
         return (
             *self._asked_and_ready(rates_hz),
-            Step("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
-            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
-            Step("waited for it to climb", self._has_climbed, timeout_s=90.0),
-            Step(
+            StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
+            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            StartUpStep("waited for it to climb", self._has_climbed, timeout_s=90.0),
+            StartUpStep(
                 "set mode GUIDED",
                 lambda seen: seen.custom_mode == self.guided_mode,
                 lambda _: (self.set_mode(self.guided_mode),),
@@ -161,7 +163,7 @@ class ArduPlane(ArduPilot):
                 "1 (RTL), 4 (AUTO) or 5 (AUTOLAND) when our heartbeats stop",
                 lambda value: value in PLANE_LEADS_AWAY,
             ),
-            patience("FS_LONG_TIMEOUT"),
+            heartbeat_timeout("FS_LONG_TIMEOUT"),
             Check(
                 ("TKOFF_ALT",),
                 f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
@@ -266,14 +268,14 @@ class ArduCopter(ArduPilot):
         """Return whether a heartbeat is that of a multirotor or helicopter of ArduPilot's."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type in MULTIROTOR_TYPES
 
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps: streams, ready, GUIDED, take-off. In the air, unnecessary ones are done at once."""
         return (
             *self._asked_and_ready(rates_hz),
-            Step("set mode GUIDED", self._is_guided, lambda _: (self.set_mode(self.guided_mode),)),
-            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
-            Step("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
-            Step("waited for it to climb", self._has_climbed, timeout_s=60.0),
+            StartUpStep("set mode GUIDED", self._is_guided, lambda _: (self.set_mode(self.guided_mode),)),
+            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            StartUpStep("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
+            StartUpStep("waited for it to climb", self._has_climbed, timeout_s=60.0),
         )
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
@@ -286,7 +288,7 @@ class ArduCopter(ArduPilot):
                 "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",
                 lambda value: value in COPTER_LEADS_AWAY,
             ),
-            patience("FS_GCS_TIMEOUT"),
+            heartbeat_timeout("FS_GCS_TIMEOUT"),
             Check(
                 ("WPNAV_SPEED",),
                 f"{fastest / CM:g} cm/s or more, its model's speed_max_mps; it flies no faster",

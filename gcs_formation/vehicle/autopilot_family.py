@@ -90,7 +90,7 @@ def nothing(_: Telemetry) -> tuple[Command, ...]:
 
 
 @dataclass(frozen=True)
-class Step:
+class StartUpStep:
     """One step of getting a vehicle ready: commands until `done` holds, within `timeout_s`."""
 
     name: str
@@ -226,7 +226,7 @@ class Autopilot(ABC):
         return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
 
     @abstractmethod
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps from first contact to following setpoints in the air; the first asks for messages."""
 
     @abstractmethod

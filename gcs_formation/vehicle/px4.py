@@ -26,7 +26,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Step
+from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
@@ -121,20 +121,22 @@ class Px4(Autopilot, ABC):
             return reported.param_value
         return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
 
-    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[Step, ...]:
+    def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; what is done is left out."""
         guided, named = self.guided_mode, self.mode_names[self.guided_mode]
         return (
-            Step("asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True),
-            Step("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            StartUpStep(
+                "asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True
+            ),
+            StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
             *self._waits(),
-            Step("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
-            Step("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
-            Step("waited for it to climb", self._has_climbed, timeout_s=120.0),
-            Step(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
+            StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            StartUpStep("waited for it to climb", self._has_climbed, timeout_s=120.0),
+            StartUpStep(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
         )
 
-    def _waits(self) -> tuple[Step, ...]:
+    def _waits(self) -> tuple[StartUpStep, ...]:
         """Return what else it waits for before it takes off."""
         return ()
 
@@ -270,9 +272,9 @@ class Px4Plane(Px4):
             z=alt_m,
         )
 
-    def _waits(self) -> tuple[Step, ...]:
+    def _waits(self) -> tuple[StartUpStep, ...]:
         reference = "waited for its height controller to come up to the field"
-        return (Step(reference, self._reference_is_up, timeout_s=1200.0),)
+        return (StartUpStep(reference, self._reference_is_up, timeout_s=1200.0),)
 
     def _reference_is_up(self, seen: Telemetry) -> bool:
         motion = seen.motion

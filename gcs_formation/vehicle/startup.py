@@ -8,8 +8,8 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, Step
-from gcs_formation.vehicle.telemetry import Motion, Telemetry
+from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, StartUpStep
+from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0
 
@@ -44,7 +44,7 @@ class PilotsChoice:
 class TakeOff:
     """What was seen of a take-off; nothing if the vehicle was in the air before."""
 
-    stood: Motion | None = None
+    stood: ReportedMotion | None = None
     """Where it was before it was armed."""
     course_rad: float | None = None
 
@@ -63,7 +63,7 @@ class TakeOff:
 class StartUp:
     """Goes through the steps; a step that is already done sends nothing."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[StartUpStep, ...]
     index: int = -1
     abandoned: bool = False
     """Whether we have given up getting it ready."""

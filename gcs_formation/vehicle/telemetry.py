@@ -39,7 +39,7 @@ ALTITUDE_LIMIT_M: Final = 100e3
 
 
 @mypyc_attr(acyclic=True)
-class Motion:
+class ReportedMotion:
     """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
 
     __slots__ = ("above_home_m", "climb_mps", "east_m", "east_mps", "height_m", "north_m", "north_mps", "stamp_s")
@@ -73,7 +73,7 @@ class Telemetry:
     origin: GeodeticOrigin
     stands: bool = False
     """Whether it is a multirotor's, which flies by its velocity over ground."""
-    motion: Motion | None = None
+    motion: ReportedMotion | None = None
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
     airspeed_stamp_s: float = math.nan
@@ -132,7 +132,7 @@ class Telemetry:
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
-        self.motion = Motion(
+        self.motion = ReportedMotion(
             stamp_s, north_m, east_m, -down_m, message.vx_mps, message.vy_mps, -message.vz_mps, message.relative_alt_m
         )
         if math.isnan(self.airspeed_stamp_s):
@@ -179,6 +179,11 @@ class Telemetry:
         """Whether its last heartbeat says that its autopilot is still starting: no mode of it is a pilot's choice."""
         status = ACTIVE if self.heartbeat is None else self.heartbeat.system_status
         return status in BOOTING or (status == m.MAV_STATE_UNINIT and not self.armed)
+
+    @property
+    def last_words(self) -> str:
+        """Its last text, as the end of a sentence; nothing if there is none."""
+        return f"; it said: '{self.texts[-1]}'" if self.texts else ""
 
     @property
     def complete(self) -> bool:

@@ -26,9 +26,9 @@ from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, SetpointChannel
-from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, Step
+from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, StartUpStep
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
-from gcs_formation.vehicle.telemetry import Motion, Telemetry
+from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
@@ -99,7 +99,7 @@ class Vehicle:
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
-        self._sampled: Motion | None = None
+        self._sampled: ReportedMotion | None = None
         self._probes = list[Instant]()
         """When the probes were sent that haven't been answered, the oldest first."""
 
@@ -145,7 +145,7 @@ class Vehicle:
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
         self.commands.begin((), now)
-        wait = Step("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
+        wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True, left=True)
 
     @property
@@ -182,7 +182,7 @@ class Vehicle:
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 
     @property
-    def talks_on_s(self) -> float:
+    def unanswered_s(self) -> float:
         """For how long frames have come from it since its newest answer, s."""
         return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, self.connection.last_heard))
 
@@ -275,8 +275,8 @@ class Vehicle:
             self._probes.pop(0)
         return Timesync(0, now)
 
-    def was_not_asked(self, now: Instant) -> None:
-        """Ignore the answers to all pending probes, their delay isn't the link's, and expect none before now."""
+    def forget_probes(self, now: Instant) -> None:
+        """Drop pending probes: their answers have waited for us, so their delay isn't the link's. None is overdue."""
         self._probes.clear()
         self._answered = now
 

@@ -5,9 +5,9 @@ velocity is the error of height by `HEIGHT_S`, for in the stream of velocities a
 
 Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as the simulators of ArduCopter and PX4 showed it.
 
-A lead has an autopilot fly what it is told as if it left no part of a change to its integrator. Of a speed w told it
-flies prompt_share w + (1 - prompt_share) m with its lag, and m follows w with the time constant rest_s; so it flies u
-with that lag when it is told w = (u - (1 - prompt_share) m) / prompt_share.
+A lead makes up for an autopilot's slow integrator: it tells more than is wanted, so that the speed flown lags as (7)
+says. Of a speed w told it flies prompt_share w + (1 - prompt_share) m with its lag, and m follows w with the time
+constant rest_s; so it flies u with that lag when it is told w = (u - (1 - prompt_share) m) / prompt_share.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ HEIGHT_S: Final = 1.5
 """Time in which an error of height would be flown off: (7)'s two lags of height add up to it."""
 TURNS_FROM_MPS: Final = 1.0
 """Ground speed from which the nose turns to where it flies; slower, and standing, it keeps its heading."""
-NO_PLACE: Final = (
+NO_POSITION: Final = (
     m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
 )
-NO_PUSH: Final = (
+NO_ACCELERATION: Final = (
     m.POSITION_TARGET_TYPEMASK_AX_IGNORE | m.POSITION_TARGET_TYPEMASK_AY_IGNORE | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
 )
-VELOCITY_AND_YAW: Final = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
-VELOCITY_ALONE: Final = NO_PLACE | NO_PUSH | m.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+VELOCITY_AND_YAW: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+VELOCITY_ALONE: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 """With a yaw rate of 0: where both are to be ignored, ArduCopter's nose turns by WP_YAW_BEHAVIOR."""
 
 

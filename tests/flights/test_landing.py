@@ -17,7 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.mission.ending import Landings, why_not
+from gcs_formation.mission.ending import Landings, why_not_land
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -85,7 +85,7 @@ def tell(
 
 
 def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
-    return why_not({vehicle.identity: vehicle for vehicle in vehicles}, ground)
+    return why_not_land({vehicle.identity: vehicle for vehicle in vehicles}, ground)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_landings_that_are_called_off_end_with_the_one_under_way() -> None:
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
     landings = waiting(low, high)
     landings.advance(NOW)
-    landings.called_off()
+    landings.call_off()
     assert landings.under_way
     tell(low, 0.0, 0.0, 0.0, armed=False)
     landings.advance(NOW)

@@ -27,7 +27,7 @@ from gcs_formation.estimation.lag_fit import (
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Motion
+from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Seen
 from gcs_formation.estimation.lags import GAP_S, RESOLUTION
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
@@ -349,9 +349,9 @@ class LagsOnArrays:
         """Airspeed, heading, height."""
         self._bank = Bank(self._believed, air.at[:, 0], height.at)
         self._ticks = max(2, round(BATCH_S * law_hz))
-        self._seen: list[Motion] = [(math.nan, math.nan, math.nan, math.nan)] * columns
+        self._seen: list[Seen] = [(math.nan, math.nan, math.nan, math.nan)] * columns
         self._stamps = [0] * columns
-        self._samples: list[tuple[list[int], list[Motion]]] = []
+        self._samples: list[tuple[list[int], list[Seen]]] = []
         self._learning = [True] * columns
 
     @property
@@ -364,7 +364,7 @@ class LagsOnArrays:
         """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
         return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
 
-    def hear(self, column: int, stamp: int, motion: Motion) -> None:
+    def hear(self, column: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
         self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.fleet.common_clock import Bounds, agreed_s
+from gcs_formation.fleet.common_clock import UtcBounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 
@@ -178,7 +178,7 @@ def test_a_slow_clock_that_was_armed_unseen_has_drifted_by_an_unknown_amount():
 
 
 def test_what_most_allow_is_agreed_on_and_stands():
-    slow, even, wrong = Bounds(10.16, 0.24), Bounds(10.0, 0.1), Bounds(11.0, 0.24)
+    slow, even, wrong = UtcBounds(10.16, 0.24), UtcBounds(10.0, 0.1), UtcBounds(11.0, 0.24)
     assert agreed_s([slow, even, even]) == pytest.approx(10.0)
     assert agreed_s([slow, even, wrong]) == pytest.approx(10.08)
     assert not wrong.allows(agreed_s([slow, even, wrong]))

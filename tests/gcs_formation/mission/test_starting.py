@@ -18,7 +18,7 @@ from gcs_formation.mission.resumption import Takeover
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot_family import Command, Step
+from gcs_formation.vehicle.autopilot_family import Command, StartUpStep
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -37,9 +37,9 @@ class Ground:
     """A leader and a follower that take one step of 20 s: a command, until they report GUIDED."""
 
     def __init__(self, phase: Phase = Phase.CONNECTING, *, takes_off: bool = False, together: bool = False) -> None:
-        self.step = Step("set mode GUIDED", lambda seen: seen.custom_mode == m.PLANE_MODE_GUIDED, told, 20.0)
+        self.step = StartUpStep("set mode GUIDED", lambda seen: seen.custom_mode == m.PLANE_MODE_GUIDED, told, 20.0)
         if takes_off:
-            self.step = Step("armed", lambda seen: seen.armed, told, 20.0, takes_off=True)
+            self.step = StartUpStep("armed", lambda seen: seen.armed, told, 20.0, takes_off=True)
         self.vehicles = {VehicleId(1, number): self._vehicle(number) for number in (1, 2)}
         self.notes, self.given_up, self.preflight = Noted(), GivenUp(), Preflight()
         self.flight = Flight(phase)

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from airlink.endpoint import VehicleId
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
 from gcs_formation.mission.vertical_separation import Flier, Stack
-from gcs_formation.vehicle.telemetry import Motion
+from gcs_formation.vehicle.telemetry import ReportedMotion
 
 GAP_M = 10.0
 
 
-def at(height_m: float, north_m: float = 0.0) -> Motion:
-    return Motion(0.0, north_m, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
+def at(height_m: float, north_m: float = 0.0) -> ReportedMotion:
+    return ReportedMotion(0.0, north_m, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
 
 
 def obeys(height_m: float, commanded_m: float = 100.0, north_m: float = 0.0) -> Flier:

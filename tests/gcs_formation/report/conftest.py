@@ -20,7 +20,7 @@ from gcs_formation.record.figures_of_merit import (
     separation_m,
     settled_at_s,
 )
-from gcs_formation.record.flight import Flight
+from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
 from gcs_formation.report import RunData, load_run
 from gcs_formation.report.page import write_report
@@ -249,7 +249,7 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
     """Return a summary whose follower and safety figures are those of the columns."""
     grid = {name: values.reshape(-1, len(scenario.vehicles)) for name, values in columns.items()}
     ids = [vehicle.vehicle_id for vehicle in scenario.vehicles]
-    flight = Flight({v: {n: g[:, i] for n, g in grid.items()} for i, v in enumerate(ids)}, truth)
+    flight = RecordedFlight({v: {n: g[:, i] for n, g in grid.items()} for i, v in enumerate(ids)}, truth)
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
     followers: dict[str, Any] = {}

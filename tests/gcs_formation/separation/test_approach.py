@@ -40,7 +40,7 @@ def test_two_that_are_commanded_keep_less_than_from_others_and_nothing_from_them
     made = replace(made, kept_m=6.0, timing_s=np.array((0.1, 0.2, 0.4)))
     minimum = made.minimum(np.array((0, 0, 1)), np.array((1, 2, 2)))
     np.testing.assert_allclose(minimum.distance_m, (6.0, KEPT_M, KEPT_M))
-    np.testing.assert_allclose(minimum.off_s, (0.3, 0.5, 0.6))
+    np.testing.assert_allclose(minimum.timing_s, (0.3, 0.5, 0.6))
     twice = replace(made, vehicles=np.array((0, 1, 1)))
     assert not np.any(twice.minimum(np.array((1,)), np.array((2,))))
 

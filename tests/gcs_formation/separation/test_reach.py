@@ -56,7 +56,7 @@ def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m
     near = approach(ways[:, :, one], ways[:, :, other], made.minimum(one, other), made.times_s)
     ours = made.commanded[one] | made.commanded[other]
     pairs = list(zip(one[ours].tolist(), other[ours].tolist(), strict=True))
-    bad = {pair for pair, lack in zip(pairs, near.deficit_ms[ours].tolist(), strict=True) if lack > 1e-9}
+    bad = {pair for pair, lack in zip(pairs, near.deficit_m_s[ours].tolist(), strict=True) if lack > 1e-9}
     possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
     assert bad <= possible <= set(pairs)
     assert np.allclose(fly_level(made.traffic, made.as_commanded(), made.times_s), ways[:2], rtol=0, atol=1e-9)
@@ -71,11 +71,11 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
     look = FirstLook(tables.models(made.traffic.model), float(made.times_s[1]), float(made.times_s[-1]))
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
-    early_s, off_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
+    early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
     for _ in range(2):  # the second time in the order that was found
         look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
-            look.see(place, state, told[0], told[1], early_s[place], off_s[place])
+            look.see(place, state, told[0], told[1], early_s[place], timing_s[place])
         assert look.all_apart(made.kept_m) == (possible_pairs(made)[0].size == 0)
 
 
@@ -89,7 +89,7 @@ def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_
     near = may_come_near(ways[:, :, :3], ways[:, :, others], minimum, made.times_s)
     for own in range(3):
         come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], minimum, made.times_s)
-        assert near[come.deficit_ms > 1e-9].all()
+        assert near[come.deficit_m_s > 1e-9].all()
 
 
 def test_a_formation_in_its_slots_needs_no_ways() -> None:
@@ -108,7 +108,7 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     one, other = np.triu_indices(40, 1)
     minimum = made.minimum(one, other)
     apart_m = np.hypot(*(reach.place_m[:, other] - reach.place_m[:, one]))
-    needed_m = minimum.distance_m + minimum.off_s * (reach.fast_mps[one] + reach.fast_mps[other])
+    needed_m = minimum.distance_m + minimum.timing_s * (reach.fast_mps[one] + reach.fast_mps[other])
     near = (apart_m < needed_m + reach.far_m[one] + reach.far_m[other]) & (made.commanded[one] | made.commanded[other])
     np.testing.assert_array_equal(possible_pairs(made), (one[near], other[near]))
     assert 0 < near.sum() < one.size
