@@ -14,8 +14,8 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from sim_vehicles.airframe.motion import Steering
-from sim_vehicles.autopilot import position_targets, px4_commands
-from sim_vehicles.autopilot import px4_tables as px4
+from sim_vehicles.autopilot import position_targets
+from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, Order
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
@@ -42,8 +42,8 @@ class Px4(Vehicle):
 
     capabilities = 59647
     version = 1 << 24 | 17 << 16
-    unasked = px4.STREAMS
-    builders = px4.BUILDERS
+    unasked = tables.STREAMS
+    builders = tables.BUILDERS
     asks_time = False
     stores_missions = False
     locks = True
@@ -51,10 +51,10 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     by_hand = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.STABILIZED})
-    failsafe_keys = px4.LINK_LOSS
+    failsafe_keys = tables.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    handlers = px4_commands.HANDLERS
+    handlers = tables.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -69,7 +69,7 @@ class Px4(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return px4.Px4Parameters(px4.parameters(config, self.fleet.config.cruise_mps))
+        return tables.Px4Parameters(tables.parameters(config, self.fleet.config.cruise_mps))
 
     @abstractmethod
     def lift_off(self, height_m: float) -> None:
@@ -113,7 +113,7 @@ class Px4(Vehicle):
     def arm(self, *, force: bool) -> bool:
         """Arm, and take off if that is its mode; refused before it is ready and in modes that end a flight."""
         stale = self.mode is Px4Mode.OFFBOARD and not self.fresh
-        if not force and (not self.ready or stale or self.mode in px4.NOT_ARMABLE):
+        if not force and (not self.ready or stale or self.mode in tables.NOT_ARMABLE):
             self.say(CRITICAL, "Arming denied: Resolve system health failures first")
             return False
         if self.pilot.condition.armed:
@@ -131,7 +131,7 @@ class Px4(Vehicle):
         """Disarm, and wait in HOLD if the flight has ended in a landing."""
         landed = not self.pilot.airborne and self.pilot.condition.armed
         granted = super().disarm(force=force)
-        if granted and landed and self.mode in px4.NOT_ARMABLE:
+        if granted and landed and self.mode in tables.NOT_ARMABLE:
             self.switch(Px4Mode.HOLD)
         return granted
 
@@ -142,7 +142,7 @@ class Px4(Vehicle):
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
-        return px4.LinkLoss(self.parameters)
+        return tables.LinkLoss(self.parameters)
 
     def heed(self, system: int, message: Heartbeat) -> None:
         """Take a ground station's heartbeat; only then it says what it has to say."""
@@ -180,7 +180,7 @@ class Px4(Vehicle):
     def take_mode(self, message: SetMode, frame: Frame) -> bool:
         """Change to a mode by the old message, which is acknowledged like the command, but once."""
         allowed = super().take_mode(message, frame)
-        result = ACCEPTED if allowed else px4_commands.REJECTED
+        result = ACCEPTED if allowed else tables.REJECTED
         self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
         return allowed
 
@@ -202,7 +202,7 @@ class Px4(Vehicle):
         if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
-            self.enter(px4.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
+            self.enter(tables.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
         elif self.mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
             self.intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
@@ -225,7 +225,7 @@ class Px4(Vehicle):
     def tell_heartbeat(self) -> None:
         """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
-            self.broadcast(px4.current_mode(self))
+            self.broadcast(tables.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
         """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""
@@ -274,7 +274,7 @@ class Px4Copter(Px4):
 
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
-    flown = px4.AS_COPTER
+    flown = tables.AS_COPTER
     flier: CopterPilot
     """Its pilot, as what that is."""
 
@@ -309,8 +309,8 @@ class Px4Plane(Px4):
     """An emulated fixed-wing PX4."""
 
     mav_type = m.MAV_TYPE_FIXED_WING
-    flown = px4.AS_PLANE
-    handlers = px4_commands.PLANES_HANDLERS
+    flown = tables.AS_PLANE
+    handlers = tables.PLANES_HANDLERS
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
         """Return who flies a fixed wing."""

@@ -1,4 +1,4 @@
-"""An emulated PX4's tables: modes, streams, parameters, failsafe.
+"""An emulated PX4's tables: modes, streams, parameters, failsafe, commands.
 
 Source: PX4 user guide, "Flight Modes", "Parameter Reference" and "Safety Configuration (Failsafes)"; MAVLink common
 message set, "MAV_CMD"; what PX4's simulator (SIH, version 1.17, development) answers, refuses and begins with.
@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
-from airlink.messages.command import ParamSet, ParamValue
+from airlink.messages.command import MessageInterval, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
-from sim_vehicles.autopilot import telemetry
+from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.board_clock import NEVER
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order, to_mode
 from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
@@ -83,6 +85,9 @@ ALSO_NAMED: Final = {
     "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
 }
 """What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+LEAST_CHANGES_US: Final = 500_000
+"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
 FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
 """HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
@@ -230,3 +235,94 @@ class LinkLoss(GroundStationFailsafe):
             return LOST_LINK[int(self._parameters["NAV_DLL_ACT"])]
         self.active = self._holds = True
         return Px4Mode.HOLD
+
+
+def _set_mode(vehicle: Px4, given: Order) -> int:
+    main, sub = given.params[1], given.params[2]
+    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
+        return REJECTED
+    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
+
+
+def _arm_disarm(vehicle: Px4, given: Order) -> int:
+    force = given.params[1] == commands.FORCE
+    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
+    return ACCEPTED if granted else REJECTED
+
+
+def _take_off(vehicle: Px4, given: Order) -> int:
+    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
+    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
+
+
+def _reposition(vehicle: Px4, given: Order) -> int:
+    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.go_to(given)
+    return ACCEPTED
+
+
+def _change_speed(vehicle: Px4, given: Order) -> int:
+    """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
+    if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
+        vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Px4, given: Order) -> int:
+    if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
+    return ACCEPTED
+
+
+def _set_interval(vehicle: Px4, given: Order) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
+
+    A shorter one than the main loop's is taken, but in each loop a message is sent once.
+    """
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, telemetry.SHORTEST_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+def _get_interval(vehicle: Px4, given: Order) -> int:
+    """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
+def _request_message(vehicle: Px4, given: Order) -> int:
+    """Send a message once; what it doesn't know is DENIED."""
+    return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
+
+
+HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
+    m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
+    m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
+}
+PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
+    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+}
+"""All others are UNSUPPORTED."""
