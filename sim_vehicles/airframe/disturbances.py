@@ -1,4 +1,8 @@
-"""Wind, disturbances and faults, scheduled by mission time."""
+"""Wind, disturbances and faults, scheduled by mission time.
+
+Source of Dryden's turbulence: MIL-F-8785C (1980), section 3.7.1.2. There u points along the horizontal motion through
+the air and w downwards; v completes the axes.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ import numpy as np
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
+from flight_model.arrays import Array
 from formation_scenario.surroundings import (
     DrydenTurbulence,
     Fault,
@@ -19,10 +24,14 @@ from formation_scenario.surroundings import (
     StepDisturbance,
 )
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.turbulence import DrydenGusts
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 
+LEAST_AIRSPEED_MPS = 1.0
+"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
+DRAWS_EACH = 5
+BLOCK = 256
+SQRT3 = math.sqrt(3.0)
 Due = tuple[float, bool, Fault, frozenset[VehicleId]]
 """The mission time at which a fault begins or ends, s; whether it ends then; the fault; who has it."""
 
@@ -41,7 +50,7 @@ class Environment:
         self._disturbances = [_acting(config, index, bodies) for index in range(len(config.disturbances))]
         due = [(at_s, ends, fault, hit) for fault, hit in config.faults for at_s, ends in fault.moments()]
         self._faults: list[Due] = sorted(due, key=itemgetter(0))
-        self._acting: list[tuple[_Steady | _Turbulent, float]] = []
+        self._acting: list[tuple[_Steady | DrydenGusts, float]] = []
         """What acts now, with the share of it."""
 
     def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
@@ -98,23 +107,78 @@ class _Steady:
             _add(body, share * north_mps, share * east_mps, share * down_mps)
 
 
-class _Turbulent:
-    """Gusts that depend on each vehicle's own flight through the air."""
+def discretised(duration: Array) -> tuple[Array, Array]:
+    """Return transition (..., 2, 2) and noise factor (..., 2, 2) of the lateral filter over `duration` times V / L.
 
-    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: list[np.random.Generator]) -> None:
+    (1 + sqrt(3) T s) / (1 + T s)^2 as p' = (n - p) / T, q' = (p - q) / T with white noise n; the factor is the Cholesky
+    one of the covariance that the noise adds meanwhile: both are exact. Stationary E p^2 = 1/2, E p q = E q^2 = 1/4.
+    """
+    d = np.asarray(duration, dtype=np.float64)
+    kept, lost = np.exp(-d), -np.expm1(-2 * d)
+    square = np.exp(-2 * d)
+    pp, pq = lost / 2, lost / 4 - square * d / 2
+    qq = lost / 4 - square * (d + d**2) / 2
+    factor = np.zeros((*d.shape, 2, 2))
+    factor[..., 0, 0] = np.sqrt(pp)
+    factor[..., 1, 0] = pq / np.sqrt(pp)
+    factor[..., 1, 1] = np.sqrt(np.maximum(qq - pq**2 / pp, 0.0))
+    transition = np.zeros((*d.shape, 2, 2))
+    transition[..., 0, 0] = transition[..., 1, 1] = kept
+    transition[..., 1, 0] = kept * d
+    return transition, factor
+
+
+class DrydenGusts:
+    """The gusts that N vehicles meet, by each one's own flight through the air and from its own random numbers.
+
+    The filters' states are normalised to unit variance, so that the gusts have the right rms velocities while airspeed
+    and height change. They start in the stationary state.
+    """
+
+    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: Sequence[np.random.Generator]) -> None:
+        """Draw the gusts of `hit[i]` from `streams[i]`, with the intensity of `keys`."""
         self.keys, self._hit = keys, hit
-        self._gusts = DrydenGusts(streams, keys)
+        self._random = streams
+        self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
+        self._next = 0
+        first = self._draw()
+        self._along: Array = first[0]
+        p = first[1:3] * math.sqrt(1 / 2)
+        self._across: Array = np.stack((p, p / 2 + first[3:5] * math.sqrt(1 / 8)))
 
     def share(self, mission_s: float) -> float:
-        return mission_s  # each instant has gusts of its own
+        """Return the time: each instant has gusts of its own."""
+        return mission_s
 
     def add(self, share: float) -> None:  # noqa: ARG002 - all of them act
+        """Add the gusts of the next cycle of the main loop to what the vehicles meet."""
         states = [body.state for body in self._hit]
         airspeed_mps, height_m = np.array([(each.airspeed_mps, each.height_m) for each in states]).T
-        gusts_mps = self._gusts.advance(airspeed_mps, height_m, LOOP_S).T.tolist()
+        gusts_mps = self.advance(airspeed_mps, height_m, LOOP_S).T.tolist()
         for body, state, (forward, right, down) in zip(self._hit, states, gusts_mps, strict=True):
             cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
             _add(body, forward * cos - right * sin, forward * sin + right * cos, down)
+
+    def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
+        """Advance by `dt_s` and return the gusts (3, N) forward, right and down, m/s."""
+        sigma_mps, length_m = self.keys.scales(height_m)
+        duration = dt_s * np.maximum(airspeed_mps, LEAST_AIRSPEED_MPS) / length_m
+        noise = self._draw()
+        kept = np.exp(-duration[0])
+        self._along = kept * self._along + np.sqrt(-np.expm1(-2 * duration[0])) * noise[0]
+        transition, factor = discretised(duration[1:])
+        driven = np.stack((noise[1:3], noise[3:5]))
+        self._across = np.einsum("anij,jan->ian", transition, self._across) + np.einsum("anij,jan->ian", factor, driven)
+        right_down = SQRT3 * self._across[0] + (1 - SQRT3) * self._across[1]
+        return sigma_mps * np.concatenate((self._along[None], right_down))
+
+    def _draw(self) -> Array:
+        """Return a step's normal variates, (5, N)."""
+        if self._next == len(self._drawn):
+            self._drawn = np.stack([each.standard_normal((BLOCK, DRAWS_EACH)) for each in self._random], axis=-1)
+            self._next = 0
+        self._next += 1
+        return self._drawn[self._next - 1]
 
 
 def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None:
@@ -122,7 +186,7 @@ def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None
     body.disturbance_mps = (north + north_mps, east + east_mps, down + down_mps)
 
 
-def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady | _Turbulent:
+def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady | DrydenGusts:
     """Return the disturbance of the entry at `index`; each vehicle's gusts in each entry are independent."""
     keys, vehicles = config.disturbances[index]
     met_by = [
@@ -134,4 +198,4 @@ def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady 
     if not isinstance(keys, DrydenTurbulence):
         return _Steady(keys, hit)
     streams = [random_stream(config.seed, "turbulence", index, *identity) for identity, _ in met_by]
-    return _Turbulent(keys, hit, streams)
+    return DrydenGusts(keys, hit, streams)

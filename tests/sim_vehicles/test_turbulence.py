@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.signal import welch
 
 from formation_scenario.surroundings import DrydenTurbulence
-from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
+from sim_vehicles.airframe.disturbances import DrydenGusts, discretised
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
 SIGMA_MPS, LENGTH_M = (1.5, 1.0, 0.5), (60.0, 40.0, 20.0)
@@ -19,7 +19,7 @@ GIVEN = DrydenTurbulence(kind="dryden", at_s=0.0, sigma_mps=SIGMA_MPS, length_m=
 def flown(steps, airspeed_mps: npt.ArrayLike = AIRSPEED_MPS, count=VEHICLES):
     """Return gusts (steps, 3, count)."""
     streams = [np.random.Generator(np.random.Philox(each)) for each in np.random.SeedSequence(1).spawn(count)]
-    gusts = DrydenGusts(streams, GIVEN)
+    gusts = DrydenGusts(GIVEN, [], streams)
     speed, height = np.broadcast_to(airspeed_mps, (steps,)), np.full(count, 100.0)
     return np.stack([gusts.advance(np.full(count, each), height, DT_S) for each in speed])
 
