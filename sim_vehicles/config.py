@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
-from typing import Final
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
-from airlink.random_streams import random_stream
 from flight_model.earth import GeodeticOrigin
-from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario, start_states
 from formation_scenario.begin_and_end import StartState
 from formation_scenario.fields import VehicleSelection
-from formation_scenario.navigation import InertialNavigation, InertialSensorKeys, Navigation, TrueNavigation
+from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleModel, family_of
-from sim_vehicles.inertial.error_model import Aid, barometer, gnss
-from sim_vehicles.inertial.imu import InertialSensors
-
-DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 
 
 @dataclass(frozen=True)
@@ -100,34 +92,3 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
 
 def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[VehicleId]:
     return frozenset(vehicle.vehicle_id for vehicle in scenario.selected(selection))
-
-
-def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
-    """Return a vehicle's sensors in SI units; keys of the resolved scenario, none is missing."""
-    given = _given(keys.sensors)
-    return given.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else given
-
-
-def _given(keys: InertialSensorKeys) -> InertialSensors:
-    return InertialSensors(
-        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * GRAVITY_MPS2),
-        gyro_bias_radps=_axes(keys.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
-        accel_noise=1e-6 * GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
-        gyro_noise=math.radians(keys.gyro_noise_deg_per_rth or 0.0) / 60.0,
-    )
-
-
-def aid(keys: InertialNavigation) -> Aid | None:
-    """Return what aids the navigator, None for nothing."""
-    match keys.aiding:
-        case "gnss":
-            return gnss(**keys.gnss.model_dump())
-        case "baro":
-            return barometer(**keys.barometer.model_dump())
-        case _:
-            return None
-
-
-def _axes(value: float | tuple[float, float, float] | None, unit: float) -> tuple[float, float, float]:
-    x, y, z = value if isinstance(value, tuple) else (value or 0.0,) * 3
-    return x * unit, y * unit, z * unit

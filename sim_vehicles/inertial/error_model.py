@@ -15,6 +15,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, gravity_mps2, radii_m
+from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.airframe.motion import InnovationRatios
 from sim_vehicles.inertial.imu import InertialSensors
 
@@ -107,6 +108,17 @@ def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocit
 def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
     """Return a barometric altimeter: the height alone."""
     return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))
+
+
+def aid(keys: InertialNavigation) -> Aid | None:
+    """Return what aids the navigator, None for nothing."""
+    match keys.aiding:
+        case "gnss":
+            return gnss(**keys.gnss.model_dump())
+        case "baro":
+            return barometer(**keys.barometer.model_dump())
+        case _:
+            return None
 
 
 class ErrorFilter:

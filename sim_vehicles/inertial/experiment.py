@@ -14,7 +14,6 @@ from flight_model.arrays import Array
 from flight_model.earth import radii_m
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation
-from sim_vehicles.config import aid, inertial_sensors
 from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, limits
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
@@ -25,10 +24,19 @@ from sim_vehicles.inertial.error_model import (
     VELOCITY,
     Aid,
     ErrorFilter,
+    aid,
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationState, Trajectory, measured, misalignment
+from sim_vehicles.inertial.imu import (
+    Increments,
+    InertialSensors,
+    NavigationState,
+    Trajectory,
+    inertial_sensors,
+    measured,
+    misalignment,
+)
 from sim_vehicles.inertial.strapdown import Strapdown, displaced
 
 STEP_S: Final = 0.1

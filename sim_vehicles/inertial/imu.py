@@ -10,18 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Self, cast
+from typing import Final, NamedTuple, Self, cast
 
 import numpy as np
 
+from airlink.endpoint import VehicleId
+from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
+from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import SplinePath
+from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 
 KNOT_S = 1.0
 """Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
 DEGREE = 5
 GAUSS_POINTS = 4
+DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
 LAT, LON, HEIGHT, HEADING, PITCH, BANK = range(6)
 
 
@@ -212,6 +217,26 @@ class InertialSensors:
 
 def _root_mean_square(biases: tuple[float, float, float]) -> float:
     return math.sqrt(sum(each**2 for each in biases) / 3.0)
+
+
+def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
+    """Return a vehicle's sensors in SI units; keys of the resolved scenario, none is missing."""
+    given = _given(keys.sensors)
+    return given.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else given
+
+
+def _given(keys: InertialSensorKeys) -> InertialSensors:
+    return InertialSensors(
+        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * GRAVITY_MPS2),
+        gyro_bias_radps=_axes(keys.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
+        accel_noise=1e-6 * GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
+        gyro_noise=math.radians(keys.gyro_noise_deg_per_rth or 0.0) / 60.0,
+    )
+
+
+def _axes(value: float | tuple[float, float, float] | None, unit: float) -> tuple[float, float, float]:
+    x, y, z = value if isinstance(value, tuple) else (value or 0.0,) * 3
+    return x * unit, y * unit, z * unit
 
 
 def measured(ideal: Increments, sensors: InertialSensors, period_s: float, random: np.random.Generator) -> Increments:

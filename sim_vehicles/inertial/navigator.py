@@ -19,7 +19,6 @@ from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, gravity_mps2
 from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.airframe.motion import Estimate, InnovationRatios, Motion, with_drift
-from sim_vehicles.config import aid, inertial_sensors
 from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
@@ -29,10 +28,11 @@ from sim_vehicles.inertial.error_model import (
     TILT,
     UP,
     ErrorFilter,
+    aid,
     dynamics,
     noise_density,
 )
-from sim_vehicles.inertial.imu import InertialSensors, attitude
+from sim_vehicles.inertial.imu import InertialSensors, attitude, inertial_sensors
 
 RATE_HZ: Final = 10
 USEFUL_M: Final = 50.0
