@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: commands imported when chosen, options, output directories, endings."""
+"""What the command lines of all packages share: commands imported when chosen, options, directories, words, endings."""
 
 from __future__ import annotations
 
@@ -194,6 +194,11 @@ def default_directory(name: str) -> Path:
     stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
     return next(path for path in paths if not path.exists())
+
+
+def counted(number: int, what: str, plural: str = "s") -> str:
+    """Return how many there are of something: `1 flight`, `2 flights`, `2 searches` with `plural` "es"."""
+    return f"{number:,} {what}{plural * (number != 1)}"
 
 
 class Status(IntEnum):

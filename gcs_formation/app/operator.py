@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
+from airlink.cli import counted
 from airlink.clock import Instant
 from formation_scenario.expectation import Expectation
 from gcs_formation.recorder import Event, Recorder
@@ -129,7 +130,7 @@ class Confirmation:
             self._asked = True
             while _is_ready(self._terminal) and os.read(self._terminal, MOST_BYTES):
                 pass  # what was typed before the question
-            self._recorder.event(Event(now, "confirm", self._gate.question()))
+            self._recorder.event(Event(now, "confirm", question(self._gate)))
         if self._asked and _is_ready(self._terminal):
             read = os.read(self._terminal, MOST_BYTES)
             self._typed = (self._typed + read)[:MOST_BYTES]
@@ -143,6 +144,15 @@ class Confirmation:
             self._gate.confirm()
         else:
             self._decline(DECLINED)
+
+
+def question(gate: PreFlight) -> str:
+    """Return what to ask once a gate awaits the operator's word."""
+    count, flying = len(gate.vehicles), sum(vehicle.airborne for vehicle in gate.vehicles.values())
+    are = f"{counted(count, 'vehicle')} {'is' if count == 1 else 'are'}"
+    state = f"{are} connected, ready and checked ({sum(map(bool, gate.warnings.values()))} with warnings)"
+    what = f"arm {count - flying} and take off" + (f", take over {flying}" if flying else "")
+    return f"{state}. Type yes to {what}; anything else ends the run"
 
 
 def _is_ready(terminal: int) -> bool:

@@ -11,9 +11,9 @@ from typing import TextIO
 
 import numpy as np
 
+from airlink.cli import counted
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from airlink.words import counted
 from gcs_formation.app import result_text
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.starting import IN_ORDER

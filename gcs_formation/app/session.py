@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
+from airlink.cli import counted
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import Engine
-from airlink.words import counted
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer

@@ -12,8 +12,20 @@ from typing import Any
 
 import click
 
-from airlink.cli import OUT, SECONDS, SEED, Status, WholeNumber, default_directory, examples, fail, raised, refusal, say
-from airlink.words import counted
+from airlink.cli import (
+    OUT,
+    SECONDS,
+    SEED,
+    Status,
+    WholeNumber,
+    counted,
+    default_directory,
+    examples,
+    fail,
+    raised,
+    refusal,
+    say,
+)
 from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study

@@ -10,7 +10,6 @@ from airlink.endpoint import Endpoint, VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
-from airlink.words import counted
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.link_health import TALKING, LinkState
@@ -50,7 +49,7 @@ class PreFlight:
         self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], caution: Caution, note: Note, give_up: GiveUp
     ) -> None:
         """Read parameters of `vehicles`, unless the scenario starts emulators in the air."""
-        self._vehicles, self._caution = vehicles, caution
+        self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
         self._readers: dict[VehicleId, ParameterReader] = {}
@@ -71,7 +70,7 @@ class PreFlight:
     @property
     def awaits_word(self) -> bool:
         """Whether everybody is connected, ready and checked, and only the operator's word is missing."""
-        held = all(vehicle.start_up.held for vehicle in self._vehicles.values())
+        held = all(vehicle.start_up.held for vehicle in self.vehicles.values())
         return not self._confirmed and self._checked and held
 
     @property
@@ -83,16 +82,6 @@ class PreFlight:
     def _checked(self) -> bool:
         return len(self._judged) == len(self._readers) and not self._refused
 
-    def question(self) -> str:
-        """Return what to ask when `awaits_word`."""
-        flying = sum(vehicle.airborne for vehicle in self._vehicles.values())
-        warned = sum(map(bool, self.warnings.values()))
-        count = len(self._vehicles)
-        are = f"{counted(count, 'vehicle')} {'is' if count == 1 else 'are'}"
-        state = f"{are} connected, ready and checked ({warned} with warnings)"
-        what = f"arm {len(self._vehicles) - flying} and take off" + (f", take over {flying}" if flying else "")
-        return f"{state}. Type yes to {what}; anything else ends the run"
-
     def confirm(self) -> None:
         """Let everybody begin."""
         self._confirmed = True
@@ -101,7 +90,7 @@ class PreFlight:
         """Return the requests for parameters to send now, and judge those that have been read."""
         found = list[tuple[Vehicle, Message]]()
         for identity, reader in self._readers.items():
-            vehicle = self._vehicles[identity]
+            vehicle = self.vehicles[identity]
             if identity in self._judged or vehicle.connection.state not in TALKING:
                 continue
             if reader.complete:

@@ -17,8 +17,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from airlink.cli import counted
 from airlink.clock import Stopwatch
-from airlink.words import counted
 from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError

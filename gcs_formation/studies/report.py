@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from airlink.words import counted
+from airlink.cli import counted
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT

@@ -11,6 +11,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
+from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
@@ -82,9 +83,9 @@ def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
     world.run(20.0 if in_air else 95.0)  # longer than the step that is waited for may take
     assert world.station.preflight.awaits_word
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
-    question = world.station.preflight.question()
-    assert question.startswith("2 vehicles are connected, ready and checked (2 with warnings). Type yes to")
-    assert ("take over 2" in question) == in_air
+    asked = question(world.station.preflight)
+    assert asked.startswith("2 vehicles are connected, ready and checked (2 with warnings). Type yes to")
+    assert ("take over 2" in asked) == in_air
     world.station.preflight.confirm()
     world.run(2.0)
     assert (m.MAV_CMD_GUIDED_CHANGE_SPEED if in_air else m.MAV_CMD_COMPONENT_ARM_DISARM) in commands_to(world)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,13 +20,12 @@ class Gate:
 
     def __init__(self) -> None:
         self.due = self.confirmed = False
+        self.vehicles = {number: SimpleNamespace(airborne=number == 1) for number in (1, 2, 3)}
+        self.warnings = {1: (), 2: ("FS_GCS_ENABL: found 0",)}
 
     @property
     def awaits_word(self) -> bool:
         return self.due
-
-    def question(self) -> str:
-        return "take off?"
 
     def confirm(self) -> None:
         self.confirmed = True
@@ -44,7 +44,8 @@ def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: 
     assert notes.events == []
     gate.due = True
     confirmation.poll(NOW)
-    assert [event.text for event in notes.events] == ["take off?"]
+    asked = "3 vehicles are connected, ready and checked (1 with warnings). Type yes to arm 2 and take off, take over 1"
+    assert [event.text for event in notes.events] == [f"{asked}; anything else ends the run"]
     assert (gate.confirmed, declined) == (False, [])
     if typed:
         os.write(keyboard, typed[:2])
