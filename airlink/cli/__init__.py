@@ -88,7 +88,22 @@ class Command(click.Command):
             return super().invoke(ctx)
 
 
-class ImportedWhenChosen(Command, click.Group):
+class WithDefault(click.Group):
+    """A group in which the name of one command may be left out: what begins with none, nor an option, is for that."""
+
+    def __init__(self, *args: Any, default: str | None = None, **kwargs: Any) -> None:
+        """Take arguments that name no command for `default`; without any at all, too, unless that shows the help."""
+        super().__init__(*args, **kwargs)
+        self.default = default
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments of the group itself."""
+        own = {option for each in self.get_params(ctx) for option in each.opts}
+        named = args[0] in (*self.list_commands(ctx), *own) if args else self.no_args_is_help
+        return super().parse_args(ctx, args if named or self.default is None else [self.default, *args])
+
+
+class ImportedWhenChosen(Command, WithDefault):
     """A group that imports a command only when it is used, so that none pays for the imports of another."""
 
     def __init__(self, *args: Any, entries: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:

@@ -18,6 +18,7 @@ from airlink.cli import (
     SEED,
     Status,
     WholeNumber,
+    WithDefault,
     counted,
     default_directory,
     examples,
@@ -63,17 +64,9 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     return value
 
 
-class _FlyOrStudy(click.Group):
-    """A group whose first argument may be a study file instead of a command."""
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that the arguments name; a study file is flown."""
-        return super().resolve_command(ctx, args if args[0] in self.commands else ["run", *args])
-
-
-@click.group(cls=_FlyOrStudy, epilog=STUDY_EXAMPLES, subcommand_metavar="STUDY --out DIR | fly DIR FLIGHT")
+@click.group(
+    cls=WithDefault, default="run", epilog=STUDY_EXAMPLES, subcommand_metavar="STUDY --out DIR | fly DIR FLIGHT"
+)
 def study() -> None:
     """Fly one scenario many times, over parameters and seeds. `study STUDY --help` lists the options."""
 

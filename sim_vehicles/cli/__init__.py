@@ -19,18 +19,13 @@ COMMANDS = {
 }
 
 
-class _FlyByDefault(ImportedWhenChosen):
-    """A group whose plain call, with a scenario or with options alone, flies vehicles."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        own = {"-h", "--help", "--version"}
-        if not args or args[0] not in (*self.list_commands(ctx), *own):
-            args = ["fly", *args]
-        return super().parse_args(ctx, args)
-
-
 @click.group(
-    cls=_FlyByDefault, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES
+    cls=ImportedWhenChosen,
+    entries=COMMANDS,
+    default="fly",
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=EXAMPLES,
 )
 @click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:

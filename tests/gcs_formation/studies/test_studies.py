@@ -445,6 +445,13 @@ def test_what_is_wrong_in_a_study_is_said_once(keys, said):
     assert line.startswith(said)
 
 
+def test_options_may_come_before_the_study_s_file(tmp_path):
+    missing, out = tmp_path / "missing.yaml", tmp_path / "out"
+    said = [command("study", *each) for each in ((missing, "--out", out), ("--out", out, missing))]
+    assert [each.exit_code for each in said] == [2, 2]
+    assert said[0].output == said[1].output == f"{missing}: No such file or directory\n"
+
+
 @pytest.mark.slow
 def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_path):
     out = tmp_path / "out"
