@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Final, NewType, Protocol, Self
+from typing import Final, NewType, Self
 
 Instant = NewType("Instant", int)
 """Nanoseconds since the epoch of the run's clock."""
@@ -16,7 +16,7 @@ NANOSECONDS: Final = 1_000_000_000
 HALF: Final = 0.5
 EXACT: Final = 2.0**51
 EVEN: Final = 1.5 * 2.0**52
-"""A sum with it has no digits after the point, and is even where two are as near."""
+"""Added and then subtracted it rounds a number, ties to even: between 2^52 and 2^53 doubles are 1 apart."""
 MICROSECONDS: Final = 1_000_000
 VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC, at which every virtual clock begins."""
@@ -46,25 +46,12 @@ def seconds_between(earlier: Instant, later: Instant) -> float:
     return (later - earlier) / NANOSECONDS
 
 
-class Clock(Protocol):
-    """Gives the present instant."""
-
-    @property
-    def utc_at_0_us(self) -> int:
-        """UTC at instant 0, microseconds since 1970."""
-        ...
-
-    def now(self) -> Instant:
-        """Return the present instant."""
-        ...
-
-
 class VirtualClock:
     """A clock that stands still until its owner moves it."""
 
-    def __init__(self, start: Instant = Instant(0)) -> None:
-        """Start at `start`."""
-        self._now = start
+    def __init__(self) -> None:
+        """Start at instant 0."""
+        self._now = Instant(0)
 
     @property
     def utc_at_0_us(self) -> int:
@@ -93,7 +80,7 @@ class RealClock:
         self.origin_ns = time.monotonic_ns() if origin_ns is None else origin_ns
 
     @classmethod
-    def from_utc(cls, utc_at_0_us: int, speedup: float = 1.0) -> Self:
+    def from_utc(cls, utc_at_0_us: int, speedup: float) -> Self:
         """Return the clock that was at instant 0 at a time, microseconds since 1970."""
         return cls(speedup, time.monotonic_ns() - (time.time_ns() - utc_at_0_us * 1000))
 
@@ -111,6 +98,8 @@ class RealClock:
         return max(0.0, seconds_between(self.now(), instant) / self.speedup)
 
 
+Clock = VirtualClock | RealClock
+"""What gives a run its instants."""
 _wall_s: Final = time.perf_counter
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -46,13 +46,6 @@ class ChannelStatistics:
     def mean_delay_s(self) -> float:
         """Mean delay of those that arrived, s, including the wait for the limited rate; NaN if none did."""
         return self.total_delay_s / self.delivered if self.delivered else math.nan
-
-
-class LinkStatistics(NamedTuple):
-    """Statistics of both directions of a vehicle's link."""
-
-    uplink: ChannelStatistics
-    downlink: ChannelStatistics
 
 
 class Channel:
@@ -201,10 +194,10 @@ class ImpairedEngine(Engine):
         if timer is not None and timer <= now:
             self._engine.handle_timer(now)
 
-    def statistics(self, vehicle: VehicleId) -> LinkStatistics:
-        """Return the statistics of a vehicle's link so far; all zero for one that was never heard."""
+    def statistics(self, vehicle: VehicleId) -> tuple[ChannelStatistics, ChannelStatistics]:
+        """Return a vehicle's statistics so far, uplink's and downlink's; all zero for one that was never heard."""
         uplink, downlink = self._channels_of(vehicle)
-        return LinkStatistics(uplink.statistics, downlink.statistics)
+        return uplink.statistics, downlink.statistics
 
     def _move_to(self, now: Instant) -> None:
         self._now = max(self._now, now)

@@ -43,7 +43,7 @@ class Link:
     each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
-    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram], *, locks: bool = False) -> None:
+    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram], *, locks: bool) -> None:
         """Send on socket number `socket` of the engine, by appending datagrams to its outbox.
 
         `locks`: only the first who sends is heard, until it restarts.

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x03"
-RATE_HZ: Final = 25.0
+TURNS: Final = 2
+"""Cycles of the main loop for each row."""
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = (
     "north_m",
@@ -46,11 +47,10 @@ class TruthError(Exception):
 class TruthWriter:
     """Appends rows to the file; pass it to a fleet as its truth listener."""
 
-    def __init__(self, path: Path, vehicles: int, rate_hz: float = RATE_HZ) -> None:
-        """Create the file; rows are written at `rate_hz`, or at the main loop's rate if that is lower."""
+    def __init__(self, path: Path, vehicles: int) -> None:
+        """Create the file."""
         self._file = path.open("wb")
         self._file.write(HEADER.pack(MAGIC, vehicles))
-        self._turns = max(1, round(LOOP_HZ / rate_hz))
         self._turn, self._full = 0, False
         self._waiting = BytesWriter()
 
@@ -69,7 +69,7 @@ class TruthWriter:
     def __call__(self, now: Instant, fleet: Fleet) -> None:
         """Take the fleet's state after a cycle of the main loop."""
         self._turn += 1
-        if self._full or self._turn % self._turns:
+        if self._full or self._turn % TURNS:
             return
         write_f64_le(self._waiting, now / NANOSECONDS)
         for body in fleet.bodies:

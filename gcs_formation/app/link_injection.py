@@ -13,7 +13,7 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.impaired_link import ImpairedEngine, LinkStatistics
+from airlink.impaired_link import ChannelStatistics, ImpairedEngine
 from airlink.impairment_settings import UNIMPAIRED, Impairment
 from flight_model.arrays import Array
 from formation_scenario import Scenario
@@ -74,7 +74,7 @@ def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
     return None if clear else ImpairedEngine(station, station.networks, both_ways, scenario.seed)
 
 
-def injected(statistics: LinkStatistics) -> tuple[float, float, float]:
+def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float]:
     """Return the mean delays up and down that a link had so far, s, 0 where nothing was sent, and the loss down."""
     up, down = statistics
     return up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss

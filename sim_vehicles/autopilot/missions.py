@@ -160,7 +160,7 @@ def home_of(start: StartState, origin: GeodeticOrigin) -> Item:
 class Missions:
     """The stored items, the number of the current one, and the upload in progress, if any."""
 
-    def __init__(self, home: Callable[[], Item], *, stored: bool = True) -> None:
+    def __init__(self, home: Callable[[], Item], *, stored: bool) -> None:
         """Start with home alone; `stored`: whether more can be written."""
         self._stored = stored
         self.items: list[Item] = [home()]

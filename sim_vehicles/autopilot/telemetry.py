@@ -282,7 +282,7 @@ class Stream:
 class Streams:
     """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
-    def __init__(self, now: Instant, unasked: Mapping[int, int] = UNASKED, known: Builders = BUILDERS) -> None:
+    def __init__(self, now: Instant, unasked: Mapping[int, int], known: Builders) -> None:
         """Start with the messages that need no request, of those that are `known`."""
         self._unasked, self._known = unasked, known
         self._streams = [

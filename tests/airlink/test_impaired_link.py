@@ -9,7 +9,7 @@ from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, MemoryNetwork
 from airlink.frame import MAX_REMOTES, FrameWriter, StreamParser
 from airlink.impaired_link import ImpairedEngine
-from airlink.impairment_settings import UNIMPAIRED, Impairment
+from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
 
@@ -82,10 +82,10 @@ def test_each_vehicle_has_the_delays_of_its_own_link_in_each_direction():
     assert ages == pytest.approx([0.1] * len(ages), abs=1e-9)
     assert len(ages) > 190
     statistics = engine.statistics(VehicleId(1, 2))
-    assert statistics.uplink.mean_delay_s == pytest.approx(0.1)
-    assert statistics.downlink.mean_delay_s == pytest.approx(0.3)
-    assert engine.statistics(VehicleId(1, 1)).downlink.mean_delay_s == 0.0
-    assert engine.statistics(VehicleId(1, 9)).downlink.datagrams == 0
+    assert statistics[Direction.UPLINK].mean_delay_s == pytest.approx(0.1)
+    assert statistics[Direction.DOWNLINK].mean_delay_s == pytest.approx(0.3)
+    assert engine.statistics(VehicleId(1, 1))[Direction.DOWNLINK].mean_delay_s == 0.0
+    assert engine.statistics(VehicleId(1, 9))[Direction.DOWNLINK].datagrams == 0
 
 
 def test_the_engines_own_timers_are_not_disturbed():
@@ -96,7 +96,7 @@ def test_the_engines_own_timers_are_not_disturbed():
 
 def test_what_is_lost_never_arrives_and_is_counted():
     ground, vehicles, engine = fly(only_for(1, Impairment(outage=True), Impairment(loss=0.3)), 100.0)
-    downlink = engine.statistics(VehicleId(1, 1)).downlink
+    downlink = engine.statistics(VehicleId(1, 1))[Direction.DOWNLINK]
     assert vehicles[1].heard == []
     assert len(ground.ages(1)) == downlink.datagrams - downlink.lost
     assert downlink.loss == pytest.approx(0.3, abs=4 * (0.21 / 2000) ** 0.5)
@@ -152,8 +152,8 @@ def test_one_system_id_on_two_networks_is_two_vehicles():
     frame = FrameWriter(7, 1).encode(SystemTime(0, 0.0))
     for socket in (0, 1):
         engine.receive([Datagram(socket, Address("127.0.0.1", 5), frame)], Instant(0))
-    assert engine.statistics(VehicleId(1, 7)).downlink.mean_delay_s == 1.0
-    assert engine.statistics(VehicleId(2, 7)).downlink.mean_delay_s == 2.0
+    assert engine.statistics(VehicleId(1, 7))[Direction.DOWNLINK].mean_delay_s == 1.0
+    assert engine.statistics(VehicleId(2, 7))[Direction.DOWNLINK].mean_delay_s == 2.0
 
 
 def test_what_belongs_to_no_vehicle_passes_as_it_is():
@@ -185,7 +185,7 @@ def test_a_cut_frame_is_its_senders_too():
     frame = FrameWriter(1, 1).encode(Heartbeat(1, 3))
     for part in (frame, frame[:12], frame[12:]):
         engine.receive([Datagram(0, Address("127.0.0.1", 9), part)], Instant(0))
-    assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 3
+    assert engine.statistics(VehicleId(1, 1))[Direction.DOWNLINK].datagrams == 3
 
 
 def test_a_header_alone_makes_no_sender():
@@ -197,8 +197,8 @@ def test_a_header_alone_makes_no_sender():
         broken = frame[:-1] + bytes([frame[-1] ^ 1])
         engine.receive([Datagram(0, Address("127.0.0.1", 9), frame if system == 1 else broken)], Instant(0))
         engine.receive([Datagram(0, Address("127.0.0.1", 10), broken)], Instant(0))
-    assert engine.statistics(VehicleId(1, 1)).downlink.datagrams == 2
-    assert engine.statistics(VehicleId(1, 2)).downlink.datagrams == 0
+    assert engine.statistics(VehicleId(1, 1))[Direction.DOWNLINK].datagrams == 2
+    assert engine.statistics(VehicleId(1, 2))[Direction.DOWNLINK].datagrams == 0
 
 
 def test_thousands_of_senders_are_forgotten_but_for_those_heard_last():
