@@ -17,10 +17,10 @@ from flight_model.autopilot_model import within
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, Order, to_mode
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, GivenCommand, to_mode
 from sim_vehicles.autopilot.failsafe import COPTER_FAILSAFE
 from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request, select
-from sim_vehicles.autopilot.parameters import Kind, ParameterServer, floating
+from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
@@ -180,14 +180,14 @@ class CopterPilot(Pilot):
         self._steering.yaw_rad = yaw_rad
 
 
-def _take_off(vehicle: Copter, given: Order) -> int:
+def _take_off(vehicle: Copter, given: GivenCommand) -> int:
     """Take off to a height above home, which no other frame gives."""
     if given.frame != m.MAV_FRAME_GLOBAL_RELATIVE_ALT:
         return DENIED
     return ACCEPTED if vehicle.take_off(given.z) else FAILED
 
 
-HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
@@ -198,19 +198,19 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
 """All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
 
 
-def copters(config: VehicleConfig) -> dict[str, Kind]:
+def copters(config: VehicleConfig) -> dict[str, ParameterKind]:
     """Return a multirotor's parameters by their names, in ArduCopter's cm."""
     model = config.model
     return {
-        "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
-        "DISARM_DELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
-        "FS_GCS_ENABLE": Kind(m.MAV_PARAM_TYPE_INT8, 0, 7, 0),
+        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "DISARM_DELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
+        "FS_GCS_ENABLE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 7, 0),
         "FS_GCS_TIMEOUT": floating(2, 120, 5),
         "GUID_TIMEOUT": floating(0.1, 5, 3),
-        "LAND_SPEED": Kind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
-        "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
-        "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
-        "RTL_ALT": Kind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
+        "LAND_SPEED": ParameterKind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "RTL_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
         "WPNAV_ACCEL": floating(50, 500, math.ceil(100 * model.accel_max_mps2)),
         "WPNAV_SPEED": floating(10, 2000, max(1000, math.ceil(100 * model.speed_max_mps))),
         "WPNAV_SPEED_DN": floating(10, 500, 150),

@@ -17,7 +17,7 @@ from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, Order
+from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
 from sim_vehicles.autopilot.modes import Condition, CopterMode, FlightMode, Mode, Px4Mode, Request, select
 from sim_vehicles.autopilot.parameters import ParameterServer
@@ -211,7 +211,7 @@ class Px4(Vehicle):
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:
         """Fly straight to a place, north, east and above the origin, and stay there; a speed of 0 or less is none."""
 
-    def go_to(self, given: Order) -> None:
+    def go_to(self, given: GivenCommand) -> None:
         """Fly to a place; altitudes are above sea level."""
         height_m = given.z - self.fleet.origin.alt_m
         if math.isfinite(height_m):

@@ -27,7 +27,7 @@ from formation_scenario.surroundings import DEFAULT_MODE, Fault
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
-from sim_vehicles.autopilot.board_clock import NEVER, VehicleClock
+from sim_vehicles.autopilot.board_clock import NEVER, BoardClock
 from sim_vehicles.autopilot.failsafe import FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
 from sim_vehicles.autopilot.modes import FlightMode, Request
@@ -38,7 +38,7 @@ from sim_vehicles.config import VehicleConfig
 from sim_vehicles.link import Link
 
 if TYPE_CHECKING:
-    from sim_vehicles.autopilot.commands import Order
+    from sim_vehicles.autopilot.commands import GivenCommand
     from sim_vehicles.fleet import Fleet
 
 INITIALISING_S: Final = 1.0
@@ -72,7 +72,7 @@ class Vehicle(ABC):
     failsafe_keys: ClassVar[FailsafeKeys]
     armed_text: ClassVar[str] = "Throttle armed"
     disarmed_text: ClassVar[str] = "Throttle disarmed"
-    handlers: ClassVar[dict[int, Callable[[Any, Order], int]]]
+    handlers: ClassVar[dict[int, Callable[[Any, GivenCommand], int]]]
     """What carries out each command that it knows."""
 
     now: Instant
@@ -84,7 +84,7 @@ class Vehicle(ABC):
     reboots: bool
     """Whether it was told to restart."""
     ignores: bool
-    _clock: VehicleClock
+    _clock: BoardClock
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
@@ -278,7 +278,7 @@ class Vehicle(ABC):
 
     def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; return each MAV_RESULT to acknowledge it with."""
-        given = commands.order(message)
+        given = commands.received(message)
         ignored = self.ignores and given.command in commands.ORDERS
         return (commands.ACCEPTED if ignored else commands.execute(self, given),)
 
@@ -295,7 +295,7 @@ class Vehicle(ABC):
         self.now = now
         self._frozen = self.ignores = self.reboots = False
         config, at_0_us = self.config, self.fleet.config.utc_at_0_us
-        self._clock = VehicleClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
+        self._clock = BoardClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER

@@ -13,7 +13,7 @@ NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
 
 
-class VehicleClock:
+class BoardClock:
     """Time since boot, off by `offset_s` and running `1 + drift` times as fast as true time; and UTC by that.
 
     UTC is kept as by ArduPilot (AP_RTC): while disarmed the receiver sets it, but never back; armed, it runs on the

@@ -62,7 +62,7 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
-class Order:
+class GivenCommand:
     """A command, whichever message brought it."""
 
     __slots__ = ("command", "frame", "in_integers", "lat_rad", "lon_rad", "params", "z")
@@ -91,19 +91,19 @@ class Order:
         self.in_integers = in_integers
 
 
-def order(message: CommandInt | CommandLong) -> Order:
-    """Return the order in a message. COMMAND_LONG has heights above home, and degrees as floats."""
+def received(message: CommandInt | CommandLong) -> GivenCommand:
+    """Return the command in a message. COMMAND_LONG has heights above home, and degrees as floats."""
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
         place = message.x * DEGREES_E7, message.y * DEGREES_E7
-        return Order(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
+        return GivenCommand(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
     place = math.radians(message.param5), math.radians(message.param6)
     frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
-    return Order(message.command, frame, params, place[0], place[1], z, in_integers=False)
+    return GivenCommand(message.command, frame, params, place[0], place[1], z, in_integers=False)
 
 
-def execute(vehicle: Vehicle, given: Order) -> int:
-    """Carry out an order; return its MAV_RESULT."""
+def execute(vehicle: Vehicle, given: GivenCommand) -> int:
+    """Carry out a command; return its MAV_RESULT."""
     handler = vehicle.handlers.get(given.command)
     return UNSUPPORTED if handler is None else handler(vehicle, given)
 
@@ -122,7 +122,7 @@ def _flag(value: float, flag: int) -> bool:
     return math.isfinite(value) and bool(int(value) & flag)
 
 
-def _change_speed(vehicle: Vehicle, given: Order) -> int:
+def _change_speed(vehicle: Vehicle, given: GivenCommand) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
@@ -134,7 +134,7 @@ def _change_speed(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _change_altitude(vehicle: Vehicle, given: Order) -> int:
+def _change_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
     height_m = height_of(vehicle, given.z, given.frame)
@@ -144,7 +144,7 @@ def _change_altitude(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _change_heading(vehicle: Vehicle, given: Order) -> int:
+def _change_heading(vehicle: Vehicle, given: GivenCommand) -> int:
     kind, degrees, lateral_mps2, _ = given.params
     if vehicle.pilot.mode is not GUIDED:
         return FAILED
@@ -160,7 +160,7 @@ def _change_heading(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _set_mode(vehicle: Vehicle, given: Order) -> int:
+def _set_mode(vehicle: Vehicle, given: GivenCommand) -> int:
     if not _flag(given.params[0], m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
         return DENIED
     return _enter(vehicle, given.params[1])
@@ -170,22 +170,22 @@ def _enter(vehicle: Vehicle, number: float) -> int:
     return ACCEPTED if vehicle.switch(number) else FAILED
 
 
-def to_mode(mode: int, refused: int = FAILED) -> Callable[[Any, Order], int]:
+def to_mode(mode: int, refused: int = FAILED) -> Callable[[Any, GivenCommand], int]:
     """Return what carries out a command to change to a mode."""
     return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else refused
 
 
-def reboot(refused: int) -> Callable[[Any, Order], int]:
+def reboot(refused: int) -> Callable[[Any, GivenCommand], int]:
     """Return what restarts a vehicle, once the command is acknowledged; an armed one refuses."""
 
-    def carry_out(vehicle: Vehicle, given: Order) -> int:
+    def carry_out(vehicle: Vehicle, given: GivenCommand) -> int:
         vehicle.reboots = given.params[0] == 1.0 and not vehicle.pilot.condition.armed
         return ACCEPTED if vehicle.reboots else refused
 
     return carry_out
 
 
-def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
+def _arm_disarm(vehicle: Vehicle, given: GivenCommand) -> int:
     arm, force = given.params[0], given.params[1] == FORCE
     if arm not in (0.0, 1.0):
         return UNSUPPORTED
@@ -193,7 +193,7 @@ def _arm_disarm(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED if granted else FAILED
 
 
-def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
+def _legacy_speed(vehicle: Vehicle, given: GivenCommand) -> int:
     """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air."""
     kind, speed_mps = given.params[0], given.params[1]
     if vehicle.pilot.mode not in SPEED_MODES:
@@ -211,7 +211,7 @@ def _legacy_speed(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
+def _legacy_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
     height_m = height_of(vehicle, given.params[0], given.params[1])
     if height_m is None:
         return DENIED
@@ -220,7 +220,7 @@ def _legacy_altitude(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED
 
 
-def reposition(vehicle: Copter | Plane, given: Order) -> int:
+def reposition(vehicle: Copter | Plane, given: GivenCommand) -> int:
     """Fly to a place and stay there; ArduPilot takes one from COMMAND_INT alone."""
     if not given.in_integers:
         return UNSUPPORTED
@@ -252,26 +252,26 @@ def fly_to(vehicle: Copter | Plane, item: MissionItem | MissionItemInt) -> int:
     return m.MAV_MISSION_ACCEPTED
 
 
-def _start_mission(vehicle: Vehicle, given: Order) -> int:
+def _start_mission(vehicle: Vehicle, given: GivenCommand) -> int:
     """Start or resume the mission; a first and a last item aren't supported."""
     return DENIED if any(given.params[:2]) else _enter(vehicle, Mode.AUTO)
 
 
-def _choose_item(vehicle: Vehicle, given: Order) -> int:
+def _choose_item(vehicle: Vehicle, given: GivenCommand) -> int:
     if not vehicle.missions.choose(given.params[0]):
         return DENIED
     _send(vehicle, m.MAVLINK_MSG_ID_MISSION_CURRENT)
     return ACCEPTED
 
 
-def _set_interval(vehicle: Vehicle, given: Order) -> int:
+def _set_interval(vehicle: Vehicle, given: GivenCommand) -> int:
     message_id, interval_us = given.params[0], given.params[1]
     known = message_id in vehicle.builders and math.isfinite(interval_us)
     taken = known and vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now)
     return ACCEPTED if taken else DENIED
 
 
-def _get_interval(vehicle: Vehicle, given: Order) -> int:
+def _get_interval(vehicle: Vehicle, given: GivenCommand) -> int:
     """Tell a message's interval: of one that it can't send, that there is none."""
     if not 0.0 <= given.params[0] <= HIGHEST_MESSAGE_ID:
         return DENIED
@@ -281,7 +281,7 @@ def _get_interval(vehicle: Vehicle, given: Order) -> int:
     return ACCEPTED if known else FAILED
 
 
-def _request_message(vehicle: Vehicle, given: Order) -> int:
+def _request_message(vehicle: Vehicle, given: GivenCommand) -> int:
     return _send(vehicle, given.params[0])
 
 
@@ -292,7 +292,7 @@ def _send(vehicle: Vehicle, message_id: float) -> int:
     return ACCEPTED
 
 
-HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_GUIDED_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _change_altitude,
     m.MAV_CMD_GUIDED_CHANGE_HEADING: _change_heading,

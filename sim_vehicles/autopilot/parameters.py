@@ -47,7 +47,7 @@ PACKED: dict[int, tuple[int, str]] = {
 """MAV_PARAM_TYPE -> the type's number in the file and its `struct` format."""
 
 
-class Kind(NamedTuple):
+class ParameterKind(NamedTuple):
     """A parameter's type, its range and its initial value; a value outside is set to the nearest bound."""
 
     type: int
@@ -56,33 +56,33 @@ class Kind(NamedTuple):
     initial: float
 
 
-def floating(least: float, most: float, initial: float) -> Kind:
+def floating(least: float, most: float, initial: float) -> ParameterKind:
     """Return a parameter that is a float."""
-    return Kind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
+    return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
-def planes(config: VehicleConfig, cruise_mps: float) -> dict[str, Kind]:
+def planes(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
     """Return ArduPlane's parameters for a vehicle, by their names."""
     model = config.model
     radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
     return {
         "AIRSPEED_CRUISE": floating(5, 100, cruise_mps),
-        "AIRSPEED_MAX": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.ceil(model.speed_max_mps)),
-        "AIRSPEED_MIN": Kind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.floor(model.speed_min_mps)),
-        "ARMING_CHECK": Kind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
-        "AUTOLAND_WP_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200, 55),
-        "AUTOLAND_WP_DIST": Kind(m.MAV_PARAM_TYPE_INT16, 100, 700, 400),
-        "FS_GCS_ENABL": Kind(m.MAV_PARAM_TYPE_INT8, 0, 1, 0),
-        "FS_LONG_ACTN": Kind(m.MAV_PARAM_TYPE_INT8, 0, 4, 0),
+        "AIRSPEED_MAX": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.ceil(model.speed_max_mps)),
+        "AIRSPEED_MIN": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.floor(model.speed_min_mps)),
+        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 200, 55),
+        "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 700, 400),
+        "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 1, 0),
+        "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 4, 0),
         "FS_LONG_TIMEOUT": floating(1, 300, 5),
-        "LAND_DISARMDELAY": Kind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
-        "MAV_GCS_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
-        "MAV_SYSID": Kind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config)))),
         "RTL_ALTITUDE": floating(10, 1000, 100),
-        "TKOFF_ALT": Kind(m.MAV_PARAM_TYPE_INT16, 10, 200, 50),
-        "WP_LOITER_RAD": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767, radius_m),
-        "WP_RADIUS": Kind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
+        "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 200, 50),
+        "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, radius_m),
+        "WP_RADIUS": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
     }
 
 
@@ -95,7 +95,7 @@ def _steepest_deg(config: VehicleConfig) -> float:
 class ParameterServer:
     """One vehicle's parameters, and the answers to requests for them."""
 
-    def __init__(self, kinds: Mapping[str, Kind]) -> None:
+    def __init__(self, kinds: Mapping[str, ParameterKind]) -> None:
         """Start with the initial value of each; their order is that of their indices on the wire."""
         self._kinds, self._names = kinds, tuple(kinds)
         self._values = {name: kind.initial for name, kind in kinds.items()}

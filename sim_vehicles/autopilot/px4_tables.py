@@ -19,10 +19,10 @@ from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.board_clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Order, to_mode
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
 from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode, Px4Mode
-from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, Kind, ParameterServer, floating
+from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 
 if TYPE_CHECKING:
@@ -144,11 +144,11 @@ BUILDERS: Final[telemetry.Builders] = {
 }
 
 
-def _whole(least: float, most: float, initial: float) -> Kind:
-    return Kind(m.MAV_PARAM_TYPE_INT32, least, most, initial)
+def _whole(least: float, most: float, initial: float) -> ParameterKind:
+    return ParameterKind(m.MAV_PARAM_TYPE_INT32, least, most, initial)
 
 
-def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, Kind]:
+def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
     """Return the parameters of a vehicle by their names: PX4's defaults, wide enough for its model."""
     model = config.model
     common = {
@@ -237,25 +237,25 @@ class LinkLoss(GroundStationFailsafe):
         return Px4Mode.HOLD
 
 
-def _set_mode(vehicle: Px4, given: Order) -> int:
+def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
     main, sub = given.params[1], given.params[2]
     if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
         return REJECTED
     return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
 
 
-def _arm_disarm(vehicle: Px4, given: Order) -> int:
+def _arm_disarm(vehicle: Px4, given: GivenCommand) -> int:
     force = given.params[1] == commands.FORCE
     granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
     return ACCEPTED if granted else REJECTED
 
 
-def _take_off(vehicle: Px4, given: Order) -> int:
+def _take_off(vehicle: Px4, given: GivenCommand) -> int:
     height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
     return ACCEPTED if vehicle.prepare(height_m) else REJECTED
 
 
-def _reposition(vehicle: Px4, given: Order) -> int:
+def _reposition(vehicle: Px4, given: GivenCommand) -> int:
     if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.switch(Px4Mode.HOLD):
@@ -264,21 +264,21 @@ def _reposition(vehicle: Px4, given: Order) -> int:
     return ACCEPTED
 
 
-def _change_speed(vehicle: Px4, given: Order) -> int:
+def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
     """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
     if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
         vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
     return ACCEPTED
 
 
-def _change_altitude(vehicle: Px4, given: Order) -> int:
+def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
     if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
         return REJECTED
     vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
     return ACCEPTED
 
 
-def _set_interval(vehicle: Px4, given: Order) -> int:
+def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
     """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
 
     A shorter one than the main loop's is taken, but in each loop a message is sent once.
@@ -293,7 +293,7 @@ def _set_interval(vehicle: Px4, given: Order) -> int:
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
 
 
-def _get_interval(vehicle: Px4, given: Order) -> int:
+def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
     """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
     if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
         return DENIED
@@ -302,12 +302,12 @@ def _get_interval(vehicle: Px4, given: Order) -> int:
     return ACCEPTED
 
 
-def _request_message(vehicle: Px4, given: Order) -> int:
+def _request_message(vehicle: Px4, given: GivenCommand) -> int:
     """Send a message once; what it doesn't know is DENIED."""
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
-HANDLERS: dict[int, Callable[[Any, Order], int]] = {
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
@@ -321,7 +321,7 @@ HANDLERS: dict[int, Callable[[Any, Order], int]] = {
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
 }
-PLANES_HANDLERS: dict[int, Callable[[Any, Order], int]] = HANDLERS | {
+PLANES_HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = HANDLERS | {
     m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
 }
