@@ -68,14 +68,9 @@ class CopterPilot(Pilot):
         self.mode = CopterMode.STABILIZE
 
     @property
-    def taking_off(self) -> bool:
+    def under_way(self) -> bool:
         """Whether it has to look where it is: it takes off, flies to a place, comes home, lands or sinks."""
         return (self.takeoff_m is not None or self._place_m is not None or self.mode in SEEING) and self.airborne
-
-    @property
-    def landing(self) -> bool:
-        """Return False: `taking_off` tells of landings too."""
-        return False
 
     @property
     def landed_state(self) -> int:
@@ -233,7 +228,7 @@ class Copter(Vehicle):
     disarmed_text = "Disarming motors"
     handlers = HANDLERS
     flier: CopterPilot
-    """Its pilot, as what that is."""
+    """Its pilot, typed as a CopterPilot."""
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduCopter's parameters."""

@@ -276,7 +276,7 @@ class Px4Copter(Px4):
     guided_mode = Px4Mode.OFFBOARD
     flown = tables.AS_COPTER
     flier: CopterPilot
-    """Its pilot, as what that is."""
+    """Its pilot, typed as a CopterPilot."""
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
         """Return who flies a multirotor."""

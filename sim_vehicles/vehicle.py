@@ -164,7 +164,7 @@ class Vehicle(ABC):
                 self._take(frame)
         if self.reboots:
             self._restart()
-        if (self.pilot.taking_off or self.pilot.landing) and self.pilot.progress(self.body.motion):
+        if self.pilot.under_way and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:
                 self.landed()
@@ -372,7 +372,7 @@ class Vehicle(ABC):
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""
-        if self.parameters.listing or self.pilot.taking_off or self.pilot.landing or self.flies_mission:
+        if self.parameters.listing or self.pilot.under_way or self.flies_mission:
             self.wake = self.now
             return
         # Two by two: compiled, that is no call.

@@ -113,9 +113,9 @@ class Pilot:
         return self.condition is CRASHED
 
     @property
-    def taking_off(self) -> bool:
-        """Whether it is armed and on its way up to `takeoff_m`."""
-        return self.takeoff_m is not None and self.condition.armed
+    def under_way(self) -> bool:
+        """Whether `progress` is due in each cycle: it takes off, armed, or lands."""
+        return (self.takeoff_m is not None and self.condition.armed) or self.landing
 
     @property
     def landed_state(self) -> int:
