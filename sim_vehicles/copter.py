@@ -12,7 +12,6 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.frame import Frame
-from airlink.messages.mission import MissionItem, MissionItemInt
 from flight_model.autopilot_model import within
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands, position_targets
@@ -290,10 +289,6 @@ class Copter(Vehicle):
         if self.pilot.mode is CopterMode.GUIDED and not self.ignores and not self.pilot.takeoff_m:
             self._take_setpoint(message)
         return True
-
-    def fly_to(self, item: MissionItem | MissionItemInt) -> int:
-        """Fly at once to a place that came as a mission item; return the MAV_MISSION_RESULT."""
-        return commands.fly_to(self, item)
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Fly to a place and stay there."""

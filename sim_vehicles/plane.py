@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
-from airlink.messages.mission import MissionItem, MissionItemInt, MissionItemReached
+from airlink.messages.mission import MissionItemReached
 from flight_model.earth import GeodeticOrigin
-from sim_vehicles.airframe.motion import Motion, Steering
+from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.failsafe import LONG_FAILSAFE
 from sim_vehicles.autopilot.missions import E7, Item, Missions
@@ -173,10 +173,6 @@ class Plane(Vehicle):
         """Return ArduPlane's parameters."""
         return ParameterServer(planes(config, self.fleet.config.cruise_mps))
 
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
-        """Return who flies it, by sticks, setpoints or a mission."""
-        return Pilot(config, steering, self.parameters)
-
     @property
     def flies_mission(self) -> bool:
         """Whether it flies by its stored mission."""
@@ -219,10 +215,6 @@ class Plane(Vehicle):
         if self.pilot.guided_by_setpoints:
             height_m = self.body.steering.height_m
         self.pilot.circle(north_m, east_m, height_m)
-
-    def fly_to(self, item: MissionItem | MissionItemInt) -> int:
-        """Circle a position at once, or climb to a height."""
-        return commands.fly_to(self, item)
 
     def mode_named(self, name: str) -> FlightMode:
         """Return a mode by its name."""

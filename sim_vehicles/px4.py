@@ -17,11 +17,10 @@ from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import NEVER
-from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
+from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
 from sim_vehicles.autopilot.modes import Condition, CopterMode, FlightMode, Mode, Px4Mode, Request, select
 from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.copter import CopterPilot
@@ -211,12 +210,11 @@ class Px4(Vehicle):
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:
         """Fly straight to a place, north, east and above the origin, and stay there; a speed of 0 or less is none."""
 
-    def go_to(self, given: GivenCommand) -> None:
-        """Fly to a place; altitudes are above sea level."""
-        height_m = given.z - self.fleet.origin.alt_m
+    def go_to(self, lat_rad: float, lon_rad: float, height_m: float, speed_mps: float = 0.0) -> None:
+        """Fly to a place, unless its height isn't finite; a speed of 0 or less is none."""
         if math.isfinite(height_m):
-            north_m, east_m, _ = self.fleet.origin.to_ned(given.lat_rad, given.lon_rad, self.fleet.origin.alt_m)
-            self.fly_there((north_m, east_m, height_m), given.params[0])
+            north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
+            self.fly_there((north_m, east_m, height_m), speed_mps)
 
     def airspeed(self, speed_mps: float) -> float:
         """Return an airspeed within its limits, beyond which it is cut off, unsaid."""
@@ -311,10 +309,6 @@ class Px4Plane(Px4):
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = tables.AS_PLANE
     handlers = tables.PLANES_HANDLERS
-
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
-        """Return who flies a fixed wing."""
-        return Pilot(config, steering, self.parameters)
 
     def lift_off(self, height_m: float) -> None:
         """Roll and climb."""

@@ -240,9 +240,9 @@ class Vehicle(ABC):
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return its parameters."""
 
-    @abstractmethod
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
-        """Return who flies it."""
+        """Return who flies it, by sticks, setpoints or a mission."""
+        return Pilot(config, steering, self.parameters)
 
     @abstractmethod
     def enter(self, mode: FlightMode) -> None:
@@ -265,8 +265,12 @@ class Vehicle(ABC):
         """Do what is due by now in its mode."""
 
     @abstractmethod
+    def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
+        """Fly to a place, whose height is above the fleet's origin, and stay there or circle it."""
+
     def fly_to(self, item: MissionItem | MissionItemInt) -> int:
         """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
+        return commands.fly_to(self, item)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""

@@ -21,8 +21,6 @@ from sim_vehicles.autopilot.missions import from_message
 from sim_vehicles.autopilot.modes import Mode
 
 if TYPE_CHECKING:
-    from sim_vehicles.copter import Copter
-    from sim_vehicles.plane import Plane
     from sim_vehicles.vehicle import Vehicle
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
@@ -220,7 +218,7 @@ def _legacy_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-def reposition(vehicle: Copter | Plane, given: GivenCommand) -> int:
+def reposition(vehicle: Vehicle, given: GivenCommand) -> int:
     """Fly to a place and stay there; ArduPilot takes one from COMMAND_INT alone."""
     if not given.in_integers:
         return UNSUPPORTED
@@ -237,7 +235,7 @@ def reposition(vehicle: Copter | Plane, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-def fly_to(vehicle: Copter | Plane, item: MissionItem | MissionItemInt) -> int:
+def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
     """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
     found = from_message(item)
     if isinstance(found, int):

@@ -260,7 +260,7 @@ def _reposition(vehicle: Px4, given: GivenCommand) -> int:
         return UNSUPPORTED
     if not vehicle.switch(Px4Mode.HOLD):
         return REJECTED
-    vehicle.go_to(given)
+    vehicle.go_to(given.lat_rad, given.lon_rad, given.z - vehicle.fleet.origin.alt_m, given.params[0])
     return ACCEPTED
 
 
