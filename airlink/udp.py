@@ -29,19 +29,19 @@ BATCH: Final = 64
 """Datagrams that the kernel is asked for at once."""
 MAX_KNOWN: Final = 4096
 """Senders whose addresses are kept, so that strangers can't fill the memory."""
-NAME: Final = 16
-"""Bytes of `struct sockaddr_in`: family, then port and host in the network's order."""
-PIECE: Final = 16
-"""Bytes of `struct iovec`: where a datagram goes, and how much of it."""
-HEADER: Final = 64
-"""Bytes of `struct mmsghdr`, its padding included."""
-LENGTH: Final = 56
-"""Where it says how long the datagram is that has come."""
-NAMES: Final = BATCH * MAX_DATAGRAM
-PIECES: Final = NAMES + BATCH * NAME
-HEADERS: Final = PIECES + BATCH * PIECE
-ROOM: Final = HEADERS + BATCH * HEADER
-"""Where senders' names, pieces and headers lie behind the datagrams of a batch, and bytes of all of it."""
+SOCKADDR_BYTES: Final = 16
+"""Of `struct sockaddr_in`: family, then port and host in the network's order."""
+IOVEC_BYTES: Final = 16
+"""Of `struct iovec`: where a datagram goes, and how much of it."""
+MMSGHDR_BYTES: Final = 64
+"""Of `struct mmsghdr`, its padding included."""
+MSG_LEN_AT: Final = 56
+"""Where in it the kernel says how long a datagram is."""
+SOCKADDRS_AT: Final = BATCH * MAX_DATAGRAM
+IOVECS_AT: Final = SOCKADDRS_AT + BATCH * SOCKADDR_BYTES
+HEADERS_AT: Final = IOVECS_AT + BATCH * IOVEC_BYTES
+ROOM: Final = HEADERS_AT + BATCH * MMSGHDR_BYTES
+"""Layout of the receive buffer, and its size: a batch of datagrams, then sockaddr_in, iovec and mmsghdr of each."""
 IDLE_WAIT_S: Final = 0.1
 IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
@@ -96,7 +96,7 @@ class Inbox:
     def __init__(self) -> None:
         """Make room for a batch."""
         self._known = dict[bytes, Address]()
-        """By the kernel's name, who sent before."""
+        """Who sent before, by the kernel's sockaddr_in."""
         self._receive: Any = None
         if sys.platform == "linux" and sys.maxsize > 2**32 and sys.byteorder == "little":
             self._receive = getattr(ctypes.CDLL(None, use_errno=True), "recvmmsg", None)
@@ -109,11 +109,12 @@ class Inbox:
         room = self._room = mmap.mmap(-1, ROOM)  # of which only what is written to takes memory
         begin = ctypes.addressof(ctypes.c_char.from_buffer(room))
         for each in range(BATCH):
-            data, name = begin + each * MAX_DATAGRAM, begin + NAMES + each * NAME
-            piece, header = PIECES + each * PIECE, HEADERS + each * HEADER
-            room[piece : piece + PIECE] = struct.pack("=2Q", data, MAX_DATAGRAM)
-            room[header : header + HEADER] = struct.pack("=8Q", name, NAME, begin + piece, 1, 0, 0, 0, 0)
-        self._headers = begin + HEADERS
+            data, sockaddr = begin + each * MAX_DATAGRAM, begin + SOCKADDRS_AT + each * SOCKADDR_BYTES
+            iovec, header = IOVECS_AT + each * IOVEC_BYTES, HEADERS_AT + each * MMSGHDR_BYTES
+            room[iovec : iovec + IOVEC_BYTES] = struct.pack("=2Q", data, MAX_DATAGRAM)
+            fields = sockaddr, SOCKADDR_BYTES, begin + iovec, 1, 0, 0, 0, 0
+            room[header : header + MMSGHDR_BYTES] = struct.pack("=8Q", *fields)
+        self._headers = begin + HEADERS_AT
 
     def take(self, opened: socket.socket, index: int = 0) -> list[Datagram]:
         """Return what has arrived, `DRAIN_LIMIT` datagrams at most, as an engine's socket `index` is given it."""
@@ -125,22 +126,24 @@ class Inbox:
         for _ in range(DRAIN_LIMIT // BATCH):
             count: int = self._receive(handle, self._headers, BATCH, socket.MSG_DONTWAIT, None)
             if count > 0:
-                names: bytes = room[NAMES : NAMES + count * NAME]
-                headers: bytes = room[HEADERS : HEADERS + count * HEADER]
+                senders: bytes = room[SOCKADDRS_AT : SOCKADDRS_AT + count * SOCKADDR_BYTES]
+                headers: bytes = room[HEADERS_AT : HEADERS_AT + count * MMSGHDR_BYTES]
                 for place in range(count):
-                    name, begin = names[place * NAME : (place + 1) * NAME], place * MAX_DATAGRAM
-                    data: bytes = room[begin : begin + read_i64_le(headers, place * HEADER + LENGTH)]
-                    found.append(Datagram(index, known.get(name) or self._met(name), data))
+                    sender = senders[place * SOCKADDR_BYTES : (place + 1) * SOCKADDR_BYTES]
+                    begin = place * MAX_DATAGRAM
+                    length = read_i64_le(headers, place * MMSGHDR_BYTES + MSG_LEN_AT)
+                    data: bytes = room[begin : begin + length]
+                    found.append(Datagram(index, known.get(sender) or self._met(sender), data))
             # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
             if 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN):
                 break
         return found
 
-    def _met(self, name: bytes) -> Address:
-        """Return who has a name, and know him from now on."""
+    def _met(self, sockaddr: bytes) -> Address:
+        """Return the sender of a raw sockaddr_in, and remember it."""
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
-        address = self._known[name] = Address(socket.inet_ntoa(name[4:8]), int.from_bytes(name[2:4], "big"))
+        address = self._known[sockaddr] = Address(socket.inet_ntoa(sockaddr[4:8]), int.from_bytes(sockaddr[2:4], "big"))
         return address
 
     def _take_singly(self, opened: socket.socket, index: int, found: list[Datagram]) -> None:
