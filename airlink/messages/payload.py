@@ -141,7 +141,7 @@ def _same(one: object, other: object) -> bool:
 
 
 def _cut(frame: bytes, at: i64, end: i64) -> int:
-    """Return the number at a place whose highest bytes were zeros and are cut off; maybe all of them are."""
+    """Return the little-endian number at a place, of whose high zero bytes MAVLink 2 cut off some or all."""
     value: i64 = 0
     while end > at:
         end -= 1

@@ -1,4 +1,4 @@
-"""Parameters with ArduPlane's names and types, and how ground stations read and write them, and the mission.
+"""Parameters and how ground stations read and write them; ArduPlane's names and types among them.
 
 Source: MAVLink guide, "Parameter Protocol" and "File Transfer Protocol (FTP)"; ArduPilot documentation, "Complete
 Parameter List"; AP_Filesystem's notes on @PARAM/param.pck.

@@ -1,4 +1,4 @@
-"""What an emulated ArduPlane does in each mode. It writes the vehicle's `Steering`.
+"""What an emulated fixed wing does in each of ArduPlane's modes. It writes the vehicle's `Steering`.
 
 Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, circles are always clockwise, and there
 is no flare.

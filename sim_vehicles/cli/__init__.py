@@ -29,7 +29,7 @@ COMMANDS = {
 )
 @click.version_option(package_name="gcs-formation", message=VERSION)
 def main() -> None:
-    """Emulated ArduPlanes that speak MAVLink over UDP.
+    """Emulated ArduPlanes, ArduCopters and PX4s that speak MAVLink over UDP.
 
     Give a scenario, or a number of vehicles; `fly` may be left out.
     """
