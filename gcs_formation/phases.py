@@ -36,7 +36,8 @@ class Cause(Enum):
     OPENED = "every vehicle that hears has a height of its own, or time is up"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
-    GIVEN_UP = "every vehicle loiters, and the run can't go on"
+    NOT_ALL_LOITERED = "not every vehicle has acknowledged that it loiters, and the time for that is over"
+    GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
 
 
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
@@ -61,6 +62,7 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.LOITERING, Cause.HASTE): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
+    (Phase.LOITERING, Cause.NOT_ALL_LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }
 """All other combinations change nothing."""

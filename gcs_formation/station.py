@@ -232,6 +232,7 @@ class Station(Engine):
                 self.controller.estimator.forget(vehicle.column)
                 self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
         self._send_all(self.preflight.requests(now), now)
+        self.preflight.watch()
         self._starting.advance(now)
         if self.preflight.rehearsed:
             self.course.end_rehearsal(now)
@@ -253,7 +254,7 @@ class Station(Engine):
             self.course.fail(reason, now)
         elif resumed is not None and resumed.ending and takeover.settled(now):
             self.course.stop(now)
-        elif leads and self.course.move(Cause.LEADER_READY, now):
+        elif leads and self.preflight.passed and self.course.move(Cause.LEADER_READY, now):
             self.design.watch(now, begins=True)
 
     def _send_commands(self, now: Instant) -> None:
@@ -305,6 +306,8 @@ class Station(Engine):
 
     def _look_on(self, now: Instant) -> None:
         """Record where everyone is while nobody is commanded, once somebody has taken off."""
+        if self.flight.ended:
+            return
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)

@@ -59,19 +59,16 @@ def following(member: Member, sight: Sight) -> Member:
     """
     if not sight.started:
         return Member.STARTING
-    back = Member.FLYING if sight.guided else Member.RETURNING if sight.loiters else Member.PARTED
-    match member:
-        case Member.STARTING:
-            return Member.FLYING
-        case Member.PARTED:
-            return Member.FLYING if sight.guided else Member.PARTED
-        case _ if not sight.fresh:
-            uncommanded = member in UNCOMMANDED and not sight.loiter_may_be_commanded
-            return Member.UNHEARD if uncommanded else Member.HOLDING
-        case Member.FLYING | Member.UNHEARD if not sight.order_may_come:
-            return Member.FLYING if sight.guided else Member.PARTED
-        case _:
-            return back
+    if member is Member.STARTING:
+        return Member.FLYING
+    if member is Member.PARTED or not (sight.guided or sight.loiters):
+        return Member.FLYING if sight.guided else Member.PARTED  # none of our commands leads to any other mode
+    if not sight.fresh:
+        uncommanded = member in UNCOMMANDED and not sight.loiter_may_be_commanded
+        return Member.UNHEARD if uncommanded else Member.HOLDING
+    if member in UNCOMMANDED and not sight.order_may_come:
+        return Member.FLYING if sight.guided else Member.PARTED
+    return Member.FLYING if sight.guided else Member.RETURNING
 
 
 class Membership:

@@ -162,8 +162,8 @@ class Course:
         return self.move(Cause.HASTE, now, "rtl")
 
     def fail(self, text: str, now: Instant) -> None:
-        """End the run because it can't go on; vehicles loiter."""
-        self.failure = text
+        """End the run because it can't go on, for the first reason that there is; vehicles loiter."""
+        self.failure = self.failure or text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE, now)
 
@@ -191,9 +191,13 @@ class Course:
         if self._ending.landings.failure and not self.failure:
             self.fail(self._ending.landings.failure, now)
         if self._ending.over(seconds_between(self.flight.since, now)):
-            for vehicle in self._ending.pending():
+            pending = self._ending.pending()
+            for vehicle in pending:
                 self._note(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
-            self.move(Cause.GIVEN_UP if self.failure else Cause.LOITERED, now)
+            if self.failure:
+                self.move(Cause.GIVEN_UP, now)
+            else:
+                self.move(Cause.NOT_ALL_LOITERED if pending else Cause.LOITERED, now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
         """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""

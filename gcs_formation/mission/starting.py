@@ -18,6 +18,7 @@ from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
@@ -52,6 +53,7 @@ class PreFlight:
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
+        self._passed = self._confirmed and not caution.parameters
         self._readers: dict[VehicleId, ParameterReader] = {}
         if caution.parameters:
             for planned in scenario.vehicles:
@@ -65,18 +67,25 @@ class PreFlight:
     @property
     def passed(self) -> bool:
         """Whether vehicles may be commanded."""
-        return self._confirmed and self._checked
+        return self._passed
+
+    def watch(self) -> None:
+        """Let everybody begin, once for all, when all are connected, ready and checked, and the word is given."""
+        self._passed = self._passed or (self._confirmed and self._checked and self._ready)
 
     @property
     def awaits_word(self) -> bool:
         """Whether everybody is connected, ready and checked, and only the operator's word is missing."""
-        held = all(vehicle.start_up.held for vehicle in self.vehicles.values())
-        return not self._confirmed and self._checked and held
+        return not self._confirmed and self._checked and self._ready
 
     @property
     def rehearsed(self) -> bool:
         """Whether a rehearsal is over."""
         return self._caution.rehearse and self.awaits_word
+
+    @property
+    def _ready(self) -> bool:
+        return all(_is_ready(vehicle.start_up) for vehicle in self.vehicles.values())
 
     @property
     def _checked(self) -> bool:
@@ -187,6 +196,10 @@ class Starting:
             self._give_up(f"no vehicle {who} answered at {where} in {waited_s:.0f} s", now)
 
     def _advance(self, vehicle: Vehicle, now: Instant) -> None:
+        if vehicle.airborne and vehicle.start_up.taken_over(vehicle.telemetry):
+            mode = vehicle.autopilot.mode_name(vehicle.telemetry)
+            vehicle.leave_to_pilot(now)
+            self._note(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
         may_act = self._takeover.may_act(vehicle, now) and self._preflight.passed
         vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
@@ -194,7 +207,7 @@ class Starting:
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
         reason = vehicle.start_up.failure(vehicle.commands, now)
         if reason:
-            answered = f"{_result(vehicle)}{vehicle.telemetry.last_words}"
+            answered = f"{_result(vehicle)}{_lacks(vehicle)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
@@ -208,6 +221,11 @@ class Starting:
             self._note(now, "abandoned", text, vehicle)
 
 
+def _is_ready(start_up: StartUp) -> bool:
+    """Return whether a vehicle needs nothing more but leave to begin, or flies in its guided mode already."""
+    return start_up.held or start_up.acted or start_up.finished or start_up.left
+
+
 def _is_of_its_family(vehicle: Vehicle) -> bool:
     heartbeat = vehicle.telemetry.heartbeat
     return heartbeat is None or vehicle.autopilot.speaks(heartbeat)
@@ -217,6 +235,12 @@ def _is_another(vehicle: Vehicle) -> str:
     heartbeat = vehicle.telemetry.heartbeat or Heartbeat(0, 0)
     names = m.name_of("MAV_AUTOPILOT", heartbeat.autopilot), m.name_of("MAV_TYPE", heartbeat.type)
     return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"
+
+
+def _lacks(vehicle: Vehicle) -> str:
+    seen = vehicle.telemetry
+    lacking = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
+    return f" (it has told no {' and no '.join(lacking)})" if lacking else ""
 
 
 def _result(vehicle: Vehicle) -> str:

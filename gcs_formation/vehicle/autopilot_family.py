@@ -119,6 +119,8 @@ class Autopilot(ABC):
     """Height above home at which a take-off is complete, m."""
     take_off_mode: ClassVar[int] = -1
     """In which it takes off; -1: in the guided mode."""
+    taken_off_mode: ClassVar[int] = -1
+    """That follows its take-off by itself; -1: none."""
     loiter_mode: ClassVar[int]
     home_mode: ClassVar[int]
     """In which its failsafe flies home."""
@@ -224,6 +226,11 @@ class Autopilot(ABC):
         fast, slow = self.fast_messages, self.slow_messages
         rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
         return rates_hz | {m.MAVLINK_MSG_ID_SYSTEM_TIME: UTC_RATE_HZ} if utc else rates_hz
+
+    @property
+    def start_up_modes(self) -> frozenset[int]:
+        """The modes in which its start-up leads it."""
+        return frozenset({self.take_off_mode, self.taken_off_mode, self.guided_mode})
 
     @abstractmethod
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:

@@ -90,6 +90,7 @@ class Px4(Autopilot, ABC):
     loop_s = 0.0
     """It answers TIMESYNC and commands as they come."""
     take_off_mode = TAKEOFF
+    taken_off_mode = LOITER
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)

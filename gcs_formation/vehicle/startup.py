@@ -64,6 +64,8 @@ class StartUp:
     """Goes through the steps; a step that is already done sends nothing."""
 
     steps: tuple[StartUpStep, ...]
+    modes: frozenset[int] = frozenset()
+    """Those in which its steps lead the vehicle."""
     index: int = -1
     abandoned: bool = False
     """Whether we have given up getting it ready."""
@@ -73,6 +75,8 @@ class StartUp:
     """Whether a step has begun that changes what it does."""
     held: bool = False
     """Whether it is ready for its first command, and that may not be given yet."""
+    _led: bool = False
+    """Whether the vehicle has been in one of its modes since it acts."""
     _began: Instant = Instant(0)
 
     @property
@@ -97,12 +101,17 @@ class StartUp:
         """Whether the vehicle has acknowledged what it is to send."""
         return any(step.every_command_acknowledged for step in self.steps[: max(self.index, 0)])
 
+    def taken_over(self, seen: Telemetry) -> bool:
+        """Return whether somebody else has led the vehicle into another mode since."""
+        return self._led and not self.finished and seen.custom_mode not in self.modes
+
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant, *, may_act: bool = True) -> None:
         """Begin the next step when the one under way is done; several at once when they need nothing.
 
         Before `may_act` no step begins that changes what the vehicle does.
         """
         self.held = False
+        self._led = self._led or (self.acted and telemetry.custom_mode in self.modes)
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
             acts = any(step.acts(telemetry) for step in following)

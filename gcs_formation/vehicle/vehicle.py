@@ -83,7 +83,7 @@ class Vehicle:
         self.messages_in = vec[i64]([0] * len(KINDS))
         """How many messages of each kind have come, at the kind's place."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
-        self.start_up = StartUp(autopilot.start_up(self.rates_hz))
+        self.start_up = StartUp(autopilot.start_up(self.rates_hz), autopilot.start_up_modes)
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
         self.delays, self.frames_out = BytesWriter(), 0
@@ -346,7 +346,7 @@ class Vehicle:
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.forget_setpoints()
-        self.start_up = StartUp(self.autopilot.start_up(self.rates_hz))
+        self.start_up = StartUp(self.autopilot.start_up(self.rates_hz), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         if ack.target_system not in (0, STATION_SYSTEM):

@@ -9,7 +9,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
+from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
@@ -34,6 +34,15 @@ class Listening(Between):
         messages = (frame.message for frame in StreamParser().feed(datagram.data))
         self.commands |= {each.command for each in messages if isinstance(each, CommandInt | CommandLong)}
         super().take(datagram, now)
+
+
+class WithoutPosition(Listening):
+    """The last vehicle tells no position."""
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        position = m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT.to_bytes(3, "little")
+        sent = super().datagrams_to_send()
+        return [each for each in sent if each.socket != 1 or each.data[HEADER_V2 - 3 : HEADER_V2] != position]
 
 
 def commands_to(world: World) -> set[int]:
@@ -121,3 +130,40 @@ def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() 
         "  setpoints, 10 a second: COMMAND_INT GUIDED_CHANGE_ALTITUDE: z 100",
         "  setpoints, 10 a second: COMMAND_INT GUIDED_CHANGE_HEADING: param1 1, param2 0, param3 5.5",
     ]
+
+
+@pytest.mark.parametrize("confirm", [False, True])
+def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
+    """The last one has no position: it's waited for, and then the run ends with all on the ground."""
+    world = World(WithoutPosition, Caution(parameters=True, confirm=confirm), **GROUND)
+    world.run(60.0)
+    assert world.station.flight.phase is Phase.FAILED
+    assert world.station.course.failure
+    assert world.station.course.failure == (
+        "vehicle 2: not done within 30 s after we asked for telemetry (it has told no position)"
+    )
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+@pytest.mark.parametrize("caution", [Caution(parameters=True, rehearse=True), Caution(parameters=True, confirm=True)])
+def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_nor_before_the_word(
+    caution: Caution,
+) -> None:
+    world = World(Listening, caution, vehicles={"count": 2})
+    for vehicle in world.fleet.vehicles:
+        vehicle.enter(Mode.GUIDED)
+    world.run(5.0)
+    assert world.station.flight.phase is (Phase.DONE if caution.rehearse else Phase.CONNECTING)
+    assert world.station.preflight.awaits_word
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    world.station.preflight.confirm()
+    world.run(2.0)
+    assert (m.MAV_CMD_GUIDED_CHANGE_SPEED in commands_to(world)) is caution.confirm
+
+
+def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
+    """Its phase is over by then, which no time series has."""
+    world = World(Listening, Caution(parameters=True, rehearse=True), vehicles={"count": 2})
+    world.run(20.0)
+    assert world.station.flight.phase is Phase.DONE
+    assert {tick.phase for tick in world.notes.ticks} == {"connecting"}

@@ -220,3 +220,23 @@ def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_abo
     assert world.station.controller.guidance.rounds > 0
     headings = np.array([[heading_rad for _, heading_rad, _ in tick.setpoints] for tick in world.notes.ticks])
     assert np.nanmax(np.abs(wrap(np.diff(headings, axis=0)))) < 0.5
+
+
+@pytest.mark.parametrize("leads", [False, True])
+def test_whoever_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_is_given_back(leads: bool) -> None:
+    number = 1 if leads else LAST
+    world = World(**ON_THE_GROUND)
+    taken = world.vehicle(number)
+    world.network.run(lambda: taken.body.state.height_m > 15.0)
+    world.inject(number, "pilot", mode="FBWA")
+    taken_s = world.now_s
+    world.run(30.0)
+    assert taken.pilot.mode is Mode.FBWA
+    assert world.words("abandoned") == ["taken over in mode 5 before it was ready: left to its pilot"]
+    assert world.times_s("abandoned", number)[0] - taken_s < 1.0 + LAG_S, "a heartbeat shows it"
+    assert world.times_s("ready", number) == []
+    assert world.station.course.failure is None
+    assert bool(world.times_s("phase", text="assembling")) is not leads
+    taken.enter(Mode.GUIDED)
+    world.run(3.0)
+    assert world.times_s("member", number, "flying in formation")

@@ -215,3 +215,15 @@ def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_hei
     formation.reports(LOITER)
     formation.ages_s[1] = 0.0
     assert formation.judge(60.0) is Member.HOLDING
+
+
+@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
+def test_one_that_is_heard_in_a_mode_that_none_of_our_commands_leads_to_is_its_pilot_s_whatever_else_is_known(
+    member: Member,
+) -> None:
+    """After an outage its first heartbeat comes before anything that is recent enough to fly by."""
+    formation = Formation()
+    formation.follower.member, formation.ages_s[1] = member, formation.max_age_s + 1.0
+    formation.reports(MANUAL)
+    assert formation.judge(10.0) is Member.PARTED
+    assert formation.told() == []
