@@ -10,9 +10,10 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from librt.strings import BytesWriter, read_i32_le, read_i64_le
+from librt.strings import BytesWriter, read_i32_le
 from mypy_extensions import i64, mypyc_attr
 
+from airlink.checksum import BYTE, Checksums, checksum
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.mavlink import crc_extras
@@ -28,12 +29,6 @@ SIGNED_FLAG: Final = 0x01
 
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
 _EXTRAS: Final = crc_extras()
-WORD: Final = 8
-BYTE: Final = 8
-"""Bytes of a word, bits of a byte."""
-CRC_START: Final = 0xFFFF
-NO_EXTRA: Final = 2**56 - 1
-"""A word without its last byte."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -153,13 +148,15 @@ class StreamParser:
         offset, end = 0, len(data)
         kept = end  # the earliest start of what may yet become a frame
         refused_to = sound = 0
+        checksums = Checksums(data)
         while (marker := _find_marker(data, offset)) is not None:
             offset = marker.start()
             following = offset + frame_length(data, offset)
             if following > end:
                 kept = min(kept, offset)
             else:
-                frame = self._accept(data[offset:following], counted=offset >= refused_to and kept == end)
+                counted = offset >= refused_to and kept == end
+                frame = self._accept(data[offset:following], counted=counted, checksums=checksums, place=offset)
                 if frame is not None:
                     frames.append(frame)
                     sound += following - offset
@@ -172,8 +169,11 @@ class StreamParser:
         self.counts.garbage_bytes += kept - sound
         return frames
 
-    def _accept(self, raw: bytes, *, counted: bool) -> Frame | None:
-        """Return the frame, None when it's refused; `counted` unless that lies inside another candidate."""
+    def _accept(self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, place: int = 0) -> Frame | None:
+        """Return the frame, None when it's refused; `counted` unless that lies inside another candidate.
+
+        Its checksum is one of `checksums`, at `place`, if others may overlap it.
+        """
         at: i64 = 2  # where its sequence number is, and after it the ids of its sender
         begin: i64 = HEADER_V1
         flags: i64 = 0
@@ -195,7 +195,8 @@ class StreamParser:
         end = begin + length
         found: i64 = raw[end + 1]
         found = found << BYTE | raw[end]
-        if checksum(raw, end, extra) != found:
+        covered = checksum(raw, end, extra) if checksums is None else checksums.of(raw, end, extra, place)
+        if covered != found:
             self.counts.bad_checksums += counted
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
@@ -203,38 +204,6 @@ class StreamParser:
             message = None if kind is None else kind.example.read(raw, begin, end)
             return Frame(raw[at + 1], raw[at + 2], raw[at], message_id, version, message, raw)
         return None
-
-
-def checksum(data: bytes, end: i64, extra: i64) -> i64:
-    """Return the checksum of a frame's bytes from the second to before `end`, and of its message's CRC_EXTRA.
-
-    CRC-16/MCRF4XX: the remainder of the bits, as a polynomial, by P = x^16 + x^12 + x^5 + 1, eight bytes at a time.
-    Their quotient is the product with 1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is
-    x^-16 (1 + a)(1 + a^2)(1 + a^4)(1 + a^8). In the words read here the highest power is in the lowest bit.
-    """
-    at: i64 = 1
-    if end < WORD:  # there is no word that ends where it does
-        data, at, end = bytes(WORD) + data, at + WORD, end + WORD
-    crc: i64 = CRC_START
-    while at + WORD <= end:
-        crc = _remainder(read_i64_le(data, at) ^ crc)
-        at += WORD
-    rest = read_i64_le(data, end - WORD) >> BYTE & NO_EXTRA | extra << BYTE * (WORD - 1)
-    gone = BYTE * (WORD - 1 - end + at)  # bits of what is before `at`
-    later: i64 = 0
-    if at == end:
-        later = crc >> BYTE  # of the two bytes that it is, one byte more takes up the first alone
-    return _remainder((rest >> gone ^ crc) << gone) ^ later
-
-
-def _remainder(word: i64) -> i64:
-    """Return the remainder of a word by P."""
-    word ^= word << 4 ^ word << 11 ^ word << 16
-    word ^= word << 8 ^ word << 22 ^ word << 32
-    word ^= word << 16 ^ word << 44
-    word ^= word << 32
-    crc = word >> 48 & 0xFFFF
-    return crc ^ crc >> 5 ^ crc >> 12
 
 
 def frame_length(data: bytes, offset: i64) -> i64:

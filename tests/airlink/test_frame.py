@@ -9,7 +9,9 @@ from fastcrc import crc16
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser, checksum
+from airlink import checksum as checksum_module
+from airlink.checksum import Checksums, checksum
+from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser, frame_length
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
@@ -34,6 +36,15 @@ garbage = st.binary(max_size=40) | st.lists(
 @given(st.binary(min_size=1, max_size=300), st.integers(0, 255))
 def test_checksums_are_those_of_a_peer(data, extra):
     assert checksum(data, len(data), extra) == crc16.mcrf4xx(data[1:] + bytes([extra]))
+
+
+@given(st.binary(min_size=7, max_size=300), st.lists(st.tuples(st.integers(0, 1000), st.integers(0, 255))))
+def test_checksums_of_parts_that_overlap_are_the_same(data, parts):
+    checksums = Checksums(data)
+    for place, extra in parts:
+        at = place % (len(data) - 6)
+        part = data[at : at + HEADER_V2 + 255]
+        assert checksums.of(part, len(part), extra, at) == checksum(part, len(part), extra)
 
 
 def frames_of(*chunks):
@@ -80,6 +91,51 @@ def test_every_sound_frame_is_found_whatever_stands_between(parts, places):
     frames = [writer.encode(message) for _, message in parts]
     stream = b"".join(noise + frame for (noise, _), frame in zip(parts, frames, strict=True))
     assert raws(frames_of(*cut(stream, places))) == frames
+
+
+BEGINNINGS = [b"\xfe", b"\xfe\xff\x00\x01\x01\x1e", b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00"]
+"""Of the longest frames of known messages, one after the other."""
+
+
+@pytest.mark.parametrize("beginning", BEGINNINGS)
+def test_what_looks_like_frames_within_frames_is_not_gone_over_each_time(beginning, monkeypatch):
+    gone_over = []
+
+    def counting(data, end, extra):
+        gone_over.append(end)
+        return checksum(data, end, extra)
+
+    monkeypatch.setattr(checksum_module, "checksum", counting)
+    stream = beginning * (60_000 // len(beginning)) + SOUND
+    assert raws(frames_of(stream)) == [SOUND]
+    assert sum(gone_over) <= len(stream) + LONGEST_FRAME
+
+
+def one_by_one(stream):
+    """Return what each place would give by itself, from the first on."""
+    found, place = [], 0
+    while place < len(stream):
+        raw = stream[place : place + frame_length(stream, place)]
+        complete = len(raw) == frame_length(stream, place) > 0
+        if complete and StreamParser()._accept(raw, counted=False) is not None:
+            found.append(raw)
+        place += len(raw) if found[-1:] == [raw] else 1
+    return found
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(BEGINNINGS), st.integers(0, 99), messages), min_size=1, max_size=3),
+    st.lists(st.integers(0, 10_000), max_size=8),
+)
+def test_sound_frames_are_found_among_those_too_and_every_byte_is_counted(parts, places):
+    writer = FrameWriter(1, 1)
+    stream = b"".join(beginning * times + writer.encode(message) for beginning, times, message in parts)
+    whole, in_pieces = StreamParser(), StreamParser()
+    found = raws(whole.feed(stream))
+    assert found == one_by_one(stream)
+    assert found == [raw for piece in cut(stream, places) for raw in raws(in_pieces.feed(piece))]
+    assert whole.counts.garbage_bytes == in_pieces.counts.garbage_bytes
+    assert whole.counts.garbage_bytes + len(whole._pending) + sum(map(len, found)) == len(stream)
 
 
 @given(garbage, garbage)

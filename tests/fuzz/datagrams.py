@@ -14,6 +14,10 @@ FOREIGN_TARGET = 77
 LONGEST_NOISE = 300
 LONGEST_PAYLOAD = 255
 MARKERS = (b"\xfd", b"\xfe")
+BEGINNINGS = (b"\xfe", b"\xfe\xff\x00\xc8\x01\x1e", b"\xfd\xff\x00\x00\x00\xc8\x01\x1e\x00\x00")
+"""Of strangers' longest frames: one after the other, each begins within many others."""
+MOST_BEGINNINGS = 600
+"""Bytes of them."""
 POOL = 4096
 """Sound frames kept to be damaged; one is replaced with every use."""
 
@@ -48,6 +52,7 @@ class Hostile:
             self._wrong_length,
             self._unknown,
             self._incompatible,
+            self._overlapped,
         )
 
     def datagram(self) -> bytes:
@@ -118,6 +123,10 @@ class Hostile:
 
     def _incompatible(self, frame: bytes) -> bytes:
         return frame[:2] + bytes([self._random.randrange(2, 256)]) + frame[3:]
+
+    def _overlapped(self, frame: bytes) -> bytes:
+        beginning = self._random.choice(BEGINNINGS)
+        return beginning * (self._random.randrange(MOST_BEGINNINGS) // len(beginning)) + frame
 
 
 _OTHERS = sorted(EXTRAS.keys() - {layout.message_id for layout in LAYOUTS})
