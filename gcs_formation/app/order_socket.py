@@ -18,6 +18,7 @@ STATUS = "status"
 """Asks for a page on the flight. It isn't an order: a scenario can't plan it."""
 MOST_BYTES = 400
 MOST_CALLERS = 8
+"""Of more, the one that came first is dropped: who gives an order says it at once."""
 ANSWER_S = 10.0
 """Longest wait for an answer; a running flight answers within a tick."""
 
@@ -33,6 +34,7 @@ class OrderSocket:
         self._take = take
         self._listening: socket.socket | None = None
         self._callers: dict[socket.socket, bytes] = {}
+        """What each has said so far, in the order in which they came."""
 
     def __enter__(self) -> Self:
         """Start listening; if that fails, the flight goes on without orders."""
@@ -57,13 +59,16 @@ class OrderSocket:
         """Answer the orders that have arrived."""
         if self._listening is None:
             return
-        with suppress(BlockingIOError):
-            while len(self._callers) < MOST_CALLERS:
-                caller, _ = self._listening.accept()
-                caller.setblocking(False)
-                self._callers[caller] = b""
         for caller in list(self._callers):
             self._listen_to(caller)
+        with suppress(BlockingIOError):
+            for _ in range(MOST_CALLERS):
+                caller, _ = self._listening.accept()
+                caller.setblocking(False)
+                if len(self._callers) == MOST_CALLERS:
+                    self._drop(next(iter(self._callers)))
+                self._callers[caller] = b""
+                self._listen_to(caller)
 
     def _listen_to(self, caller: socket.socket) -> None:
         try:
@@ -78,6 +83,9 @@ class OrderSocket:
         elif heard and len(said) < MOST_BYTES:
             self._callers[caller] = said
             return
+        self._drop(caller)
+
+    def _drop(self, caller: socket.socket) -> None:
         del self._callers[caller]
         caller.close()
 

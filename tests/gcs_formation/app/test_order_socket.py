@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import socket
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from formation_scenario.orders import Answer
-from gcs_formation.app.order_socket import MOST_BYTES, OrderSocket, tell
+from gcs_formation.app.order_socket import MOST_BYTES, MOST_CALLERS, OrderSocket, tell
 from gcs_formation.errors import NothingRunningError
 
 
@@ -60,3 +61,30 @@ def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> Non
         for _ in range(10):
             orders.poll()
     assert heard == []
+
+
+@pytest.mark.parametrize("said", [b"", b"shape"])
+def test_callers_that_go_on_saying_nothing_keep_nobody_from_an_answer(tmp_path: Path, said: bytes) -> None:
+    with ThreadPoolExecutor() as pool, OrderSocket(tmp_path, echo) as orders, ExitStack() as silent:
+        for _ in range(2 * MOST_CALLERS):
+            caller = silent.enter_context(socket.socket(socket.AF_UNIX))
+            caller.connect(str(tmp_path / "orders.sock"))
+            caller.sendall(said)
+            orders.poll()
+        asked = pool.submit(tell, tmp_path, "shape line")
+        while not asked.done():
+            orders.poll()
+        assert asked.result() == (True, "heard shape line")
+
+
+def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) -> None:
+    with OrderSocket(tmp_path, echo) as orders, ExitStack() as calling:
+        callers = [calling.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(MOST_CALLERS + 1)]
+        for caller in callers:
+            caller.connect(str(tmp_path / "orders.sock"))
+            caller.setblocking(False)
+            orders.poll()
+        assert callers[0].recv(1) == b""
+        callers[1].sendall(b"shape line\n")
+        orders.poll()
+        assert b"heard shape line" in callers[1].recv(MOST_BYTES)
