@@ -8,16 +8,45 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
-from formation_scenario.fields import FileError, Flag, Fraction, Keys, NonNegative, Number, Text, Timed, key
+from formation_scenario.fields import (
+    MAX_NUMBER,
+    Allowed,
+    FileError,
+    Flag,
+    Fraction,
+    Keys,
+    NonNegative,
+    Number,
+    Text,
+    Timed,
+    key,
+)
 
 MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+LEAST_KBPS = 1e-3
+"""A bit a second: the longest datagram takes a week."""
+
+
+def _passable(rate_kbps: float) -> float:
+    if 0.0 < rate_kbps < LEAST_KBPS:
+        raise PydanticCustomError("data_rate", "nothing would ever arrive")
+    return rate_kbps
+
+
 Distribution = Literal["normal", "uniform", "pareto"]
 Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
 Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
+DataRate = Annotated[
+    NonNegative,
+    AfterValidator(_passable),
+    WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": LEAST_KBPS, "maximum": MAX_NUMBER}]}),
+    Allowed(f"0, or a number >= {LEAST_KBPS:g}"),
+]
 
 
 def read_trace_ms(path: Path) -> tuple[float, ...]:
@@ -53,7 +82,7 @@ class Impairment(Keys):
     distribution: Distribution = key("normal", "distribution of the jitter", "pareto")
     loss: Fraction = key(0.0, "probability that a datagram is lost", 0.02)
     duplicate: Fraction = key(0.0, "probability that a datagram arrives twice", 0.01)
-    rate_kbps: NonNegative = key(0.0, "data rate, kbit/s; 0: unlimited", 57.6)
+    rate_kbps: DataRate = key(0.0, "data rate, kbit/s; 0: unlimited", 57.6)
     queue_ms: Milliseconds = key(1000.0, "longest wait for the data rate, ms; what would wait longer is lost", 500)
     mean_burst: Burst | None = key(
         None, "mean number of datagrams lost in a row; without it each is lost on its own", 5
@@ -84,7 +113,7 @@ class ImpairmentPatch(Keys):
     distribution: Distribution | None = _patch("distribution")
     loss: Fraction | None = _patch("loss")
     duplicate: Fraction | None = _patch("duplicate")
-    rate_kbps: NonNegative | None = _patch("rate_kbps")
+    rate_kbps: DataRate | None = _patch("rate_kbps")
     queue_ms: Milliseconds | None = _patch("queue_ms")
     mean_burst: Burst | None = _patch("mean_burst")
     reorder: Flag | None = _patch("reorder")

@@ -39,19 +39,22 @@ class Key(NamedTuple):
     high: float = -1.0
     units: float = 1.0
     """How many of the unit one SI unit has."""
+    or_zero: bool = False
+    """Whether 0 is allowed too, below the range."""
     words: Mapping[str, Any] = MappingProxyType({})
 
     @property
     def allowed(self) -> str:
         """What may be set, in words."""
-        return ", ".join([*([f"{self.low:g} to {self.high:.0f}"] if self.low <= self.high else []), *self.words])
+        ranged = f"{'0, or ' if self.or_zero else ''}{self.low:g} to {self.high:.0f}"
+        return ", ".join([*([ranged] if self.low <= self.high else []), *self.words])
 
     def read(self, text: str) -> Any:  # noqa: ANN401 - whatever a word stands for
         """Return the field's value; ValueError for one that isn't allowed."""
         if text in self.words:
             return self.words[text]
         value = float(text)
-        if not self.low <= value <= self.high:
+        if not self.low <= value <= self.high and not (self.or_zero and value == 0.0):
             raise ValueError(text)
         return value / self.units
 
@@ -61,6 +64,8 @@ class Key(NamedTuple):
 
 
 MOST_MS: Final = 600_000.0
+LEAST_KBPS: Final = 1e-3
+"""A bit a second: the longest datagram takes a week."""
 SWITCH: Final = {"on": True, "off": False}
 NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
 BURST: Final = "mean number of datagrams lost in a row, none: each on its own"
@@ -71,7 +76,7 @@ KEYS = {
     "loss": Key("loss", "probability that a datagram is lost", 0.0, 1.0),
     "mean-burst": Key("mean_burst", BURST, 1.0, 1e6, words={"none": None}),
     "duplicate": Key("duplicate", "probability that a datagram comes twice", 0.0, 1.0),
-    "rate-kbps": Key("rate_bps", "data rate; 0: no limit", 0.0, 1e6, 1e-3),
+    "rate-kbps": Key("rate_bps", "data rate; 0: no limit", LEAST_KBPS, 1e6, 1e-3, or_zero=True),
     "queue-ms": Key("queue_s", "longest wait for the data rate", 0.0, MOST_MS, 1e3),
     "reorder": Key("reorder", "whether datagrams may overtake others", words=SWITCH),
     "outage": Key("outage", "whether everything is lost", words=SWITCH),

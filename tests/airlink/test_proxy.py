@@ -12,7 +12,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
 from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.proxy import Proxy, Relay
-from airlink.udp import open_socket
+from airlink.udp import MAX_DATAGRAM, open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
 ANY_PORT = ("127.0.0.1", 0)
@@ -142,6 +142,7 @@ def test_a_line_changes_what_it_names(line, uplink, downlink):
         ("loss 1.5", "loss: found '1.5'; allowed: 0 to 1"),
         ("loss nan", "loss: found 'nan'; allowed: 0 to 1"),
         ("downlink delay-ms -1", "delay-ms: found '-1'; allowed: 0 to 600000"),
+        ("rate-kbps 1e-300", "rate-kbps: found '1e-300'; allowed: 0, or 0.001 to 1000000"),
         ("distribution trace", "distribution: found 'trace'; allowed: normal, uniform, pareto"),
         ("outage maybe", "outage: found 'maybe'; allowed: on, off"),
         ("uplink", "found 'uplink'; allowed: [uplink|downlink] KEY VALUE"),
@@ -155,6 +156,15 @@ def test_a_bad_line_changes_nothing_and_is_told_what_is_allowed(line, answer, ca
     assert relay.impairments == dict.fromkeys(Direction, UNIMPAIRED)
     with pytest.raises(ImpairmentError):
         apply_line(relay.impairments, line)
+
+
+@pytest.mark.parametrize("rate", ["0.001", "0", "0.0"])
+def test_the_longest_datagram_arrives_at_any_rate(rate):
+    relay = Relay(1)
+    apply_line(relay.impairments, f"rate-kbps {rate}")
+    relay.accept((0, UP, bytes(MAX_DATAGRAM)), Instant(0))
+    arrival = relay.under_way.next()
+    assert arrival == after(Instant(0), 8.0 * MAX_DATAGRAM if rate == "0.001" else 0.0)
 
 
 def test_every_line_is_answered_with_what_is_set(capsys):
@@ -186,6 +196,7 @@ def proxy_command(listen, *options):
     ("options", "found"),
     [
         (["--loss", "2"], "--loss: found '2'; allowed: 0 to 1"),
+        (["--rate-kbps", "1e-300"], "--rate-kbps: found '1e-300'; allowed: 0, or 0.001 to 1000000"),
         (["--uplink-delay-ms", "x"], "--uplink-delay-ms: found 'x'; allowed: 0 to 600000"),
         (["--to", "udpin:127.0.0.1:9"], "allowed: udpout:HOST:PORT"),
         (["--to", "tcp:127.0.0.1:9"], "found 'tcp'"),

@@ -64,6 +64,8 @@ def test_every_impairment_can_differ_by_direction_and_in_time(load):
 @pytest.mark.parametrize(
     ("overrides", "expected"),
     [
+        (["links.default.rate_kbps=1e-300"], "links.default.rate_kbps: found 1.0e-300; 0, or a number >= 0.001"),
+        (["links.uplink.rate_kbps=-1"], "links.uplink.rate_kbps: found -1; 0, or a number >= 0.001"),
         (["links.default.mean_burst=0.5"], "links.default.mean_burst: found 0.5; a number from 1 to"),
         (["links.default.queue_ms=-1"], "links.default.queue_ms: found -1; a number from 0"),
         (["links.default.outage=perhaps"], "links.default.outage: found 'perhaps'; true or false"),

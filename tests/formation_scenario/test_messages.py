@@ -66,6 +66,10 @@ WRONG = [
         "formation.slots_m.x: found key 'x'; allowed: a vehicle's id",
     ),
     ("formation: {slots_m: {2: 1}}\n", "formation.slots_m.2: found 1; allowed: a list of 3 numbers"),
+    (
+        "links: {uplink: {rate_kbps: 0.0009}}\n",
+        "links.uplink.rate_kbps: found 0.0009; allowed: 0, or a number >= 0.001",
+    ),
     ("links: {default: {loss: 1.01}}\n", "links.default.loss: found 1.01; allowed: a number from 0 to 1"),
     ("name: ''\n", "name: found ''; allowed: text of 1 to 80 printable characters"),
     ("schema: 2\n", "schema: found 2; allowed: 1"),
