@@ -37,6 +37,13 @@ class ChannelStatistics:
         """Arrived, counting both copies of duplicated ones."""
         self.total_delay_s: float = 0.0
 
+    def add(self, other: ChannelStatistics) -> None:
+        """Add what another channel has counted."""
+        self.datagrams += other.datagrams
+        self.lost += other.lost
+        self.delivered += other.delivered
+        self.total_delay_s += other.total_delay_s
+
     @property
     def loss(self) -> float:
         """Share of the datagrams that were lost, 0 to 1."""

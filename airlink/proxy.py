@@ -8,6 +8,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from itertools import count
 from typing import Final, Self
 
 from airlink.clock import Instant, RealClock
@@ -19,7 +20,7 @@ from airlink.random_streams import random_stream
 from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, select_for
 
 MAX_REMOTES: Final = 256
-"""Sockets towards the target. Further remotes are ignored, so strangers can't exhaust the machine's sockets."""
+"""Sockets towards the target. The remote silent longest is forgotten first, so strangers can't use up all sockets."""
 READ_SIZE: Final = 4096
 NETWORK: Final = 1
 """Of the vehicles whose random numbers remotes have."""
@@ -37,6 +38,7 @@ class Relay:
         self.impairments: dict[Direction, Impairment] = dict.fromkeys(Direction, UNIMPAIRED)
         self._seed = seed
         self._channels: dict[tuple[int, Direction], Channel] = {}
+        self._forgotten = {way: ChannelStatistics() for way in Direction}
         self.under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
@@ -49,14 +51,20 @@ class Relay:
         for delivery in channel.pass_on(len(data), now, self.impairments[direction]):
             self.under_way.push(delivery, passage)
 
+    def forget(self, remote: int) -> None:
+        """Forget a remote, which doesn't come back under its number; its statistics stay."""
+        for way, total in self._forgotten.items():
+            channel = self._channels.pop((remote, way), None)
+            if channel is not None:
+                total.add(channel.statistics)
+
     def statistics(self, direction: Direction) -> ChannelStatistics:
         """Return the statistics of one direction, summed over all remotes."""
         total = ChannelStatistics()
-        for each in (channel.statistics for (_, way), channel in self._channels.items() if way is direction):
-            total.datagrams += each.datagrams
-            total.lost += each.lost
-            total.delivered += each.delivered
-            total.total_delay_s += each.total_delay_s
+        total.add(self._forgotten[direction])
+        for (_, way), channel in self._channels.items():
+            if way is direction:
+                total.add(channel.statistics)
         return total
 
 
@@ -73,8 +81,11 @@ class Proxy:
         self._relay = relay
         self._clock = RealClock()
         self._remotes: dict[Address, int] = {}
-        self._peers: list[Address] = []
-        self._sockets: list[socket.socket] = []
+        """In the order in which they sent last."""
+        self._peers: dict[int, Address] = {}
+        self._sockets: dict[int, socket.socket] = {}
+        """By remote; each new one has a new number."""
+        self._numbers = count()
         self._inbox = Inbox()
         self._selector = selectors.PollSelector()  # takes any standard input, which epoll doesn't
         self._listening = open_socket(listen)
@@ -84,7 +95,7 @@ class Proxy:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for opened in (self._listening, *self._sockets):
+        for opened in (self._listening, *self._sockets.values()):
             opened.close()
         self._selector.close()
 
@@ -115,14 +126,13 @@ class Proxy:
     def _from_remotes(self) -> None:
         for datagram in self._inbox.take(self._listening):
             peer = datagram.peer
-            remote = self._remotes.get(peer)
+            remote = self._remotes.pop(peer, None)
             if remote is None:
-                if len(self._remotes) == MAX_REMOTES:
-                    continue
                 try:
                     remote = self._open_towards_target(peer)
                 except (OSError, PortError):  # no route to the target: lost, as in any network
                     continue
+            self._remotes[peer] = remote
             self._relay.accept((remote, Direction.DOWNLINK, datagram.data), self._clock.now())
 
     def _open_towards_target(self, peer: Address) -> int:
@@ -132,17 +142,31 @@ class Proxy:
         except OSError:
             opened.close()
             raise
-        remote = self._remotes[peer] = len(self._sockets)
-        self._peers.append(peer)
-        self._sockets.append(opened)
+        if len(self._remotes) == MAX_REMOTES:
+            self._forget(next(iter(self._remotes)))
+        remote = next(self._numbers)
+        self._peers[remote], self._sockets[remote] = peer, opened
         self._selector.register(opened, selectors.EVENT_READ, partial(self._from_target, remote))
         return remote
 
+    def _forget(self, peer: Address) -> None:
+        """Forget a remote; what is under way to it or from it is lost."""
+        remote = self._remotes.pop(peer)
+        opened = self._sockets.pop(remote)
+        self._selector.unregister(opened)
+        opened.close()
+        del self._peers[remote]
+        self._relay.forget(remote)
+
     def _from_target(self, remote: int) -> None:
+        if remote not in self._sockets:  # forgotten since its datagrams were seen to have come
+            return
         for datagram in self._inbox.take(self._sockets[remote]):
             self._relay.accept((remote, Direction.UPLINK, datagram.data), self._clock.now())
 
     def _send(self, remote: int, direction: Direction, data: bytes) -> None:
+        if remote not in self._sockets:
+            return
         with suppress(OSError):  # nobody there, or a full buffer: lost, as in any network
             if direction is Direction.DOWNLINK:
                 self._sockets[remote].send(data)

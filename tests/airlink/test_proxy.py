@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+import airlink.proxy
 from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
@@ -67,6 +68,36 @@ def test_every_remote_has_its_own_way_there_and_back(listen):
         summary(relay)
         == "uplink: 1 datagrams, 0 lost, mean delay 0.0 ms; downlink: 3 datagrams, 0 lost, mean delay 10.0 ms"
     )
+
+
+def test_of_too_many_remotes_the_one_silent_longest_is_forgotten(listen, monkeypatch):
+    """What is under way to it is lost, what was counted isn't, and it may come back."""
+    monkeypatch.setattr(airlink.proxy, "MAX_REMOTES", 2)
+    relay = Relay(1)
+    with udp_socket() as ground, udp_socket() as talking, udp_socket() as silent, udp_socket() as new:
+        target = Endpoint("udpout", Address(*ground.getsockname()))
+        with Proxy(listen, target, relay) as proxy:
+
+            def passes(vehicle, word):
+                vehicle.sendto(word, listen.address.pair)
+                arrived, wake_ups = arrives(ground), iter(range(100))
+                proxy.run(lambda: arrived() or next(wake_ups, None) is None)
+                data, remote = ground.recvfrom(10)
+                assert data == word
+                return remote
+
+            first, gone = passes(talking, b"a"), passes(silent, b"b")
+            assert passes(talking, b"c") == first
+            third = passes(new, b"d")
+            assert len({first, gone, third}) == 3
+            assert passes(talking, b"e") == first
+            relay.under_way.push(Instant(0), (1, UP, b"late"))
+            ground.sendto(b"answer", third)
+            proxy.run(arrives(new))
+            assert new.recvfrom(10) == (b"answer", listen.address.pair)
+            assert passes(silent, b"f") != gone
+            assert not arrives(silent)()
+    assert (relay.statistics(DOWN).datagrams, relay.statistics(UP).datagrams) == (6, 1)
 
 
 def test_lines_are_read_to_their_end_and_no_further():
