@@ -12,7 +12,7 @@ from itertools import count
 from typing import Final, Self
 
 from airlink.clock import Instant, RealClock
-from airlink.endpoint import Address, Endpoint, PortError
+from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
 from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
 from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
@@ -75,7 +75,12 @@ class Proxy:
     """
 
     def __init__(self, listen: Endpoint, target: Endpoint, relay: Relay) -> None:
-        """Open the listening socket; PortError: it can't be opened, or the target's host isn't known."""
+        """Open the listening socket.
+
+        Raises:
+            PortError: it can't be opened, or the target's host isn't known.
+            EndpointError: the target is that socket itself, so that every datagram would go round for ever.
+        """
         self._target = target
         self._target_address = _resolved(target)
         self._relay = relay
@@ -89,6 +94,9 @@ class Proxy:
         self._inbox = Inbox()
         self._selector = selectors.PollSelector()  # takes any standard input, which epoll doesn't
         self._listening = open_socket(listen)
+        if _arrives_at(self._listening, self._target_address):
+            self._listening.close()
+            raise EndpointError(f"found {target}, where we listen ourselves; allowed: where a ground station listens")
         self._selector.register(self._listening, selectors.EVENT_READ, self._from_remotes)
 
     def __enter__(self) -> Self:
@@ -172,6 +180,23 @@ class Proxy:
                 self._sockets[remote].send(data)
             else:
                 self._listening.sendto(data, self._peers[remote].pair)
+
+
+def _arrives_at(listening: socket.socket, target: Address) -> bool:
+    """Return whether what is sent to a target arrives at a socket of ours."""
+    host, port = listening.getsockname()
+    to_host = LOOPBACK if target.host == ANY_HOST else target.host
+    return target.port == port and (to_host == host or (host == ANY_HOST and _is_ours(to_host)))
+
+
+def _is_ours(host: str) -> bool:
+    """Return whether an address is one of this machine's: nobody can listen at another's."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError:
+            return False
+    return True
 
 
 def _resolved(endpoint: Endpoint) -> Address:

@@ -213,6 +213,8 @@ def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> No
             if sys.stdin is not None:  # None where it was closed from the start
                 proxy.watch(sys.stdin.fileno(), Console(relay).take)
             proxy.run(lambda: False)
+    except EndpointError as error:
+        raise click.UsageError(f"--to: {error}") from error
     except PortError as error:
         fail(f"error: {error}", Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:

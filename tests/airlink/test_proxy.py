@@ -100,22 +100,16 @@ def test_of_too_many_remotes_the_one_silent_longest_is_forgotten(listen, monkeyp
     assert (relay.statistics(DOWN).datagrams, relay.statistics(UP).datagrams) == (6, 1)
 
 
-def test_lines_are_read_to_their_end_and_no_further():
+def test_lines_are_read_to_their_end_and_no_further(listen):
     reading, writing = socket.socketpair()
     taken = []
-    with reading, writing, Proxy(*free_ends(), Relay(1)) as proxy:
+    with reading, writing, Proxy(listen, Endpoint("udpout", Address("127.0.0.1", 9)), Relay(1)) as proxy:
         proxy.watch(reading.fileno(), taken.append)
         writing.sendall(b"loss 1\n")
         proxy.run(lambda: bool(taken))
         writing.shutdown(socket.SHUT_WR)
         proxy.run(lambda: taken[-1] == b"")
     assert b"".join(taken) == b"loss 1\n"
-
-
-def free_ends():
-    with udp_socket() as probe:
-        address = Address(*probe.getsockname())
-    return Endpoint("udpin", address), Endpoint("udpout", address)
 
 
 def test_an_unknown_host_is_named(listen, monkeypatch):
@@ -238,6 +232,27 @@ def test_bad_usage_is_status_2_with_what_is_allowed(listen, options, found):
     result = proxy_command(listen, *options)
     assert result.exit_code == 2
     assert found in result.output
+
+
+@pytest.mark.parametrize(
+    ("listening", "to"),
+    [("127.0.0.1", "127.0.0.1"), ("127.0.0.1", "localhost"), ("localhost", "0.0.0.0"), ("0.0.0.0", "127.0.0.1")],
+)
+def test_its_own_port_is_refused_as_a_target(listen, listening, to):
+    port = listen.address.port
+    result = CliRunner().invoke(main, ["--listen", f"udpin:{listening}:{port}", "--to", f"udpout:{to}:{port}"])
+    assert result.exit_code == 2
+    assert f"--to: found udpout:{to}:{port}, where we listen ourselves; allowed: where a ground" in result.output
+    with open_socket(listen):
+        pass
+
+
+def test_the_same_port_of_another_machine_is_a_target(listen):
+    with Proxy(listen, Endpoint("udpout", Address("192.0.2.1", listen.address.port)), Relay(1)):
+        pass
+    anywhere = Endpoint("udpin", Address("0.0.0.0", listen.address.port))
+    with Proxy(anywhere, Endpoint("udpout", Address("192.0.2.1", listen.address.port)), Relay(1)):
+        pass
 
 
 @pytest.mark.usefixtures("foreground")
