@@ -84,6 +84,11 @@ class RealClock:
         """Return the clock that was at instant 0 at a time, microseconds since 1970."""
         return cls(speedup, time.monotonic_ns() - (time.time_ns() - utc_at_0_us * 1000))
 
+    @classmethod
+    def at(cls, instant: Instant, speedup: float = 1.0) -> Self:
+        """Return the clock that is at an instant now."""
+        return cls(speedup, time.monotonic_ns() - math.ceil(instant / speedup))
+
     @property
     def utc_at_0_us(self) -> int:
         """UTC at instant 0 by the machine's clock, microseconds since 1970."""

@@ -19,7 +19,7 @@ from typing import Any
 
 from airlink import mavlink as m
 from airlink.cli import looking_seldom
-from airlink.clock import Clock, Instant, RealClock, VirtualClock
+from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
 from airlink.endpoint import PortError
 from airlink.engine import MemoryNetwork
 from airlink.messages import Message
@@ -33,7 +33,8 @@ from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
-from gcs_formation.record.run_directory import SCENARIO, TRUTH
+from gcs_formation.mission.resumption import Resumption
+from gcs_formation.record.run_directory import RECORDING, SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import PORT, epoch_us, from_ports, read_past
 from gcs_formation.recorder import Event
@@ -183,13 +184,14 @@ def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 
 def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
     import_ahead()
-    clock, begun, ports = RealClock(options.speedup), None, dict[str, int]()
+    clock, begun, ports, behind_s = RealClock(options.speedup), None, dict[str, int](), 0.0
     if options.resume:
-        began_us = epoch_us(options.out)
-        clock = RealClock.from_utc(began_us, options.speedup)
-        begun = began_us, read_past(options.out, scenario, clock.now(), retake=options.retake)
-        ports = from_ports(options.out)
+        clock, resumed, behind_s = taken_up(scenario, options)
+        begun, ports = (epoch_us(options.out), resumed), from_ports(options.out)
     session = Session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
+    if behind_s > 0.0:
+        text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
+        session.recorder.event(Event(clock.now(), RECORDING, text))
     try:
         with UdpDriver(session.engine, clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
@@ -200,6 +202,19 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
     return session
+
+
+def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resumption, float]:
+    """Return the clock of a record that goes on, where its flight stands, and how far the machine's clock is behind, s.
+
+    Raises:
+        RecordError: as `read_past`.
+    """
+    clock = RealClock.from_utc(epoch_us(options.out), options.speedup)
+    now = clock.now()
+    resumed = read_past(options.out, scenario, now, retake=options.retake)
+    behind_s = seconds_between(now, resumed.at)
+    return (RealClock.at(resumed.at, options.speedup) if behind_s > 0.0 else clock), resumed, behind_s
 
 
 def rehearsed(station: Station) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
@@ -20,7 +20,7 @@ from gcs_formation.errors import RecordError
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.resumption import Known, Resumption
 from gcs_formation.phases import Phase
-from gcs_formation.record.run_directory import EVENTS, RECORDING, SCENARIO, SPOOL, SUMMARY
+from gcs_formation.record.run_directory import EVENTS, FLUSH_S, RECORDING, SCENARIO, SPOOL, SUMMARY
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
 from gcs_formation.vehicle.vehicle import Member
 
@@ -59,7 +59,7 @@ def from_ports(directory: Path) -> dict[str, int]:
 
 
 def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:
-    """Return where the flight of an unfinished record stands.
+    """Return where the flight of an unfinished record stands; where `now` isn't after it, at the record's end.
 
     Raises:
         RecordError: the record can't be read, or nobody had taken off.
@@ -69,6 +69,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
         rows = read_spool(directory / SPOOL)
     except (OSError, ValueError) as error:
         raise RecordError(f"cannot read {directory / SPOOL}: {error}") from error
+    now = _after_record(now, events, rows["t_s"])
     if not rows["t_s"].size:
         return _before_take_off(directory, scenario, events, now, retake=retake)
     last = {name: values[rows["t_s"] == rows["t_s"][-1]] for name, values in rows.items()}
@@ -90,6 +91,16 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
         ending=Phase(PHASES[int(last["phase"][0])]) in AT_END or _phases(events)[-1:] in ([p.value] for p in AT_END),
         retake=retake,
     )
+
+
+def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
+    """Return `now`, or when the record may have ended at the latest if that is in the future.
+
+    A machine whose clock runs without a battery goes back when its power fails.
+    """
+    times_s = [*(float(event["t_s"]) for event in events if "t_s" in event), *ticks_s[-1:].tolist()]
+    last = Instant(nanoseconds(max(times_s, default=0.0)))
+    return now if now > last else after(last, FLUSH_S)
 
 
 def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:

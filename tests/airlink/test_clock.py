@@ -47,6 +47,15 @@ def test_clocks_that_share_an_origin_and_a_speed_share_their_instants(monotonic)
     assert first.now() == second.now() == 1_000_000_000
 
 
+@pytest.mark.parametrize("speedup", [1.0, 3.0, 4.0])
+def test_a_clock_may_begin_at_any_instant(monotonic, speedup):
+    clock = RealClock.at(Instant(10_000_000_001), speedup)
+    assert 0 <= clock.now() - 10_000_000_001 < speedup
+    began = clock.now()
+    monotonic[0] += 1_000_000_000
+    assert clock.now() - began == pytest.approx(speedup * 1e9, abs=1)
+
+
 def test_a_faster_clock_waits_less(monotonic):
     clock = RealClock(4.0)
     assert clock.wall_seconds_until(after(clock.now(), 2.0)) == pytest.approx(0.5)

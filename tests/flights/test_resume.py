@@ -15,11 +15,13 @@ import yaml
 from click.testing import CliRunner
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import MICROSECONDS, NANOSECONDS, Instant
 from airlink.engine import Datagram
 from airlink.frame import StreamParser
 from airlink.messages.command import CommandLong
 from formation_scenario import Scenario
+from gcs_formation.app.operator import RunOptions
+from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
@@ -151,6 +153,30 @@ def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable
     assert 4.0 < steps_s.max() < 6.5
     events = [line.split('"kind": "')[1] for line in (flight.path / "events.jsonl").read_text().splitlines()]
     assert sum(event.startswith('phase", "text": "flying') for event in events) == 2
+
+
+def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
+    killed: Callable[..., Killed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its clock runs without a battery, and shows an hour less after a power cut."""
+    flight = killed(duration_s=44, vehicles={"count": 2})
+    flight.world.fly_to(6.0)
+    assert isinstance(flight.world.notes, Kept)
+    flight.world.notes.directory.flush()
+    planned, options = flight.world.station.scenario, RunOptions(flight.path, resume=True)
+    recorded_s = max(float(read_spool(flight.path / SPOOL)["t_s"][-1]), events_of(flight.path)[-1]["t_s"])
+
+    monkeypatch.setattr(time, "time_ns", lambda: (EPOCH_US - 3600 * MICROSECONDS) * 1000)
+    clock, resumed, behind_s = taken_up(planned, options)
+    assert resumed.at / NANOSECONDS == pytest.approx(recorded_s + 1.0)
+    assert resumed.path_began is not None
+    assert clock.now() >= resumed.at > resumed.path_began
+    assert behind_s == pytest.approx(3600.0 + recorded_s + 1.0, abs=60.0)
+
+    monkeypatch.setattr(time, "time_ns", lambda: (EPOCH_US + 3600 * MICROSECONDS) * 1000)
+    clock, resumed, behind_s = taken_up(planned, options)
+    assert clock.now() >= resumed.at >= 3600 * NANOSECONDS
+    assert behind_s == 0.0
 
 
 @pytest.mark.slow
