@@ -9,9 +9,10 @@ import numpy as np
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
 from formation_scenario.formation_changes import ahead, plan_change, take_over
+from formation_scenario.ground_and_fence import check_fence, check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
-from formation_scenario.path_limits import TOLERANCE, SampledPath, check_fence, check_terrain, climbs, excesses
+from formation_scenario.path_limits import TOLERANCE, SampledPath, climbs, excesses
 from formation_scenario.slot_assignment import (
     SlotStep,
     assigned,

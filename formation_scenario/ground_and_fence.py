@@ -1,0 +1,179 @@
+"""What a path and its slots ask of the ground and of the fence: the worst place of each, as problems."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flight_model.arrays import Array, beside
+from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
+from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
+from flight_model.path import PathPoints, SplinePath
+from formation_scenario.begin_and_end import start_states
+from formation_scenario.model import Scenario
+from formation_scenario.path_limits import WAYPOINTS, SampledPath, place_of
+from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
+from formation_scenario.source import Finding
+from formation_scenario.surroundings import Fence, Terrain
+from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
+from formation_scenario.vehicles import Vehicle
+
+OFF_M = 0.01
+"""By how much heights may exceed a limit, and clearances fall short."""
+LEVEL_M = 1.0
+"""Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
+Flyers = dict[tuple[float, float, float], tuple[str, Vehicle]]
+"""Who flies at each place of the formations: forward, right and up of the leader."""
+
+
+def check_terrain(scenario: Scenario) -> list[Finding]:
+    """Return the reasons why the formation can't clear the ground, each with the place where it is worst."""
+    terrain = scenario.terrain
+    if terrain is None:
+        return list(_over_plain(scenario))
+    ground, flat = scenario.ground, scenario.path.written
+    begin_m = -scenario.run_in_m
+    places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
+    points = flat.at(places)
+    unknown = list(_unknown_ground(scenario, ground, places, points))
+    if unknown:
+        return unknown
+    height_m = ground.height(points.north_m, points.east_m)
+    begun = [*_take_off(scenario, ground), *_run_in(terrain, places, points, height_m)]
+    return begun or list(_clearance(scenario, terrain, ground))
+
+
+def _over_plain(scenario: Scenario) -> Iterator[Finding]:
+    """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
+    path, least_m = scenario.path.written, scenario.safety.clearance_m
+    points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
+    worst = int(np.argmin(points.height_m))
+    below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
+    height_m = float(points.height_m[worst]) + min(below_m, 0.0)
+    if height_m < least_m - OFF_M:
+        whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
+        found = f"{place_of(points, worst)}: {whose} is {height_m:.1f} m above the ground"
+        yield WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)"
+
+
+def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
+    """Yield the first point of the path below which, or below a slot at which, the file has no value."""
+    everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
+    for step in slot_schedule(scenario):
+        for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
+            slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
+    for slot, who in slots.items():
+        north, east = beside(points.north_m, points.east_m, points.course_rad, slot[0], slot[1])
+        void = np.flatnonzero(np.isnan(ground.height(north, east)))
+        if void.size:
+            first = int(void[0])
+            place = f"north {north[first]:.0f}, east {east[first]:.0f}"
+            found = f"found no elevation under {who} at {places[first]:.0f} m of the path ({place})"
+            yield ("terrain", "file"), found, "a file that covers the path and every slot, without voids"
+            return
+
+
+def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
+    """Yield the first take-off of an emulated vehicle on ground that isn't as high as the origin."""
+    if scenario.start.in_air:
+        return
+    places = np.array([(each.north_m, each.east_m) for each in start_states(scenario)])
+    height_m = ground.height(*places.T)
+    for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
+        if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
+            found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
+            yield ("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true"
+            return
+
+
+def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:
+    """Yield the lowest clearance on the level run-in, which isn't lifted, and at the path's start."""
+    before = np.flatnonzero(places <= 0.0)
+    clearance = points.height_m[before] - height_m[before]
+    worst = int(np.argmin(clearance))
+    if clearance[worst] < terrain.clearance_m - OFF_M:
+        where = "the path's start" if places[worst] == 0.0 else f"{-places[worst]:.0f} m before the path's start"
+        found = f"{place_of(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
+        yield (*WAYPOINTS, 0), found, _least(terrain)
+
+
+def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Finding]:
+    """Yield the lowest clearance of a path that can't be lifted as far as it should be."""
+    path = scenario.leader_path
+    assert isinstance(path, LiftedPath)
+    if path.lift.short_m <= OFF_M:
+        return
+    places = np.arange(0.0, path.length_m, SAMPLE_M)
+    points = path.at(places)
+    clearance = points.height_m - ground.height(points.north_m, points.east_m)
+    worst = int(np.argmin(clearance))
+    climb_mps = LEADER_SHARE * min(vehicle.model.climb_max_mps for vehicle in scenario.vehicles)
+    found = (
+        f"path at {places[worst]:.0f} m ({place_of(points, worst)}): {clearance[worst]:.1f} m above the ground, "
+        f"{terrain.clearance_m - clearance[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
+    )
+    yield WAYPOINTS, found, f"{_least(terrain)}, or a higher start"
+
+
+def _least(terrain: Terrain) -> str:
+    return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
+
+
+def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
+    """Yield the worst place of each limit of the fence, from `from_m` on the path; from its start: with the run-in."""
+    fence = scenario.safety.fence
+    if fence is None:
+        return
+    begin_m = -scenario.run_in_m if from_m <= 0.0 else from_m
+    sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
+    yield from _fence_heights(fence, sampled, flyers)
+    if fence.corners_m is not None:
+        yield from _fence_sides(np.array(fence.corners_m), scenario, sampled, flyers)
+
+
+def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Flyers:
+    found: Flyers = {}
+    for step in steps:
+        for column, vehicle in enumerate(columns(scenario)):
+            if vehicle is not None:
+                leads = column == step.arrangement.leader
+                who = "the leader" if leads else f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape}"
+                forward, right, up = step.places_m[column].tolist()
+                found.setdefault((forward, right, up), (who, vehicle))
+    return found
+
+
+def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
+    lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
+    height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
+    for place, index, limit, key in (
+        (lowest, int(height_m.argmin()), least_m, "height_min_m"),
+        (highest, int(height_m.argmax()), most_m, "height_max_m"),
+    ):
+        found_m = float(height_m[index]) + place[2]
+        if found_m < limit - OFF_M if key == "height_min_m" else found_m > limit + OFF_M:
+            allowed = f"{limit:g} m or {'more' if key == 'height_min_m' else 'less'} (safety.fence.{key})"
+            yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
+
+
+def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
+    """Yield the place farthest outside; if none is, the one with the least room."""
+    points, speed = sampled.points, scenario.path.speed_mps
+    forward_m, right_m, _ = np.array(list(flyers)).T[:, :, None]
+    places = np.stack(beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m), axis=-1)
+    within = inside_m(corners_m, places)
+    if within.min() < 0.0:
+        who, index = np.unravel_index(int(within.argmin()), within.shape)
+        found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
+        yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
+        return
+    velocity = speed * np.stack((np.cos(points.course_rad), np.sin(points.course_rad)), axis=-1)
+    through_air = speed + scenario.wind.speed_mps
+    turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
+    room = room_m(corners_m, places, velocity, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
+    if room.min() < CHECKED_M:
+        who, index = np.unravel_index(int(room.argmin()), room.shape)
+        found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
+        allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
+        yield sampled.finding(int(index), found, allowed)
