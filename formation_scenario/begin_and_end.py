@@ -72,10 +72,26 @@ def _spread(slots: Array, separation_m: float) -> Array:
     return np.column_stack((np.array(taken[1:]).reshape(-1, 2), slots[:, 2]))
 
 
+def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
+    """Return the wind that the leader has to reckon with along courses and to their right, m/s.
+
+    What hovers holds the velocity over ground that it is told: to that, there is none.
+    """
+    north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
+    cos, sin = np.cos(course_rad), np.sin(course_rad)
+    return north_mps * cos + east_mps * sin, east_mps * cos - north_mps * sin
+
+
+def over_ground_mps(scenario: Scenario, course_rad: Array) -> Array:
+    """Return the leader's speed over the ground along courses, m/s: its nose is as far in the wind as it must be."""
+    along_mps, aside_mps = wind_mps(scenario, course_rad)
+    return np.sqrt(np.maximum(scenario.path.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
+
+
 def path_end_s(scenario: Scenario) -> float:
     """Return the mission time at which the leader is at the path's end, s: at its airspeed, in the scenario's wind.
 
-    Infinite where the wind blows it back.
+    Infinite where the wind blows it back. What hovers flies its speed over the ground, whatever the wind.
 
     Raises:
         PathError: no path leads through the waypoints.
@@ -97,11 +113,7 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
     """Return places along the path, m, and when the leader is there, s; infinite where the wind blows it back."""
     path = scenario.path.written
     at_m = np.linspace(0.0, path.length_m, POINTS)
-    course_rad = path.at(at_m).course_rad
-    north_mps, east_mps, _ = scenario.wind.velocity_mps
-    along_mps = north_mps * np.cos(course_rad) + east_mps * np.sin(course_rad)
-    aside_mps = east_mps * np.cos(course_rad) - north_mps * np.sin(course_rad)
-    speed_mps = np.sqrt(np.maximum(scenario.path.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
+    speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad)
     if speed_mps.min() <= 0.0:
         return at_m, np.where(at_m > 0.0, math.inf, 0.0)
     took_s = np.diff(at_m) * (1.0 / speed_mps[1:] + 1.0 / speed_mps[:-1]) / 2.0

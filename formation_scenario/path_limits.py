@@ -9,6 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints, SplinePath
+from formation_scenario.begin_and_end import over_ground_mps, wind_mps
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
@@ -23,6 +24,8 @@ SAME_PLACE_M = 250.0
 """Longest gap between two excesses that count as one place: the two ends of one bend, for instance."""
 MOST_PLACES = 10
 """How many places are reported each by itself."""
+LEAST_OVER_GROUND_MPS = 1.0
+"""Least speed over the ground along a path: with less, whether a flight comes to its end is up to the next gust."""
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
@@ -65,8 +68,8 @@ class _Demand(NamedTuple):
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
-    """Return what is outside some vehicle's limits: the path's speed, or else up to `MOST_PLACES` places."""
-    speed = list(_speed(scenario))
+    """Return what is outside some vehicle's limits: the path's speed, in the wind too; or else `MOST_PLACES` places."""
+    speed = list(_speed(scenario)) or list(_into_wind(scenario, sampled))
     if speed:
         return speed
     places = [*climbs(scenario, sampled), *_bends(scenario, sampled, steps)]
@@ -95,6 +98,23 @@ def _speed(scenario: Scenario) -> Iterator[Finding]:
             allowed = f"{_speeds(vehicle.model)}, {who} {vehicle.vehicle_id}'s limits"
             yield ("path", "speed_mps"), f"found {speed:g} m/s", allowed
             return
+
+
+def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
+    """Yield the place of the path where the wind leaves a fixed wing that leads too little speed to fly it."""
+    if scenario.hovers:
+        return
+    speed, course_rad = scenario.path.speed_mps, sampled.points.course_rad
+    flown = f"at {speed:g} m/s of airspeed in a wind of {scenario.wind.speed_mps:.3g} m/s"
+    across_mps, over_mps = np.abs(wind_mps(scenario, course_rad)[1]), over_ground_mps(scenario, course_rad)
+    if across_mps.max() >= speed:
+        index = int(np.argmax(across_mps >= across_mps.max() * (1.0 - EQUAL)))
+        found = f"the wind blows {across_mps[index]:.3g} m/s across it"
+        yield sampled.finding(index, f"{found}, {flown}", f"less than {speed:g} m/s (path.speed_mps)")
+    elif over_mps.min() < LEAST_OVER_GROUND_MPS * (1.0 - TOLERANCE):
+        index = int(np.argmax(over_mps <= over_mps.min() + EQUAL))
+        found = f"{over_mps[index]:.2g} m/s over the ground is left"
+        yield sampled.finding(index, f"{found}, {flown}", f"{LEAST_OVER_GROUND_MPS:g} m/s or more")
 
 
 def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> Iterator[Finding]:

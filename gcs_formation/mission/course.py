@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
@@ -14,12 +15,16 @@ from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
+from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.mission.ending import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.vertical_separation import Opening, stays
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
+
+GETS_ON_S, GETS_ON_SHARE = 120.0, 0.05
+"""Within which time a leader must get on towards its path, by which share of what it flies through the air then."""
 
 
 class Orders:
@@ -82,6 +87,23 @@ class Orders:
         return None if order.change is None else self._reconfiguration.order_change(order.change, now)
 
 
+class WayToStart:
+    """Whether the leader gets on towards the start of its path: against too much wind it doesn't."""
+
+    def __init__(self) -> None:
+        """Begin with no way."""
+        self._route: Route | None = None
+        self._farthest_m, self._since = 0.0, Instant(0)
+
+    def too_little_m(self, guidance: LeaderGuidance, now: Instant) -> float | None:
+        """Return how far it got in `GETS_ON_S` if that is too little, m; one that is to stand needn't get on."""
+        gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
+        gets_on = speed_mps == 0.0 or gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
+        if gets_on or guidance.route is not self._route:
+            self._route, self._farthest_m, self._since = guidance.route, guidance.distance_m, now
+        return gained_m if seconds_between(self._since, now) > GETS_ON_S else None
+
+
 class Course:
     """Moves a run from phase to phase, and ends it."""
 
@@ -114,7 +136,7 @@ class Course:
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
-        self._ground, self._unassembled = GroundFloor(scenario), False
+        self._ground, self._unassembled, self._way = GroundFloor(scenario), False, WayToStart()
         self._ending = Ending({}, self._ground)
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
@@ -145,6 +167,10 @@ class Course:
         elif late and not self._unassembled and not self._controller.assembled:
             self._unassembled = True
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+        elif late and (gained_m := self._way.too_little_m(self._controller.guidance, now)) is not None:
+            moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
+            told = f"told to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
+            self.fail(f"the leader does not get to the start of its path: {told}", now)
         return late
 
     def end_rehearsal(self, now: Instant) -> None:

@@ -14,6 +14,7 @@ from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
 from flight_model.arrays import wrap
 from gcs_formation.guidance.leader_guidance import SETTLE_S
+from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes import Condition, Mode
 from tests.flights.in_memory import Between, World
@@ -176,6 +177,22 @@ def test_who_is_in_its_slot_when_the_time_for_assembly_is_over_is_not_said_to_be
     world.run()
     assert world.times_s("phase", text="flying")
     assert world.times_s("unassembled") == []
+
+
+def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_without_end() -> None:
+    """A wind of 25 m/s, of which the scenario knows nothing, blows it back at 3 m/s."""
+    world = World(start={"in_air": True, "run_in_s": 6, "timeout_s": 10}, law=SELDOM, telemetry=SELDOM)
+    for body in world.fleet.bodies:
+        body.air_north_mps = -25.0
+    world.run(600.0)
+    (assembling_s,), (failed_s,) = world.times_s("phase", text="assembling"), world.times_s("failure")
+    assert failed_s - assembling_s == pytest.approx(10.0 + GETS_ON_S, abs=1.0)
+    (said,) = world.words("failure")
+    why, _, moved = said.partition(": told to fly 22 m/s, it is ")
+    assert why == "the leader does not get to the start of its path"
+    assert moved.endswith(" m farther from it than 120 s ago")
+    assert float(moved.split()[0]) == pytest.approx(3.0 * GETS_ON_S, rel=0.02)
+    assert world.station.flight.phase is Phase.FAILED
 
 
 @pytest.mark.slow

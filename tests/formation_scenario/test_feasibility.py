@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import SplinePath
+from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 
 
@@ -92,6 +93,44 @@ def test_the_speed_of_the_path_must_suit_the_leader(refusal):
     assert refusal("path.speed_mps=30") == ["path.speed_mps: found 30 m/s; 16 to 28 m/s, leader 1's limits"]
     (line,) = refusal("path.speed_mps=27", "vehicles.3.model.speed_max_mps=26")
     assert line == "path.speed_mps: found 27 m/s; 16 to 26 m/s, vehicle 4's limits"
+
+
+@pytest.mark.parametrize(
+    ("wind_mps", "line"),
+    [
+        ("[-25, 0, 0]", "-3 m/s over the ground is left, at 22 m/s of airspeed in a wind of 25 m/s; 1 m/s or more"),
+        ("[-22.5, 0, 0]", "-0.5 m/s over the ground is left, at 22 m/s of airspeed in a wind of 22.5 m/s; 1 m/s or"),
+        ("[-21.5, 0, 0]", "0.5 m/s over the ground is left, at 22 m/s of airspeed in a wind of 21.5 m/s; 1 m/s or"),
+        ("[0, 23, 0]", "the wind blows 23 m/s across it, at 22 m/s of airspeed in a wind of 23 m/s; less than 22 m/s"),
+        ("[-21, 0, 0]", ""),
+        ("[0, -21.9, 0]", ""),
+        ("[27, 0, 0]", ""),
+    ],
+)
+def test_a_wind_against_which_the_leader_does_not_get_on_is_refused_with_the_speed_that_is_left(
+    load, refusal, wind_mps, line
+):
+    """Through the air it flies 22 m/s, north: sqrt(22² - 21.9²) = 2.1 m/s are left across a wind of 21.9 m/s."""
+    wind = f"wind.velocity_mps={wind_mps}"
+    if not line:
+        assert load(wind)
+        return
+    (found,) = refusal(wind)
+    assert found.startswith(f"path.waypoints_m.0: path at 0 m (north 0, east 0, height 100): {line}")
+
+
+def test_the_wind_is_held_against_the_leg_that_leads_into_it(refusal):
+    """North with 23 m/s behind it and then west, across it; nothing is wrong before the bend."""
+    bend = "path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [3000, -1000, 100], [3000, -4000, 100]]"
+    (found,) = refusal(bend, "wind.velocity_mps=[23, 0, 0]")
+    assert "the wind blows 23 m/s across it" in found
+    assert float(found.partition("(north ")[2].partition(",")[0]) > 2000.0
+
+
+def test_multirotors_fly_their_speed_over_the_ground_against_any_wind_that_they_can_stand(load):
+    slow = ["vehicles={count: 2, model: arducopter}", "path.speed_mps=5", "duration_s=900"]
+    windy = load(*slow, "wind.velocity_mps=[-8, 0, 0]")
+    assert path_end_s(windy) == path_end_s(load(*slow)) == pytest.approx(4000.0 / 5.0)
 
 
 def test_every_shape_of_the_schedule_is_checked(refusal):
