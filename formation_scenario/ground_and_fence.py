@@ -12,9 +12,9 @@ from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.model import Scenario
-from formation_scenario.path_limits import WAYPOINTS, SampledPath, place_of
+from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
-from formation_scenario.source import Finding
+from formation_scenario.source import Finding, KeyPath
 from formation_scenario.surroundings import Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
@@ -23,6 +23,7 @@ OFF_M = 0.01
 """By how much heights may exceed a limit, and clearances fall short."""
 LEVEL_M = 1.0
 """Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
+OFFSET: KeyPath = ("start", "offset_m")
 Flyers = dict[tuple[float, float, float], tuple[str, Vehicle]]
 """Who flies at each place of the formations: forward, right and up of the leader."""
 
@@ -85,6 +86,45 @@ def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
             found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
             yield ("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true"
             return
+
+
+def check_start(scenario: Scenario) -> Iterator[Finding]:
+    """Yield who begins in the air too near to another, too low or outside the fence: of each kind the worst.
+
+    After a take-off they assemble at these places.
+    """
+    in_air = scenario.model_copy(update={"start": scenario.start.model_copy(update={"in_air": True})})
+    states, safety = start_states(in_air), scenario.safety
+    places = np.array([(each.north_m, each.east_m, each.height_m) for each in states])
+    who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
+    apart_m = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
+    apart_m[np.tril_indices(len(places))] = np.inf
+    one, other = np.unravel_index(int(apart_m.argmin()), apart_m.shape)
+    if apart_m[one, other] < safety.separation_m * (1.0 - TOLERANCE):
+        found = f"{who[one]} and {who[other]} begin {apart_m[one, other]:.3g} m apart"
+        yield OFFSET, found, f"{safety.separation_m:g} m or more (safety.separation_m)"
+    over_m = places[:, 2] - np.nan_to_num(scenario.ground.height(places[:, 0], places[:, 1]), nan=-np.inf)
+    lowest = int(over_m.argmin())
+    if over_m[lowest] < safety.clearance_m - OFF_M:
+        found = f"{who[lowest]} begins {over_m[lowest]:.1f} m above the ground"
+        yield OFFSET, found, f"{safety.clearance_m:g} m or more (safety.clearance_m)"
+    yield from _start_in_fence(safety.fence, places, who)
+
+
+def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Iterator[Finding]:
+    if fence is None:
+        return
+    lowest, highest, (least_m, most_m) = int(places[:, 2].argmin()), int(places[:, 2].argmax()), fence.heights_m
+    if places[lowest, 2] < least_m - OFF_M:
+        allowed = f"{least_m:g} m or more (safety.fence.height_min_m)"
+        yield OFFSET, f"{who[lowest]} begins at {places[lowest, 2]:.1f} m", allowed
+    if places[highest, 2] > most_m + OFF_M:
+        allowed = f"{most_m:g} m or less (safety.fence.height_max_m)"
+        yield OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed
+    within_m = np.array([np.inf]) if fence.corners_m is None else inside_m(np.array(fence.corners_m), places[:, :2])
+    if within_m.min() < 0.0:
+        found = f"{who[int(within_m.argmin())]} begins {-within_m.min():.0f} m outside the fence"
+        yield OFFSET, found, "inside it (safety.fence.corners_m)"
 
 
 def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:

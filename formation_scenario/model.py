@@ -62,7 +62,10 @@ class Start(Keys):
 
     in_air: Flag = key(False, "emulators only: begin in flight, without take-off")
     offset_m: Offset = key(
-        (0.0, 0.0, 0.0), "where each follower starts, from its slot: forward, right, up, m", [8, 6, 4]
+        (0.0, 0.0, 0.0),
+        "where each follower starts, after a take-off assembles, from its slot: forward, right, up; as far from "
+        "others and the ground as `safety` asks, and inside its fence, m",
+        [8, 6, 4],
     )
     row_m: Positive | None = key(
         None,
