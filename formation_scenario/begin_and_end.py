@@ -105,8 +105,17 @@ def planned_end_m(scenario: Scenario) -> float:
     Raises:
         PathError: no path leads through the waypoints.
     """
+    return float(planned_m(scenario, np.array(scenario.duration_s)))
+
+
+def planned_m(scenario: Scenario, mission_s: Array) -> Array:
+    """Return how far along its path the leader is at mission times, m, as planned, without orders.
+
+    Raises:
+        PathError: no path leads through the waypoints.
+    """
     at_m, times_s = _progress(scenario)
-    return float(np.interp(scenario.duration_s, times_s, at_m))
+    return np.interp(mission_s, times_s, at_m)
 
 
 def _progress(scenario: Scenario) -> tuple[Array, Array]:

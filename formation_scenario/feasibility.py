@@ -9,7 +9,7 @@ import numpy as np
 from flight_model.displacement import Rise
 from flight_model.path import Route, SplinePath
 from formation_scenario.formation_changes import ahead, plan_change, take_over
-from formation_scenario.ground_and_fence import check_fence, check_start, check_terrain
+from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.path_limits import TOLERANCE, SampledPath, climbs, excesses
@@ -37,7 +37,7 @@ def check(scenario: Scenario) -> list[Finding]:
         return steep or over_ground
     path, steps = scenario.leader_path, slot_schedule(scenario)
     standing = _standing(scenario, path, steps, _keys(scenario), 0.0)
-    return standing or [*check_start(scenario), *_transitions(scenario, path, steps)]
+    return standing or [*check_start(scenario), *check_steps(scenario), *_transitions(scenario, path, steps)]
 
 
 def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: float) -> list[str]:

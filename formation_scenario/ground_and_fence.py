@@ -10,7 +10,8 @@ from flight_model.arrays import Array, beside
 from flight_model.displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.begin_and_end import start_states
+from formation_scenario.begin_and_end import planned_end_s, planned_m, start_states
+from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
@@ -23,6 +24,8 @@ OFF_M = 0.01
 """By how much heights may exceed a limit, and clearances fall short."""
 LEVEL_M = 1.0
 """Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
+STEP_SAMPLES = 200
+"""Times of a step at which the path's height and the ground are taken."""
 OFFSET: KeyPath = ("start", "offset_m")
 Flyers = dict[tuple[float, float, float], tuple[str, Vehicle]]
 """Who flies at each place of the formations: forward, right and up of the leader."""
@@ -125,6 +128,59 @@ def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Itera
     if within_m.min() < 0.0:
         found = f"{who[int(within_m.argmin())]} begins {-within_m.min():.0f} m outside the fence"
         yield OFFSET, found, "inside it (safety.fence.corners_m)"
+
+
+def check_steps(scenario: Scenario) -> Iterator[Finding]:
+    """Yield where steps of height lead too low above the ground and outside the fence's heights, each at its worst."""
+    times_s = _within_steps(scenario)
+    if not times_s.size:
+        return
+    step_m = np.array([added(scenario.path.steps, at_s)[2] for at_s in times_s.tolist()])
+    points = scenario.leader_path.at(planned_m(scenario, times_s))
+    lowest_m, highest_m = _lowest_and_highest_m(scenario)
+    height_m = points.height_m + step_m
+    over_m = height_m - np.nan_to_num(scenario.ground.height(points.north_m, points.east_m))
+    fence_m = (-np.inf, np.inf) if scenario.safety.fence is None else scenario.safety.fence.heights_m
+    for sign, limit_m, up_m, flown_m, what, key in (
+        (1.0, scenario.safety.clearance_m, lowest_m, over_m, "m above the ground", "safety.clearance_m"),
+        (1.0, fence_m[0], lowest_m, height_m, "m high", "safety.fence.height_min_m"),
+        (-1.0, fence_m[1], highest_m, height_m, "m high", "safety.fence.height_max_m"),
+    ):
+        room_m = np.where(sign * step_m < 0.0, sign * (flown_m + up_m - limit_m), np.inf)
+        worst = int(room_m.argmin())
+        if room_m[worst] < -OFF_M:
+            slot = "the leader" if up_m == 0.0 else f"the {'lowest' if sign > 0.0 else 'highest'} slot"
+            found = (
+                f"at {times_s[worst]:.4g} s ({place_of(points, worst)}) {slot} is {flown_m[worst] + up_m:.1f} {what}"
+            )
+            allowed = f"{limit_m:g} m or {'more' if sign > 0.0 else 'less'} ({key})"
+            yield _step_at(scenario, times_s[worst], sign), found, allowed
+
+
+def _lowest_and_highest_m(scenario: Scenario) -> tuple[float, float]:
+    """Return how far below and above the leader others fly; over terrain those below are lifted clear of it."""
+    up_m = [float(up_m) for step in slot_schedule(scenario) for up_m in step.places_m[:, 2]]
+    return min(0.0, *up_m) if scenario.terrain is None else 0.0, max(0.0, *up_m)
+
+
+def _within_steps(scenario: Scenario) -> Array:
+    """Return times at which steps of height act before the flight's planned end, s: where they turn, and between."""
+    found, end_s = [np.zeros(0)], planned_end_s(scenario)
+    for step in scenario.path.steps:
+        if step.height_m:
+            turns_s = np.array([step.ramp_s, step.for_s / 2.0, step.for_s - step.ramp_s])
+            within_s = np.concatenate((turns_s, np.linspace(0.0, step.for_s, STEP_SAMPLES)))
+            # Where one step ends as another begins, they don't add up.
+            found.append(step.at_s + np.clip(within_s, TOLERANCE, step.for_s - TOLERANCE))
+    times_s = np.unique(np.concatenate(found))
+    return times_s[times_s <= end_s]
+
+
+def _step_at(scenario: Scenario, at_s: float, sign: float) -> KeyPath:
+    """Return the key of the step that adds most of a height at a time, downwards (1) or upwards (-1)."""
+    steps = scenario.path.steps
+    index = min(range(len(steps)), key=lambda each: sign * added(steps[each : each + 1], at_s)[2])
+    return "path", "steps", index, "height_m"
 
 
 def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:

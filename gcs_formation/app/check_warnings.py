@@ -211,7 +211,8 @@ def never_reached(scenario: Scenario) -> Iterator[str]:
     for i, entry in enumerate(scenario.expect):
         if entry.to_s > whole_s:
             yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
-    planned = {"formation.changes": scenario.formation.changes, "links.changes": scenario.links.changes}
+    planned = {"formation.changes": scenario.formation.changes, "path.steps": scenario.path.steps}
+    planned |= {"links.changes": scenario.links.changes}
     planned |= {key: getattr(scenario, key) for key in ("disturbances", "orders", "faults")}
     times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
     times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}

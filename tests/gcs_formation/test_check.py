@@ -226,6 +226,10 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
         "faults.1.at_s: found 500; the flight is over at 136.4 s",
         "expect.0.from_s: found 140; the flight is over at 136.4 s",
     ]
+    steps = "path.steps=[{at_s: 9, for_s: 5}, {at_s: 500, for_s: 5}]"
+    assert list(never_reached(load_scenario(PLAIN, [steps]))) == [
+        "path.steps.1.at_s: found 500; the flight is over at 120 s"
+    ]
     slower = load_scenario(PLAIN | late | {"orders": [{"at_s": 9, "order": "speed 18"}]})
     assert list(never_reached(slower)) == []
     longer = load_scenario(PLAIN | {"expect": [{"metric": "late_ticks", "to_s": 150, "below": 1}], "duration_s": 100})
