@@ -150,7 +150,9 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
-    yield from filter(None, (check_warnings.slots_of_no_shape(scenario), check_warnings.refused_rate(scenario)))
+    for found in (check_warnings.slots_of_no_shape, check_warnings.too_old, check_warnings.refused_rate):
+        if text := found(scenario):
+            yield text
     yield from check_warnings.never_reached(scenario)
     for index, reason in refused_orders(scenario):
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"

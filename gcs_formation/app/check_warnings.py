@@ -180,6 +180,27 @@ def _spaced(chance: Array, each_s: float) -> Array:
     return spread
 
 
+def too_old(scenario: Scenario) -> str | None:
+    """Return whose telemetry is older than what is predicted from, as it is before the next comes; None if nobody's."""
+    most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
+    ages_s = [
+        (ways_s(step)[1] + between_s, step.at_s, vehicle)
+        for vehicle in scenario.vehicles
+        for step in scenario.link_steps(vehicle)
+    ]
+    old = [each for each in ages_s if each[0] > most_s]
+    if not old:
+        return None
+    who = ", ".join(dict.fromkeys(str(vehicle.vehicle_id) for *_, vehicle in old))
+    from_s, oldest_s = min(at_s for _, at_s, _ in old), max(age_s for age_s, *_ in old)
+    never = any(at_s == 0.0 and scenario.leader in (None, vehicle) for _, at_s, vehicle in old)
+    return (
+        f"law.max_age_s: found {most_s:g}; telemetry of vehicle {who} gets {oldest_s:.4g} s old (the delay down its "
+        f"link, and 1/telemetry.rate_hz){f' from {from_s:g} s on' if from_s else ''}: beyond that it isn't flown in "
+        f"the formation{', which may never set out' if never else ''}"
+    )
+
+
 def refused_rate(scenario: Scenario) -> str | None:
     """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
     planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]

@@ -163,7 +163,9 @@ class Course:
         late = seconds_between(self.flight.since, now) > limit_s
         self._unassembled = self._unassembled and late
         if late and tick is not None and not tick.active[tick.leader]:
-            self.fail(f"the leader was not there to follow within {limit_s:g} s", now)
+            age_s, most_s = tick.age_s[tick.leader], self._scenario.law.max_age_s
+            old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {most_s:g}" if age_s > most_s else ""
+            self.fail(f"the leader was not there to follow within {limit_s:g} s{old}", now)
         elif late and not self._unassembled and not self._controller.assembled:
             self._unassembled = True
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")

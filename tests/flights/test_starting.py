@@ -179,6 +179,15 @@ def test_who_is_in_its_slot_when_the_time_for_assembly_is_over_is_not_said_to_be
     assert world.times_s("unassembled") == []
 
 
+def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> None:
+    world = World(start={"in_air": True, "run_in_s": 6, "timeout_s": 10}, law={"max_age_s": 0.01})
+    world.run(60.0)
+    assert world.station.flight.phase is Phase.FAILED
+    (said,) = world.words("failure")
+    assert said.startswith("the leader was not there to follow within 10 s: its telemetry is 0.")
+    assert said.endswith(" s old; law.max_age_s is 0.01")
+
+
 def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_without_end() -> None:
     """A wind of 25 m/s, of which the scenario knows nothing, blows it back at 3 m/s."""
     world = World(start={"in_air": True, "run_in_s": 6, "timeout_s": 10}, law=SELDOM, telemetry=SELDOM)
