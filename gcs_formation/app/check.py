@@ -128,16 +128,23 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
 
 
 def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
-    """Yield what a user should know before flying. With prediction, only its mismatch is limited by a margin.
+    """Yield what a user should know before flying.
+
+    With prediction, margins limit only its mismatch, and the time for which a setpoint is held until the next: half a
+    tick on average, in which nothing that is predicted is answered.
 
     `lags_off`: by what share of itself every lag may be off, by loop.
     """
-    delay_s = configured_loop_delay_s(scenario)
+    delay_s, held_s = configured_loop_delay_s(scenario), 0.5 / scenario.law.rate_hz
     for loop, margin_s in margins.small_signal.items():
         if margin_s <= 0:
             yield f"loop {loop} is unstable without any delay"
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+        elif held_s > NEAR * margin_s:
+            share = f"{held_s:.3g} s on average, {held_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+            enough_hz = f"law.rate_hz of {math.ceil(50.0 / (NEAR * margin_s)) / 100.0:g} or more"
+            yield f"loop {loop}: setpoints are held for {share}; no prediction makes up for that, {enough_hz} does"
     for loop, share in lags_off.items():
         if share < LAGS_OFF:
             stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"

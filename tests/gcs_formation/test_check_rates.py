@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from formation_scenario import load_scenario
@@ -37,3 +39,29 @@ def test_a_delay_that_comes_later_is_told_with_whose_and_when() -> None:
     said = str(too_old(load_scenario(PLAIN, [later])))
     assert "telemetry of vehicle 3 gets 7.1 s old" in said
     assert said.endswith(" from 40 s on: beyond that it isn't flown in the formation")
+
+
+@pytest.mark.parametrize(
+    ("law", "rate_hz", "loops"),
+    [("pid", 0.5, "xy"), ("pid", 0.7, "x"), ("pid", 0.85, ""), ("consensus", 0.85, ["consensus"])]
+    + [(law, rate_hz, "") for law in ("pid", "fuzzy_pid", "consensus") for rate_hz in (1.0, 2.0)],
+)
+def test_ticks_too_seldom_for_the_law_are_told(law: str, rate_hz: float, loops: Sequence[str]) -> None:
+    """As flown: PID at 0.5 Hz swings by 10 m and at 0.85 Hz by 0.2 m, consensus by 11 m there and 0.8 m at 1 Hz."""
+    planned = load_scenario(PLAIN, [f"law.type={law}", f"law.rate_hz={rate_hz}"])
+    told = [text for text in check_report(planned)["warnings"] if "no prediction makes up for that" in text]
+    assert [text.split()[1] for text in told] == [f"{loop}:" for loop in loops]
+
+
+def test_the_least_rate_that_is_told_is_one_that_is_not_told_of() -> None:
+    """The margin along the path is 0.863 s: a tick of 1 s of mean hold is 116 % of it."""
+    (told,) = [
+        text for text in _warnings("0.7") if text.startswith("loop x: setpoints are held for 0.714 s on average")
+    ]
+    assert "83% of its margin 0.863 s" in told
+    least = told.rpartition(" or more")[0].rpartition(" ")[2]
+    assert not any(text.startswith("loop x: setpoints") for text in _warnings(least))
+
+
+def _warnings(rate_hz: str) -> list[str]:
+    return check_report(load_scenario(PLAIN, ["law.type=pid", f"law.rate_hz={rate_hz}"]))["warnings"]
