@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from flight_model.path import Route, SplinePath
 from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
-from formation_scenario.orders import Order, parse_order
+from formation_scenario.orders import Order, not_standing, parse_order, why_not_set_out
 from formation_scenario.path_limits import TOLERANCE, SampledPath, climbs, excesses
 from formation_scenario.slot_assignment import (
+    Arrangement,
     SlotStep,
     assigned,
     column_names,
@@ -53,32 +55,63 @@ def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
         yield f"{'.'.join(map(str, path))}: {found}"
 
 
-def refused_orders(scenario: Scenario) -> Iterator[tuple[int, str]]:
+class _Flown(NamedTuple):
+    """What is flown between two orders."""
+
+    scenario: Scenario
+    arrangement: Arrangement
+    facing_rad: float | None = None
+    """Where a formation that stands was told to face."""
+
+    def after(self, order: Order) -> _Flown:
+        """Return what is flown after an order; one that sets out faces along its path again."""
+        return _Flown(
+            self.scenario if order.speed_mps is None else self.scenario.at_speed(order.speed_mps),
+            self.arrangement if order.change is None else self.arrangement.changed(order.change, self.scenario),
+            order.heading_rad if order.heading_rad is not None or order.speed_mps else self.facing_rad,
+        )
+
+
+def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Iterator[tuple[int, str]]:
     """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` has it.
 
     The leader is taken to be on its path in time, and the changes of the formation to have been made as planned.
+
+    Args:
+        scenario: what is flown.
+        why_not_land: why its vehicles can't land, None where they may be able to.
     """
-    path, arrangement, at_m, since_s = scenario.leader_path, first_arrangement(scenario), 0.0, 0.0
+    path, flown, at_m, since_s = scenario.leader_path, _Flown(scenario, first_arrangement(scenario)), 0.0, 0.0
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
     orders = [(order.at_s, index, parse_order(order.order)) for index, order in enumerate(scenario.orders)]
     for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
-        at_m, since_s = at_m + (at_s - since_s) * scenario.path.speed_mps, at_s
-        wanted, flown = arrangement, scenario
-        if order.end is not None or at_m > path.length_m:
+        at_m, since_s = at_m + (at_s - since_s) * flown.scenario.path.speed_mps, at_s
+        lands_not = why_not_land if order.end == "land" else None
+        if (order.end is not None and lands_not is None) or at_m > path.length_m:
             return
-        if order.change is not None:
-            wanted = arrangement.changed(order.change, scenario)
-        if order.speed_mps is not None:
-            flown = scenario.at_speed(order.speed_mps)
-        try:
-            places_m = assigned(scenario, wanted, np.zeros((len(columns(scenario)), 3)))
-            reasons = check_ahead(flown, SlotStep(at_s, wanted, places_m), path, at_m)
-        except ValueError as error:  # a custom shape without slots
-            reasons = [str(error)]
-        if index is not None and reasons:
-            yield index, reasons[0]
+        reason = lands_not or _why_refused(flown, order, path, at_s, at_m)
+        if index is not None and reason:
+            yield index, reason
         else:
-            scenario, arrangement = flown, wanted
+            flown = flown.after(order)
+
+
+def _why_refused(flown: _Flown, order: Order, path: SplinePath, at_s: float, at_m: float) -> str | None:
+    """Return why an order will be refused at a time and a place of the path; None if it won't."""
+    if order.heading_rad is not None:
+        speed_mps = flown.scenario.path.speed_mps
+        return not_standing(speed_mps) if speed_mps > 0.0 else None
+    if order.speed_mps and flown.facing_rad is not None:
+        reason = why_not_set_out(flown.facing_rad, path.at(at_m).course_rad)
+        if reason:
+            return reason
+    after = flown.after(order)
+    try:
+        places_m = assigned(flown.scenario, after.arrangement, np.zeros((len(columns(flown.scenario)), 3)))
+        reasons = check_ahead(after.scenario, SlotStep(at_s, after.arrangement, places_m), path, at_m)
+    except ValueError as error:  # a custom shape without slots
+        reasons = [str(error)]
+    return reasons[0] if reasons else None
 
 
 def _standing(

@@ -18,6 +18,8 @@ SHAPES: tuple[Shape, ...] = get_args(Shape)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
 EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
+FACES_RAD = math.radians(15.0)
+"""How far off its path a formation that stands may face as it sets out."""
 LEAST, MOST_MPS = math.ulp(0.0), 1000.0
 """Of what is more than 0; of speeds."""
 
@@ -63,6 +65,20 @@ def parse_order(text: str) -> Order:
             words = ("shape", "spacing", "speed", "heading", "leader", *ENDS)
             near = "" if word in words else did_you_mean(word, words)
             raise OrderError(f"found '{said}'; allowed: {ALLOWED}{near}")
+
+
+def why_not_set_out(facing_rad: float, course_rad: float) -> str | None:
+    """Return why a formation that stands and faces somewhere can't fly on along a course; None where it can."""
+    off_rad = abs(math.remainder(facing_rad - course_rad, math.tau))
+    if off_rad <= FACES_RAD:
+        return None
+    allowed = f"up to {math.degrees(FACES_RAD):.0f}°, by `heading {math.degrees(course_rad) % 360.0:.0f}` first"
+    return f"the formation faces {math.degrees(off_rad):.0f}° off its path; allowed: {allowed}"
+
+
+def not_standing(speed_mps: float) -> str:
+    """Return why a formation that flies at a speed doesn't turn on the spot."""
+    return f"found a formation that flies at {speed_mps:g} m/s; allowed: after `speed 0`"
 
 
 def _shape(name: str) -> Shape:

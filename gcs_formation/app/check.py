@@ -12,7 +12,7 @@ import numpy as np
 from flight_model.design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.expectation import SETTLED_M
-from formation_scenario.feasibility import refused_orders, slots_without_room
+from formation_scenario.feasibility import slots_without_room
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app import check_warnings
@@ -161,8 +161,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         if text := found(scenario):
             yield text
     yield from check_warnings.never_reached(scenario)
-    for index, reason in refused_orders(scenario):
-        yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
+    yield from check_warnings.doomed_orders(scenario)
     if text := check_warnings.goes_round(scenario):
         yield text
 

@@ -18,8 +18,9 @@ from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.begin_and_end import planned_end_s
-from formation_scenario.feasibility import unfinished_change
+from formation_scenario.feasibility import refused_orders, unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from formation_scenario.slot_assignment import columns
 from gcs_formation.from_scenario import hold_radius_m
 from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, SETTLE_S
 from gcs_formation.guidance.tracking import join
@@ -220,6 +221,17 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
     if formation.slots_m is None or "custom" in flown:
         return None
     return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
+
+
+def doomed_orders(scenario: Scenario) -> Iterator[str]:
+    """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
+    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415 - most scenarios have no orders
+
+    flown = [] if not scenario.orders else [each for each in columns(scenario) if each is not None]
+    unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
+    why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
+    for index, reason in refused_orders(scenario, why_not):
+        yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
 
 
 def never_reached(scenario: Scenario) -> Iterator[str]:

@@ -16,6 +16,7 @@ from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.formation_changes import ahead, plan_change, plan_gathering, take_over
+from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
@@ -34,8 +35,6 @@ AMID: Final = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
-FACES_RAD: Final = math.radians(15.0)
-"""How far off its path a formation that stands may face as it sets out."""
 
 
 class Reconfiguration:
@@ -197,11 +196,11 @@ class Reconfiguration:
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         """Fly at another speed; return why it can't be flown, None when it is."""
         scenario, guidance = self._scenario.at_speed(speed_mps), self._controller.guidance
-        off_rad = 0.0 if guidance.turn is None else self._off_path_rad()
-        if speed_mps > 0.0 and off_rad > FACES_RAD:
-            found = f"the formation faces {math.degrees(off_rad):.0f}° off its path"
-            return f"{found}; allowed: up to {math.degrees(FACES_RAD):.0f}°, by `heading {self._path_deg():.0f}` first"
-        refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
+        turn, refusal = guidance.turn, None
+        if turn is not None and speed_mps > 0.0:
+            refusal = why_not_set_out(turn.goal_rad, math.radians(self._path_deg()))
+        if refusal is None:
+            refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
         if refusal is None:
             self._scenario = scenario
             guidance.fly_at(speed_mps)
@@ -214,7 +213,7 @@ class Reconfiguration:
         if not scenario.hovers:
             return "found vehicles that can't stand; allowed: of vehicles that hover"
         if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
-            return f"found a formation that flies at {guidance.speed_mps:g} m/s; allowed: after `speed 0`"
+            return not_standing(guidance.speed_mps)
         self._turn_on_spot(heading_rad, guidance.facing_rad(tick.state[controller.plan.leader]), now)
         return None
 
@@ -228,11 +227,6 @@ class Reconfiguration:
         guidance = self._controller.guidance
         course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
         return math.degrees(course_rad) % 360.0
-
-    def _off_path_rad(self) -> float:
-        turn = self._controller.guidance.turn
-        assert turn is not None
-        return abs(math.remainder(turn.goal_rad - math.radians(self._path_deg()), math.tau))
 
     def successor(self, now: Instant) -> int | None:
         """Return the column of the follower that is to take over from the leader, None if none can."""

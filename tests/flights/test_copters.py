@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -13,6 +14,8 @@ import yaml
 import gcs_formation
 from formation_scenario import load_scenario
 from formation_scenario.feasibility import refused_orders
+from gcs_formation.app.check_warnings import doomed_orders
+from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arducopter.yaml"
@@ -153,6 +156,58 @@ def test_planes_may_not_stand():
     }
     ((_, reason),) = refused_orders(load_scenario(keys))
     assert reason.startswith("found 0 m/s; allowed: 16 to 28 m/s")
+
+
+STANDING: dict[str, Any] = {
+    "vehicles": {"count": 2, "model": FAMILY},
+    "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 40], [1000, 0, 40]]},
+    "formation": {"spacing_m": 12},
+}
+
+
+def test_what_will_be_refused_of_those_that_stand_is_told_before_the_flight():
+    orders = [
+        "heading 90",
+        "speed 0",
+        "heading 90",
+        "speed 4",
+        "heading 10",
+        "speed 4",
+        "heading 20",
+        "land",
+        "speed 99",
+    ]
+    planned = [{"at_s": 10 * n, "order": order} for n, order in enumerate(orders, 1)]
+    told = list(doomed_orders(load_scenario(STANDING | {"orders": planned, "duration_s": 100})))
+    assert told == [
+        "orders.0: 'heading 90' will be refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
+        "orders.3: 'speed 4' will be refused: the formation faces 90° off its path; allowed: up to 15°, by `heading 0` "
+        "first",
+        "orders.6: 'heading 20' will be refused: found a formation that flies at 4 m/s; allowed: after `speed 0`",
+        "orders.7: 'land' will be refused: vehicle 1 can't land by itself; allowed: rtl, loiter",
+        "orders.8: 'speed 99' will be refused: found 99 m/s; allowed: 0 to 9 m/s, leader 1's limits",
+    ]
+    ends = [{"at_s": 10, "order": "rtl"}, {"at_s": 20, "order": "land"}]
+    assert list(doomed_orders(load_scenario(STANDING | {"orders": ends}))) == []
+
+
+def test_they_are_refused_in_flight_with_the_same_words():
+    world = World(**STANDING, start={"in_air": True, "run_in_s": 6})
+    world.fly_to(1.0)
+    texts = ("heading 90", "speed 0", "heading 90", "speed 4", "land")
+    answers = [world.station.orders.take(text, world.clock.now()).text for text in texts]
+    assert answers == [
+        "heading 90: refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
+        "speed 0: accepted",
+        "heading 90: accepted",
+        "speed 4: refused: the formation faces 90° off its path; allowed: up to 15°, by `heading 0` first",
+        "land: refused: vehicle 1 can't land by itself; allowed: rtl, loiter",
+    ]
+
+
+def test_aircraft_that_may_be_able_to_land_are_not_told_that_they_cannot():
+    keys = scenario(orders=[{"at_s": 5, "order": "land"}])
+    assert list(doomed_orders(load_scenario(keys))) == []
 
 
 def test_another_leads_only_when_a_turn_on_the_spot_is_over():
