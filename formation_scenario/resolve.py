@@ -269,7 +269,7 @@ def _read(name: str, directory: Path, at: Source, path: KeyPath) -> Source:
         file = f"{name}{SUFFIXES[0]}"
         return read_text((SHIPPED_FILES / file).read_text(encoding="utf-8"), f"{SHIPPED}/{file}")
     try:
-        return read_file(directory / name)
+        return read_file(directory / name, "vehicle")
     except ScenarioError as error:
         if any(each.line is not None for each in error.problems):
             raise

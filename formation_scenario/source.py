@@ -95,31 +95,33 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(key) for key in path)
 
 
-def read_file(path: Path) -> Source:
-    """Read a scenario file.
+def read_file(path: Path, of: str = "scenario") -> Source:
+    """Read a scenario file, or another of keys: `of` says whose.
 
     Raises:
         ScenarioError: the file can't be read, or isn't YAML with a mapping at its top.
     """
     try:
         text = path.read_text(encoding="utf-8")
+    except IsADirectoryError as error:
+        raise refused("", "found a directory", f"a {of} file (*.yaml)", str(path)) from error
     except OSError as error:
         raise refused("", error.strerror or str(error), file=str(path)) from error
     except UnicodeDecodeError as error:
         found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start}"
         raise refused("", found, "text in UTF-8", str(path)) from error
-    return read_text(text, str(path))
+    return read_text(text, str(path), of)
 
 
-def read_text(text: str, file: str | None = None) -> Source:
-    """Read a scenario from YAML text; `file` names it in messages.
+def read_text(text: str, file: str | None = None, of: str = "scenario") -> Source:
+    """Read keys of a scenario, or what `of` says, from YAML text; `file` names it in messages.
 
     Raises:
         ScenarioError: broken YAML, a key given twice, or no mapping at the top.
     """
     data, places = _Reader(text, file).read()
     if not isinstance(data, dict):
-        raise ScenarioError([Problem(file, 1, 1, "", f"found {kind(data)}", "a mapping of scenario keys")])
+        raise ScenarioError([Problem(file, 1, 1, "", f"found {kind(data)}", f"a mapping of {of} keys")])
     return Source(file, data, places)
 
 

@@ -49,7 +49,8 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
             endpoint = str(parse_endpoint(vehicle.endpoint))
         except EndpointError as error:
             refused.add(vehicle.endpoint)
-            yield path, str(error), ""
+            found, _, allowed = str(error).partition("; allowed: ")
+            yield path, found, allowed
             continue
         first = networks.setdefault(endpoint, vehicle.network)
         if first != vehicle.network:

@@ -70,12 +70,12 @@ class FuzzyGainScheduler:
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
 
-        Inputs outside [-1, 1] are clipped to it.
+        One of them may be of fewer dimensions, as numpy broadcasts. Inputs outside [-1, 1] are clipped to it.
 
         Raises:
-            ValueError: an input is NaN.
+            ValueError: an input is NaN, or their shapes don't go together.
         """
-        inputs = np.array((error, error_rate), dtype=np.float64)
+        inputs = np.array(np.broadcast_arrays(error, error_rate), dtype=np.float64)
         if np.isnan(inputs).any():
             name = "error" if np.isnan(inputs[0]).any() else "error_rate"
             raise ValueError(f"{name}: found nan; allowed: numbers")

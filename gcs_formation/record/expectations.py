@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
@@ -37,6 +39,11 @@ class LinkFigures:
 
     None where nothing is known of the link, as in `fly` behind something else.
     """
+
+    @property
+    def each_way_s(self) -> Array:
+        """(P,) the first of `delays_s`, 0 where the mean wait for the autopilot's loop is more than was measured."""
+        return np.maximum(self.delays_s[:, 0], 0.0)
 
 
 @dataclass(frozen=True)
@@ -202,7 +209,7 @@ def _link_value(
     if not percentile:
         return parts["links"][str(vehicle)][name]
     link = links[vehicle]
-    values_s = link.delays_s[:, 0][(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
+    values_s = link.each_way_s[(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
     if name == "jitter_ms":
         values_s = flight.vehicles[vehicle]["jitter_s"][flight.window(wanted.from_s, wanted.to_s)]
     return figures.percentiles(values_s * 1e3, int(percentile))[f"p{percentile}"]

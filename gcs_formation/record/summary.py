@@ -91,7 +91,7 @@ def _follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask) -> dict[
 
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
-    each_way_ms, up_ms, down_ms = link.delays_s.T * 1e3
+    _, up_ms, down_ms = link.delays_s.T * 1e3
     mean_s, up_s, down_s, loss = (None,) * 4
     if link.injected is not None:
         up_s, down_s, loss = link.injected
@@ -99,7 +99,7 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     ways_s = {"delay": mean_s, "up": up_s, "down": down_s}
     return {
         **{f"injected_{name}_ms": None if way_s is None else 1e3 * way_s for name, way_s in ways_s.items()},
-        "measured_delay_ms": figures.percentiles(each_way_ms, 50, 99),
+        "measured_delay_ms": figures.percentiles(link.each_way_s * 1e3, 50, 99),
         "measured_up_ms": figures.percentiles(up_ms, 50)["p50"],
         "measured_down_ms": figures.percentiles(down_ms, 50)["p50"],
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),

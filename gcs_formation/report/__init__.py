@@ -140,7 +140,7 @@ def _is_finished(directory: Path) -> bool:
 
 
 def _summary(path: Path) -> Mapping[str, Any]:
-    summary: Any = json.loads(path.read_text(encoding="utf-8"))
+    summary: Any = _parsed(path.read_text(encoding="utf-8"), path)
     found: Any = cast("dict[str, Any]", summary).get("schema") if isinstance(summary, dict) else None
     if found != SCHEMA:
         raise ValueError(f"found schema {found} in {path.name}; expected: {SCHEMA}")
@@ -149,7 +149,15 @@ def _summary(path: Path) -> Mapping[str, Any]:
 
 def _events(path: Path) -> Events:
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
-    return tuple(json.loads(line) for line in lines if line.strip())
+    return tuple(_parsed(line, path, number) for number, line in enumerate(lines, 1) if line.strip())
+
+
+def _parsed(text: str, path: Path, line: int = 0) -> Any:  # noqa: ANN401 - whatever the JSON holds
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        found = f"found text that isn't whole JSON in {path.name}{f', line {line}' if line else ''}"
+        raise ValueError(f"{found} ({error}); expected: {path.name} as the run wrote it") from error
 
 
 def _run_data(

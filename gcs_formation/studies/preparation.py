@@ -43,7 +43,7 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
     if isinstance(source, Mapping):
         read = Source(None, plain_mapping(source))
     else:
-        read = read_file(source)
+        read = read_file(source, "study")
         read.data.setdefault("name", source.stem)
     try:
         study = Study.model_validate(read.data)

@@ -6,7 +6,10 @@ import pytest
     [
         (["vehicles.3.id=2"], "vehicles.3.id: found 2 again on network 1, first at vehicles.1; each id once"),
         (["vehicles.2.role=leader"], "vehicles.2.role: found a second leader, first at vehicles.0"),
-        (["vehicles.1.endpoint=tcp:127.0.0.1:1"], "vehicles.1.endpoint: connection string 'tcp:127.0.0.1:1'"),
+        (
+            ["vehicles.1.endpoint=tcp:127.0.0.1:1"],
+            "vehicles.1.endpoint: connection string 'tcp:127.0.0.1:1': found 'tcp'; udpin:HOST:PORT, udpout:HOST:PORT",
+        ),
         (["vehicles.1.network=2", "vehicles.1.endpoint=udp:127.0.0.1:14550"], "for networks 1 and 2"),
         (
             ["vehicles.1.model.speed_min_mps=30"],

@@ -93,6 +93,10 @@ def test_a_file_that_is_not_there_or_not_text_is_refused(tmp_path):
     (tmp_path / "bytes.yaml").write_bytes(b"name: \xff\n")
     with pytest.raises(ScenarioError, match="found byte 0xff at offset 6; allowed: text in UTF-8"):
         read_file(tmp_path / "bytes.yaml")
+    with pytest.raises(ScenarioError, match=r": found a directory; allowed: a scenario file \(\*\.yaml\)$"):
+        read_file(tmp_path)
+    with pytest.raises(ScenarioError, match="found nothing; allowed: a mapping of study keys"):
+        read_text("", of="study")
 
 
 def test_numpy_values_of_a_mapping_become_plain():

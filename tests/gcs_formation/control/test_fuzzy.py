@@ -30,6 +30,17 @@ def test_rules_hold_at_the_centres_of_the_sets() -> None:
     assert FuzzyGainScheduler().infer(error, rate) == pytest.approx(rule_tables("printed"))
 
 
+def test_inputs_of_unlike_shapes_are_broadcast() -> None:
+    infer, column, row = FuzzyGainScheduler().infer, np.linspace(-1, 1, 4)[:, None], np.linspace(-1, 1, 3)
+    assert infer(row, 0).tolist() == infer(row, np.zeros(3)).tolist()
+    assert infer(0.2, row).tolist() == infer(np.full(3, 0.2), row).tolist()
+    both = infer(column, row)
+    assert both.shape == (4, 3, 3)
+    assert both[2, 1].tolist() == infer(column[2, 0], row[1]).tolist()
+    with pytest.raises(ValueError, match="shape mismatch"):
+        infer(row, np.zeros(2))
+
+
 def _triangles(value: float) -> np.ndarray:
     return np.clip(1 - np.abs(np.clip(value, -1, 1) - np.linspace(-1, 1, 5)) / 0.5, 0, 1)
 

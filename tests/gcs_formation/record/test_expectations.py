@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.record.expectations import Verdict, judge
+from gcs_formation.record.expectations import LinkFigures, Verdict, judge
+from gcs_formation.record.summary import _link
 from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, flown
 
 FLOWN_S = 10.0
@@ -99,3 +101,16 @@ def test_a_follower_that_crashes_while_nobody_leads_is_not_judged_either():
 def test_a_lost_follower_s_time_counts_as_out_of_its_slot():
     found = verdict(crashed=[FOLLOWER], metric="in_slot_share", to_s=FLOWN_S, below=None, above=0.0)
     assert found.value == pytest.approx(41 / 101)
+
+
+def test_no_delay_is_less_than_none_in_summary_and_verdict():
+    """Half a cycle of the autopilot's loop is taken off each round trip; over a link without delay it waited less."""
+    probes_s = np.array([[-2e-5, np.nan, np.nan], [-1e-5, np.nan, np.nan], [3e-5, np.nan, np.nan]])
+    link = LinkFigures(probes_s, np.arange(3.0), 0.0, 3, 3, 0)
+    figures = _link(link, np.zeros(3))
+    assert figures["measured_delay_ms"] == {"p50": 0.0, "p99": pytest.approx(0.0294)}
+    assert str(figures["measured_delay_ms"]["p50"]) == "0.0"
+    expect = [{"metric": "measured_delay_ms.p50", "followers": [2], "below": 1}]
+    scenario = load_scenario(KEYS | {"expect": expect, "duration_s": FLOWN_S})
+    (found,) = judge(scenario, flown(), PARTS, {scenario.vehicles[1].vehicle_id: link}, False)
+    assert found.value == 0.0

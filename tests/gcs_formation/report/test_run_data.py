@@ -51,6 +51,16 @@ def test_not_a_run(tmp_path):
         load_run(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "place"), [("summary.json", "summary.json"), ("events.jsonl", "events.jsonl, line 1")]
+)
+def test_a_file_that_is_cut_off_is_named(make_run, name, place):
+    directory = make_run()
+    (directory / name).write_text('{"schema": 1, "t_s"')
+    with pytest.raises(RecordError, match=rf"found text that isn't whole JSON in {place} .*; expected: {name} as"):
+        load_run(directory)
+
+
 @pytest.mark.parametrize("name", ["summary.json", "timeseries.parquet"])
 def test_an_unfinished_run(make_run, name):
     directory = make_run()

@@ -764,3 +764,9 @@ def test_a_scheduler_that_does_not_answer_is_said_so(two, tmp_path, monkeypatch)
 
 def test_study_models_and_keys_agree():
     assert Study.model_validate(study().model_dump(by_alias=True)) == study()
+
+
+def test_a_file_that_holds_no_keys_is_said_to_hold_no_study(tmp_path):
+    (tmp_path / "study.yaml").write_text("- 1\n")
+    with pytest.raises(ScenarioError, match=r"study\.yaml:1:1: found a list; allowed: a mapping of study keys$"):
+        load_study(tmp_path / "study.yaml")
