@@ -62,8 +62,8 @@ class ElevationGrid(NamedTuple):
         first_row, last_row = np.clip(np.floor(up), 0, rows), np.clip(np.ceil(down) + 1, 0, rows)
         first, last = np.clip(np.floor(left), 0, columns), np.clip(np.ceil(right) + 1, 0, columns)
         windows = np.stack((first_row, last_row, first, last), axis=1).astype(np.intp).tolist()
-        filled = np.nan_to_num(self.elevation_m, nan=-np.inf)
-        highest = [filled[a:b, c:d].max(initial=-np.inf) for a, b, c, d in windows]
+        near = [np.nan_to_num(self.elevation_m[a:b, c:d], nan=-np.inf) for a, b, c, d in windows]
+        highest = [values.max(initial=-np.inf) for values in near]
         return np.array(highest) - self.origin.alt_m + ROUNDING_M
 
     def _at(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Computes the setpoints of all vehicles from their newest states, in one place and in a fixed order.
 
 measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation rule ->
-fence.
+fence -> ground.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.fence import FenceLimits
+from gcs_formation.separation.floor import HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL: Final = 0
@@ -71,7 +72,7 @@ class FormationController:
         self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
-        self.fence = FenceLimits(scenario, self.models)
+        self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
@@ -167,6 +168,7 @@ class FormationController:
             self._in_slots_s = 0.0
             self.separation.rest()
             self.fence.rest()
+            self.floor.rest()
             return tick
         measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
@@ -179,6 +181,7 @@ class FormationController:
             self._at_heights(tick, heights_m)
             self.separation.keep(tick, measured)
         self.fence.keep(tick, self.separation.replaced)
+        self.floor.keep(tick, self.separation.replaced)
         self.history.note(tick.setpoints)
         self._judge_assembly(tick)
         self.last_tick = tick

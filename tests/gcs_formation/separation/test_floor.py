@@ -1,0 +1,101 @@
+"""In flight nobody is sent into the ground, whatever the law asks for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from airlink.clock import Instant, after
+from flight_model.autopilot_model import FlightState
+from flight_model.earth import GeodeticOrigin
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.terrain import ElevationGrid
+from gcs_formation import from_scenario
+from gcs_formation.recorder import Tick, VehicleLink
+from gcs_formation.separation.floor import OVER_S, HeightFloor
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import World
+
+CLEARANCE_M, LAG_S, SPEED_MPS, CLIMB_MPS = 20.0, 4.0, 20.0, 3.0
+HIGH = {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 200], [4000, 0, 200]]}
+LOW = {"speed_mps": 22, "waypoints_m": [[0, 0, 40], [4000, 0, 40]]}
+SLOPE: Any = {"shape": "gaussian", "north_m": 0.0, "east_m": 0.0, "height_m": 100.0, "radius_m": 600.0}
+
+
+def planned(*hills: Any) -> Scenario:
+    """A leader and two followers, which keep 20 m above the ground."""
+    terrain = {"terrain": {"hills": list(hills), "clearance_m": 30}} if hills else {}
+    return load_scenario(scenario(safety={"clearance_m": CLEARANCE_M}, path=HIGH, **terrain))
+
+
+def floor_of(over: Scenario) -> HeightFloor:
+    return HeightFloor(over, from_scenario.autopilot_models(over))
+
+
+def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0) -> float:
+    """Return what a vehicle that heads north is told in place of `told_m`."""
+    now = after(Instant(0), at_s)
+    tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
+    tick.state[1] = FlightState(north_m, 0.0, height_m, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    tick.setpoints[1] = SPEED_MPS, 0.0, told_m
+    replaced = [[False] * 3 for _ in range(3)]
+    floor.keep(tick, replaced)
+    assert replaced == [[False] * 3, [False, False, tick.setpoints[1][2] != told_m], [False] * 3]
+    return tick.setpoints[1][2]
+
+
+def test_over_level_ground_heights_are_held_and_it_is_told_when_it_begins_and_ends() -> None:
+    floor, words = floor_of(planned()), list[str]()
+    heights = (50.0, 19.0, -30.0, 25.0, 19.0, 25.0, 25.0)
+    for at_s, told_m in zip((0.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.3 + OVER_S + 0.1), heights, strict=True):
+        assert flown(floor, told_m, 24.0, at_s=at_s) == max(told_m, CLEARANCE_M)
+        words += [each.text for each in floor.changes]
+    assert words == ["height held at 20 m, 20 m above the ground", "height no longer held above the ground"]
+
+
+def test_one_that_is_too_low_is_asked_for_no_more_than_it_can_climb() -> None:
+    assert flown(floor_of(planned()), -8.0, 4.0) == 4.0 + LAG_S * CLIMB_MPS
+    assert flown(floor_of(planned()), 17.0, 4.0) == 17.0
+
+
+@pytest.mark.parametrize("north_m", [-700.0, -300.0, -100.0, 60.0, 300.0, 700.0])
+def test_one_that_flies_along_a_slope_is_told_the_ground_that_it_comes_to(north_m: float) -> None:
+    """Setpoints lead: a metre above the clearance nothing is changed, uphill or down; below it, it's that."""
+    over = planned(SLOPE)
+    ground = over.ground.height(np.array([north_m, north_m + LAG_S * SPEED_MPS]), np.zeros(2))
+    here_m, there_m = (ground + CLEARANCE_M).tolist()
+    assert flown(floor_of(over), there_m + 1.0, here_m + 1.0, north_m) == there_m + 1.0
+    held_m = flown(floor_of(over), there_m - 5.0, here_m + 1.0, north_m)
+    assert there_m <= held_m < there_m + 2.0
+
+
+def test_a_ridge_on_the_way_counts_also_where_the_ground_beyond_is_low() -> None:
+    ridge: Any = {"north_m": 40, "east_m": 0, "height_m": 30, "radius_m": 10, "length_m": 500, "bearing_deg": 90}
+    floor = floor_of(planned(ridge))
+    assert flown(floor, 45.0, 45.0) == pytest.approx(50.0, abs=0.1)
+    assert flown(floor, 45.0, 45.0, 150.0) == 45.0
+
+
+def test_where_the_ground_is_not_known_there_is_no_floor() -> None:
+    over = planned(SLOPE)
+    origin = GeodeticOrigin(0.0, 0.0, 0.0)
+    vars(over)["ground"] = ElevationGrid(np.full((3, 3), np.nan), 0.1, -0.1, 0.1, 0.1, origin)
+    assert flown(floor_of(over), -10.0, 15.0) == -10.0
+
+
+def test_a_leader_that_sinks_to_the_ground_does_not_take_its_followers_there() -> None:
+    """Air that sinks at twice its rate of climb carries it down; the others fly beside it."""
+    sinks = {"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 2 * CLIMB_MPS]}
+    formation = {"shape": "arrow", "succession": "none"}
+    world = World(duration_s=60, path=LOW, disturbances=[sinks], formation=formation)
+    world.fly_to(2.0)
+    least_m, bodies = np.inf, world.fleet.bodies
+    for _ in range(34):
+        world.run(1.0)
+        least_m = min(least_m, *(body.state.height_m for body in bodies[1:]))
+    assert bodies[0].state.height_m == 0.0
+    assert least_m == pytest.approx(5.0, abs=0.05)  # safety.clearance_m
+    for number in (2, 3):
+        assert len(world.times_s("fence", number, "height held at 5 m, 5 m above the ground")) == 1
