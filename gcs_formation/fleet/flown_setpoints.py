@@ -1,0 +1,214 @@
+"""Whether one vehicle flies as its setpoints led, by the autopilot model."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from airlink.clock import Instant, after, seconds_between
+from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
+from flight_model.energy import GRAVITY_MPS2
+from flight_model.slot import Triple
+from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
+from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+
+CHECK_S: Final = 0.4
+WINDOW_S: Final = 3.2
+"""Length of the window over which motion is compared."""
+WINDOW_CHECKS: Final = round(WINDOW_S / CHECK_S)
+SETTLED_S: Final = WINDOW_S + 1.0
+"""A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
+CLIMBING_MPS: Final = 1.0
+LEVELS_OUT_S: Final = 30.0
+"""Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
+levels out of its climb trades speed for height, and its throttle lags."""
+LEAST_CHANGE = (1.0, 0.04, 1.5)
+"""Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
+SIGMAS: Final = 4.0
+"""To that, this many standard deviations of the telemetry's noise are added."""
+FAST_SHARE: Final = 0.9
+"""Share of the highest airspeed above which climbs aren't judged: hardly any power is left for them."""
+RISING_AIR_MPS: Final = 1.5
+"""Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
+AIR_SIGMAS: Final = 4.0
+AIR_MEMORY_S: Final = 60.0
+"""If that is more, so many standard deviations of what a vehicle has shown of it within about that time; as much may
+come from the side."""
+MISSED_SHARE: Final = 0.75
+"""A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
+overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
+CHECKS_DOUBTED: Final = 2
+CHECKS_BROKEN: Final = 4
+CHECKS_MENDED: Final = 8
+CHANNELS = ("airspeed", "heading", "height")
+AIRSPEED: Final = 0
+HEADING: Final = 1
+HEIGHT: Final = 2
+Judged = tuple[bool, bool, bool]
+"""Which of them are."""
+
+
+class NonConformance(NamedTuple):
+    """A commanded change that a vehicle didn't fly within the window: m/s, rad or m."""
+
+    channel: str
+    expected: float
+    flown: float
+
+
+class Flier:
+    """One vehicle: where it has been within the window, and how often it fell short."""
+
+    __slots__ = (
+        "air_variance",
+        "bad",
+        "broken",
+        "carried_m",
+        "climbed",
+        "good",
+        "least",
+        "model",
+        "past",
+        "since",
+        "stamps",
+        "vehicle",
+    )
+
+    def __init__(self, vehicle: Vehicle, model: AutopilotModel, sigma: tuple[float, float, float]) -> None:
+        """Expect changes by `model`; `sigma`: standard deviations of the telemetry of each channel."""
+        self.vehicle, self.model = vehicle, model
+        self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
+        self.carried_m = _carried_m(model)
+        self.since: Instant | None = None
+        """Since when it has been commanded without a break."""
+        self.past, self.stamps = list[FlightState](), list[int]()
+        """Its states at the last checks, `WINDOW_CHECKS` at most, and when they were true."""
+        self.climbed = False
+        """Whether it was climbing or descending when it was first commanded."""
+        self.air_variance = 0.0
+        """Of the vertical motion of the air that would explain its heights, (m/s)²."""
+        self.bad, self.good, self.broken = [0, 0, 0], 0, False
+
+    @property
+    def worst(self) -> int:
+        """The channel that has been missed most often in a row."""
+        speed, heading, height = self.bad[AIRSPEED], self.bad[HEADING], self.bad[HEIGHT]
+        if speed >= heading and speed >= height:
+            return AIRSPEED
+        return HEADING if heading >= height else HEIGHT
+
+    @property
+    def doubted(self) -> bool:
+        """Whether it doesn't follow, or has missed what was expected in two checks in a row."""
+        return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
+
+    def look(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
+        """Compare its motion with where the setpoints of `history` led; return a channel that newly isn't followed.
+
+        Args:
+            stamp: when it was where it is seen.
+            seen: its newest state.
+            history: what was commanded.
+            now: the tick's instant.
+        """
+        commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
+        if commanded_s < CHECK_S:
+            self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
+        if len(self.past) == WINDOW_CHECKS:
+            self.past.pop(0)
+            self.stamps.pop(0)
+        self.past.append(seen)
+        self.stamps.append(stamp)
+        by_speed, by_heading, by_height = self._settled(now)
+        if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
+            self.bad, self.good = [0, 0, 0], 0
+            return None
+        before, since = self.past[0], self.stamps[0]
+        end = before.copy()
+        history.respond(end, since, max(stamp, since), self.vehicle.column, self.model)
+        levels_out = self.climbed and commanded_s < LEVELS_OUT_S
+        fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
+        by_speed = by_speed and not levels_out
+        by_height = by_height and not levels_out and not (fast and end.height_m > before.height_m)
+        expected = _change(before, end)
+        faster_mps, turned_rad, risen_m = _change(before, seen)
+        flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
+        channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
+        return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
+
+    def _settled(self, now: Instant) -> Judged:
+        """Return of which channels setpoints have been commanded, and acknowledged, for long enough."""
+        latest = after(now, -SETTLED_S)
+        if self.since is None or self.since > latest:
+            return False, False, False
+        channels = self.vehicle.setpoint_channels
+        if channels:
+            speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
+            return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
+        # Nobody acknowledges setpoints: answers to probes show that it hears. One that can stand has any course there.
+        hears = self.vehicle.unanswered_s <= UNANSWERED_S
+        return hears, hears and not self.vehicle.autopilot.stands, hears
+
+    def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
+        """Take the changes of the window; return the channel that newly isn't followed, of those that are `judged`.
+
+        The faster it flies, by `airspeed_mps`, the less a gust aside turns its course.
+        """
+        by_speed, by_heading, by_height = judged
+        faster_mps, turned_rad, risen_m = expected
+        flown_mps, flown_rad, flown_m = flown
+        gust_mps, slowest_mps = AIR_SIGMAS * math.sqrt(self.air_variance), self.model.speed_min_mps
+        if by_height:
+            air_mps = (risen_m - flown_m) / self.carried_m
+            self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
+        if slowest_mps > 0.0:
+            flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
+        least_mps = max(gust_mps, LEAST_AIRSPEED_MPS)
+        aside_rad = gust_mps / max(airspeed_mps, least_mps)
+        carried_m = max(RISING_AIR_MPS, gust_mps) * self.carried_m
+        keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
+        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
+        keeps_height = self._keeps_up(HEIGHT, risen_m, flown_m, carried_m, judged=by_height)
+        all_judged, worst = by_speed and by_heading and by_height, self.worst
+        self.good = self.good + 1 if all_judged and keeps_speed and keeps_heading and keeps_height else 0
+        self.broken = self.broken and self.good < CHECKS_MENDED
+        if self.bad[worst] < CHECKS_BROKEN or self.broken:
+            return None
+        self.broken = True
+        return worst
+
+    def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
+        """Return whether a channel's change is flown, but for what air explains, or isn't judged; count if it isn't."""
+        short = change - flown if change > 0.0 else flown - change
+        large = abs(change) >= self.least[channel]
+        missed = judged and large and short > max(MISSED_SHARE * abs(change), by_air)
+        self.bad[channel] = self.bad[channel] + 1 if missed else 0
+        return not missed
+
+
+def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps: float) -> float:
+    """Return by how much an aircraft's airspeed has changed, but for what it is off because it is `above_m` its height.
+
+    Its throttle holds the sum of both energies and its pitch divides it, slowly: one that is too low by h is too fast
+    by g h / v, and obeys (ArduPilot documentation, "TECS (Total Energy Control System) for speed and height tuning").
+    """
+    traded_mps = flown_mps + GRAVITY_MPS2 * above_m / speed_mps
+    return within(expected_mps, min(flown_mps, traded_mps), max(flown_mps, traded_mps))
+
+
+def _change(before: FlightState, after: FlightState) -> Triple:
+    """Return by how much airspeed, heading and height have changed."""
+    turned_rad = after.heading_rad - before.heading_rad
+    return after.airspeed_mps - before.airspeed_mps, turned_rad, after.height_m - before.height_m
+
+
+def _carried_m(model: AutopilotModel) -> float:
+    """Return how far air that rises at 1 m/s carries a vehicle within the window, its height loop against it.
+
+    In the end tau_ha + tau_hb; until then the model's own way there.
+    """
+    end_m = model.tau_ha_s + model.tau_hb_s
+    state = FlightState(0.0, 0.0, -end_m, 1.0, 0.0, 0.0, 0.0, 0.0)
+    respond(state, model, 0.0, 0.0, 0.0, WINDOW_S)
+    return end_m + state.height_m
