@@ -13,7 +13,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.flown_setpoints import CHECK_S, WINDOW_S, Flier, NonConformance
+from gcs_formation.fleet.flown_setpoints import CHECK_S, Flier, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -126,7 +126,7 @@ class ConformanceMonitor:
             found = flier.look(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
-            self.doubted[vehicle.column] = flier.doubted
+            self.doubted[vehicle.column], vehicle.sinks = flier.doubted, flier.sinks
         for flier in broken:
             if not flier.broken:
                 self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
@@ -145,7 +145,7 @@ def _words(found: NonConformance) -> str:
     flown, expected = found.flown * scale, found.expected * scale
     return (
         f"acknowledges setpoints and doesn't follow them: {found.channel} changed by {flown:.1f} {unit} "
-        f"in {WINDOW_S:g} s, {expected:.1f} {unit} expected"
+        f"in {found.over_s:.1f} s, {expected:.1f} {unit} expected"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
@@ -38,6 +38,11 @@ come from the side."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
+CLIMBS_SHARE: Final = 0.5
+"""One that is told a height above its own by more than this share of what its climb can reach within its lags is told
+to climb, whatever the law wants beyond that."""
+SUNK_M: Final = 15.0
+"""It sinks if it has lost more height since. If that is more, as much as the air that it has shown explains."""
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
 CHECKS_MENDED: Final = 8
@@ -50,11 +55,12 @@ Judged = tuple[bool, bool, bool]
 
 
 class NonConformance(NamedTuple):
-    """A commanded change that a vehicle didn't fly within the window: m/s, rad or m."""
+    """A commanded change that a vehicle didn't fly within the window, or since it began to sink: m/s, rad or m."""
 
     channel: str
     expected: float
     flown: float
+    over_s: float = WINDOW_S
 
 
 class Flier:
@@ -67,10 +73,14 @@ class Flier:
         "carried_m",
         "climbed",
         "good",
+        "highest_at",
+        "highest_m",
         "least",
         "model",
         "past",
+        "reach_m",
         "since",
+        "sinks",
         "stamps",
         "vehicle",
     )
@@ -80,6 +90,7 @@ class Flier:
         self.vehicle, self.model = vehicle, model
         self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
         self.carried_m = _carried_m(model)
+        self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.since: Instant | None = None
         """Since when it has been commanded without a break."""
         self.past, self.stamps = list[FlightState](), list[int]()
@@ -88,6 +99,8 @@ class Flier:
         """Whether it was climbing or descending when it was first commanded."""
         self.air_variance = 0.0
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
+        self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
+        """Its greatest height since it has been told to climb, when that was true, and whether it has lost it."""
         self.bad, self.good, self.broken = [0, 0, 0], 0, False
 
     @property
@@ -121,6 +134,7 @@ class Flier:
         self.past.append(seen)
         self.stamps.append(stamp)
         by_speed, by_heading, by_height = self._settled(now)
+        sunk = self._sunk(stamp, seen, history.commanded(stamp, self.vehicle.column)[HEIGHT] if by_height else math.nan)
         if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
             self.bad, self.good = [0, 0, 0], 0
             return None
@@ -135,7 +149,28 @@ class Flier:
         faster_mps, turned_rad, risen_m = _change(before, seen)
         flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
         channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
+        if sunk is not None:
+            self.good = 0
+            if channel is not None or not self.broken:
+                self.broken = True
+                return sunk
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
+
+    def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
+        """Return the height that it has lost if it sinks though it is told to climb; NaN in `told_m`: it isn't judged.
+
+        What it is told stays within its reach, and so sinks with it: by the window alone it falls short of little.
+        """
+        told = told_m - seen.height_m > CLIMBS_SHARE * self.reach_m
+        if not told or seen.height_m - self.past[0].height_m > LEAST_CHANGE[HEIGHT]:
+            self.highest_m, self.sinks = -math.inf, False
+        elif seen.height_m > self.highest_m:
+            self.highest_m, self.highest_at = seen.height_m, stamp
+        lost_m, air_mps = self.highest_m - seen.height_m, AIR_SIGMAS * math.sqrt(self.air_variance)
+        self.sinks = self.sinks or lost_m > max(SUNK_M, air_mps * self.carried_m)
+        if not self.sinks:
+            return None
+        return NonConformance(CHANNELS[HEIGHT], 0.0, -lost_m, (stamp - self.highest_at) / NANOSECONDS)
 
     def _settled(self, now: Instant) -> Judged:
         """Return of which channels setpoints have been commanded, and acknowledged, for long enough."""

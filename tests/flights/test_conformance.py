@@ -128,6 +128,26 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     assert abs(float(details["flown"] or 0.0)) < 0.2 * abs(float(details["expected"] or 0.0))
 
 
+def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads() -> None:
+    """Air that sinks at 6 m/s carries it down at 3 m/s from 100 m on; the others come back to the path's height."""
+    world = World(duration_s=60, disturbances=[{"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 6]}])
+    world.fly_to(3.0)
+    sank_s = world.now_s
+    world.run(12.0)
+    (reported_s,) = world.times_s("disobeys")
+    (leads_s,) = world.times_s("leader", 2)
+    assert reported_s - sank_s < 9.0
+    assert leads_s - reported_s < 0.2
+    least_m, bodies = 100.0, world.fleet.bodies[1:]
+    for _ in range(30):
+        world.run(1.0)
+        least_m = min(least_m, *(body.state.height_m for body in bodies))
+    assert world.fleet.bodies[0].state.height_m == 0.0
+    assert least_m > 65.0
+    assert [body.state.height_m for body in bodies] == pytest.approx([100.0, 100.0], abs=0.5)
+    assert len(world.times_s("leader")) == len(world.times_s("disobeys")) == 1
+
+
 def told(world: World, number: int) -> float:
     return world.notes.ticks[-1].setpoints[number - 1][1]
 

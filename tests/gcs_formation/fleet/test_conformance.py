@@ -52,13 +52,18 @@ class Ground:
         height_m: Callable[[float], float] = lambda _: 100.0,
         told_rad: Callable[[float], float] = lambda _: 0.0,
         heading_rad: Callable[[float], float] = lambda _: 0.0,
+        *,
+        told_m: Callable[[float], float] = lambda _: 100.0,
+        told_mps: float = 27.0,
     ) -> list[float]:
-        """Tell the second vehicle 27 m/s from the start, and a heading, and see it; return when it is reported."""
+        """Tell the second vehicle 27 m/s from the start, heading and height, and see it; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
-            told_mps = (22.0, 27.0 if commanded(at_s) else 22.0, 22.0)
+            speeds_mps = (22.0, told_mps if commanded(at_s) else 22.0, 22.0)
             self.controller.history.begin([now] * 3)
-            self.controller.history.note([(each_mps, told_rad(at_s), 100.0) for each_mps in told_mps])
+            heights_m = 100.0, told_m(at_s), 100.0
+            told = zip(speeds_mps, heights_m, strict=True)
+            self.controller.history.note([(each_mps, told_rad(at_s), each_m) for each_mps, each_m in told])
             for each in self.vehicles.values():
                 for channel in each.setpoint_channels:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
@@ -103,6 +108,41 @@ def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: f
     ground = Ground()
     ground.fly(7.0, height_m=lambda at_s: 100.0 + climb_mps * at_s)
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
+
+
+@pytest.mark.parametrize(("sinks_mps", "at_most_s"), [(2.0, 12.0), (3.0, 9.0), (8.0, 5.0)])
+def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoint_sinks_with_it(
+    sinks_mps: float, at_most_s: float
+) -> None:
+    """From 10 s to 30 s; setpoints stay within 12 m of it, the climb that it has within its lags."""
+    ground = Ground()
+
+    def height_m(at_s: float) -> float:
+        return 300.0 - sinks_mps * min(max(0.0, at_s - 10.0), 20.0) + 3.0 * max(0.0, at_s - 30.0)
+
+    (reported_s,) = ground.fly(
+        50.0, height_m=height_m, told_m=lambda at_s: min(300.0, height_m(at_s) + 12.0), told_mps=22.0
+    )
+    assert 10.0 < reported_s <= 10.0 + at_most_s
+    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == ["height"]
+    (over_s,) = [each.at_s for each in ground.notes if each.kind == "obeys"]
+    assert 30.0 < over_s < 38.0
+    assert not ground.second().sinks
+
+
+@pytest.mark.parametrize("above_m", [-12.0, 0.0, 5.0])
+def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
+    """A descent at 2 m/s; told 5 m higher than it flies, that it falls short of is another matter."""
+    ground, sunk = Ground(), list[bool]()
+    for seconds in (10.0, 20.0, 30.0):
+        ground.fly(
+            seconds,
+            height_m=lambda at_s: 300.0 - 2.0 * at_s,
+            told_m=lambda at_s: 300.0 - 2.0 * at_s + above_m,
+            told_mps=22.0,
+        )
+        sunk.append(ground.second().sinks)
+    assert sunk == [False] * 3
 
 
 @pytest.mark.parametrize("radps", [0.1, -0.1, 0.4])
