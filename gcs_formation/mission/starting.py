@@ -17,7 +17,7 @@ from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot_family import StartUpStep
-from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.checks import Finding, ParameterReader, place_findings
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -33,7 +33,7 @@ class Caution:
     """What is done before anybody is commanded: changes of mode, arming, setpoints."""
 
     parameters: bool = False
-    """Whether parameters are read and judged."""
+    """Whether parameters are read, and judged, and where vehicles are."""
     confirm: bool = False
     """Whether somebody's word is awaited when all vehicles are ready."""
     rehearse: bool = False
@@ -60,6 +60,7 @@ class PreFlight:
                 autopilot = vehicles[planned.vehicle_id].autopilot
                 checks = autopilot.checks(planned.model, scenario.path)
                 self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
+        self._scenario, self._placed = scenario, set[VehicleId]()
         self._judged, self._refused = set[VehicleId](), False
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """What isn't as it should be, and doesn't keep anybody on the ground."""
@@ -89,17 +90,19 @@ class PreFlight:
 
     @property
     def _checked(self) -> bool:
-        return len(self._judged) == len(self._readers) and not self._refused
+        return len(self._judged) == len(self._placed) == len(self._readers) and not self._refused
 
     def confirm(self) -> None:
         """Let everybody begin."""
         self._confirmed = True
 
     def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return the requests for parameters to send now, and judge those that have been read."""
+        """Return the requests for parameters to send now, and judge those that have been read, and places."""
         found = list[tuple[Vehicle, Message]]()
         for identity, reader in self._readers.items():
             vehicle = self.vehicles[identity]
+            if identity not in self._placed:
+                self._judge_place(vehicle, now)
             if identity in self._judged or vehicle.connection.state not in TALKING:
                 continue
             if reader.complete:
@@ -116,13 +119,26 @@ class PreFlight:
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record what was found. What refuses a take-off only warns of a vehicle that flies already."""
         findings, flies = reader.findings(), vehicle.airborne
-        refused = [finding.text for finding in findings if finding.refuses and not flies]
-        text = tuple(finding.text for finding in findings if finding.text not in refused)
         self._judged.add(vehicle.identity)
-        self.warnings[vehicle.identity] = text
+        self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
+
+    def _judge_place(self, vehicle: Vehicle, now: Instant) -> None:
+        """Record whether it is at the scenario's field. One that is ready for its first command knows its home."""
+        motion = vehicle.telemetry.motion
+        if motion is None or not _is_ready(vehicle.start_up):
+            return
+        self._placed.add(vehicle.identity)
+        findings = place_findings(motion, self._scenario, flies=vehicle.airborne)
+        if findings:
+            self._record(vehicle, findings, now)
+
+    def _record(self, vehicle: Vehicle, findings: list[Finding], now: Instant) -> None:
+        refused = [finding.text for finding in findings if finding.refuses]
+        text = tuple(finding.text for finding in findings if not finding.refuses)
+        self.warnings[vehicle.identity] = (*self.warnings.get(vehicle.identity, ()), *text)
         if text or not refused:
             self._note(now, "parameters", "; ".join(text) or IN_ORDER, vehicle)
-        if refused:
+        if refused and not self._refused:
             self._refused = True
             self._give_up(f"vehicle {vehicle.identity}: {'; '.join(refused)}", now)
 

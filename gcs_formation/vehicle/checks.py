@@ -1,4 +1,4 @@
-"""Parameters of an autopilot that a flight depends on: read from the vehicle, and judged before anybody is commanded.
+"""What a flight depends on, judged before anybody is commanded: a vehicle's place, and parameters read from it.
 
 Source: MAVLink guide, "Parameter Protocol".
 """
@@ -11,12 +11,16 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
 
+import numpy as np
+
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
+from formation_scenario import Scenario
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.vehicle.telemetry import ReportedMotion
 
 RETRY_S = 0.7
 TRIES = 24
@@ -26,10 +30,14 @@ TRIM_OFF_MPS = 1.0
 """By how much the trim airspeed may differ from the path's."""
 AT_ONCE = 4
 """Requests sent in one go: autopilots answer them from a short queue."""
+HOME_OFF_M = 30.0
+"""By how much a home may be above or below the scenario's ground: the errors of both heights above sea level."""
+FAR_M = 10_000.0
+"""How much farther from the path's start a vehicle may be than the path gets."""
 
 
 class Finding(NamedTuple):
-    """A parameter that isn't as it should be."""
+    """A parameter or a place that isn't as it should be."""
 
     text: str
     """What was found, and what is allowed or what follows."""
@@ -101,6 +109,27 @@ def envelope_checks(
             lambda value: value >= round(bank_deg),
         ),
     ]
+
+
+def place_findings(seen: ReportedMotion, scenario: Scenario, *, flies: bool) -> list[Finding]:
+    """Return what is wrong with where a vehicle is: not at the scenario's path, or its home not on the ground there.
+
+    One that flies may have its home elsewhere: that is no more than a warning.
+    """
+    points_m = np.array(scenario.path.waypoints_m)[:, :2]
+    away_m = math.hypot(seen.north_m - points_m[0, 0], seen.east_m - points_m[0, 1])
+    most_m = float(np.hypot(*(points_m - points_m[0]).T).max()) + FAR_M
+    if away_m > most_m:
+        found = f"place: found {away_m / 1000.0:.1f} km from the path's start; allowed: up to {most_m / 1000.0:.1f} km"
+        return [Finding(f"{found}. Set origin.lat_deg and lon_deg to the field's", refuses=True)]
+    home_m, above_sea_m = seen.height_m - seen.above_home_m, scenario.origin.alt_m
+    ground_m = float(scenario.ground.height(np.array([seen.north_m]), np.array([seen.east_m]))[0])
+    if not abs(home_m - ground_m) > HOME_OFF_M:
+        return []
+    found = f"home: found {home_m + above_sea_m:.0f} m above sea level, where the scenario's ground is at"
+    allowed = f"{ground_m + above_sea_m:.0f} m; allowed: {HOME_OFF_M:g} m off"
+    mends = f"Set origin.alt_m, now {above_sea_m:g}, to the field's"
+    return [Finding(f"{found} {allowed}. {mends}", refuses=not flies)]
 
 
 class ParameterReader:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import Any
 
 import pytest
@@ -11,6 +13,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
+from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import Caution
@@ -167,3 +170,38 @@ def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_tho
     world.run(20.0)
     assert world.station.flight.phase is Phase.DONE
     assert {tick.phase for tick in world.notes.ticks} == {"connecting"}
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_is_said(in_air: bool) -> None:
+    """The station's scenario has its origin at sea level, where the vehicles' field is at 500 m."""
+    keys: Any = GROUND | {"start": {"in_air": in_air}}
+    world = World(Listening, READ, **keys)
+    for vehicle in world.station.vehicles.values():
+        origin = vehicle.telemetry.origin
+        vehicle.telemetry.origin = GeodeticOrigin(origin.lat_rad, origin.lon_rad, origin.alt_m - 500.0)
+    world.run(40.0)
+    found = "home: found 500 m above sea level, where the scenario's ground is at 0 m; allowed: 30 m off"
+    if in_air:
+        assert len([each for each in world.words("parameters") if found in each]) == 2
+        assert world.station.course.failure is None
+    else:
+        assert (world.station.course.failure or "").startswith(f"vehicle 1: {found}. Set origin.alt_m, now 0")
+        assert world.station.flight.phase is Phase.FAILED
+        assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+def test_vehicles_far_from_the_path_are_left_as_they_are(in_air: bool) -> None:
+    """They are a degree of latitude south of where the station's scenario has its origin."""
+    keys: Any = GROUND | {"start": {"in_air": in_air}}
+    world = World(Listening, READ, **keys)
+    for vehicle in world.station.vehicles.values():
+        origin = vehicle.telemetry.origin
+        vehicle.telemetry.origin = GeodeticOrigin(origin.lat_rad + math.radians(1.0), origin.lon_rad, origin.alt_m)
+    world.run(40.0)
+    assert re.match(
+        r"vehicle 1: place: found 11\d\.\d km from the path's start; allowed: up to 14.0 km",
+        world.station.course.failure or "",
+    )
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
