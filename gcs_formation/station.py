@@ -172,6 +172,7 @@ class Station(Engine):
             self._message_intervals.watch(now)
         self._conformance.judge_commands(now)
         self._conformance.judge_answers(now)
+        self._conformance.judge_refusals(now)
         if self.flight.phase in COMMANDED:
             self._fly(now)
         else:

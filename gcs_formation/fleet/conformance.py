@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel, FlightState
@@ -16,6 +17,7 @@ from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.fleet.flown_setpoints import CHECK_S, Flier, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
+from gcs_formation.vehicle.acknowledgement import SetpointChannel
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
@@ -66,9 +68,11 @@ class ConformanceMonitor:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
-        """Columns that don't seem to follow the setpoints that they acknowledge, (C,)."""
+        """Columns that refuse setpoints, or don't seem to follow those that they acknowledge, (C,)."""
         self._unanswered = set[VehicleId]()
         """Vehicles that were commanded and answered nothing."""
+        self._refused = set[SetpointChannel]()
+        """Setpoints that are refused."""
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
@@ -84,6 +88,27 @@ class ConformanceMonitor:
             elif reported and not missing:
                 self._unanswered.remove(identity)
                 self._note(now, "uplink", "answers again", vehicle)
+
+    def judge_refusals(self, now: Instant) -> None:
+        """Check that setpoints are accepted: events `disobeys` and `obeys` of each command that isn't, and is again."""
+        for vehicle in self._vehicles:
+            heartbeats = vehicle.telemetry.heartbeats
+            for channel in vehicle.setpoint_channels:
+                refused, reported = channel.is_refused(heartbeats), channel in self._refused
+                if refused == reported or (refused and vehicle.member is not Member.FLYING):
+                    continue
+                name = m.name_of("MAV_CMD", channel.command)
+                if refused:
+                    self._refused.add(channel)
+                    result = m.name_of("MAV_RESULT", channel.result)
+                    text = f"refuses its setpoints: {name}: {result}{vehicle.telemetry.last_words}"
+                    self._note(now, "disobeys", text, vehicle, {"order": name, "result": result})
+                else:
+                    self._refused.remove(channel)
+                    self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
+
+    def _refuses(self, vehicle: Vehicle) -> bool:
+        return bool(self._refused) and any(channel in self._refused for channel in vehicle.setpoint_channels)
 
     def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""
@@ -126,7 +151,7 @@ class ConformanceMonitor:
             found = flier.look(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
-            self.doubted[vehicle.column], vehicle.sinks = flier.doubted, flier.sinks
+            self.doubted[vehicle.column], vehicle.sinks = flier.doubted or self._refuses(vehicle), flier.sinks
         for flier in broken:
             if not flier.broken:
                 self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})

@@ -20,6 +20,10 @@ MAX_CONFIRMATION: Final = 255
 TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
 """Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
 UNDER_WAY: Final = m.MAV_RESULT_IN_PROGRESS
+REFUSED_S: Final = 1.0
+REFUSED_HEARTBEATS: Final = 2
+"""A setpoint is refused when nothing else has been answered for this time, in which so many heartbeats have come: one
+that a pilot has just taken refuses what was on its way."""
 REPEAT_S: Final = 1.0
 """After this long a setpoint is sent again, though nothing has changed."""
 QUICKEST: Final = 0.75
@@ -101,6 +105,11 @@ class SetpointChannel:
     def __init__(self, command: int) -> None:
         """Start with nothing sent; `command`: the id of what carries the setpoint."""
         self.command = command
+        self.result = m.MAV_RESULT_ACCEPTED
+        """The MAV_RESULT of its last refusal."""
+        self._refused: Instant | None = None
+        """Since when there have been refusals only; the last of them, and the heartbeats that had come by the first."""
+        self._refused_to, self._heartbeats = Instant(0), 0
         self._known: CommandInt | None = None
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
         self._since: Instant | None = None
@@ -120,10 +129,23 @@ class SetpointChannel:
 
     def forget(self) -> None:
         """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
-        self._known = None
+        self._known = self._refused = None
+
+    def refused(self, result: int, heartbeats: int, now: Instant) -> None:
+        """Take an answer that isn't ACCEPTED; so many heartbeats have come from the vehicle."""
+        if self._refused is None:
+            self._refused, self._heartbeats = now, heartbeats
+        self.result, self._refused_to = result, now
+
+    def is_refused(self, heartbeats: int) -> bool:
+        """Return whether its setpoints are refused, by now that so many heartbeats have come."""
+        if self._refused is None or heartbeats < self._heartbeats + REFUSED_HEARTBEATS:
+            return False
+        return seconds_between(self._refused, self._refused_to) >= REFUSED_S
 
     def acknowledged(self, now: Instant) -> None:
         """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
+        self._refused = None
         if self._since is None or self._is_late(now):
             self._since = now
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)

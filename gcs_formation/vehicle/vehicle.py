@@ -25,7 +25,7 @@ from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
-from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome, SetpointChannel
+from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, StartUpStep
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
@@ -359,5 +359,9 @@ class Vehicle:
             if effect is not None:
                 self.effects.acknowledged(effect, self.telemetry, now)
         channel = self._channel(ack.command)
-        if channel is not None and ack.result == ACCEPTED:
+        if channel is None:
+            return
+        if ack.result == ACCEPTED:
             channel.acknowledged(now)
+        elif ack.result != UNDER_WAY:
+            channel.refused(ack.result, self.telemetry.heartbeats, now)

@@ -13,7 +13,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
-from airlink.messages.command import CommandInt
+from airlink.messages.command import CommandInt, ParamSet
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
@@ -146,6 +146,40 @@ def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads()
     assert least_m > 65.0
     assert [body.state.height_m for body in bodies] == pytest.approx([100.0, 100.0], abs=0.5)
     assert len(world.times_s("leader")) == len(world.times_s("disobeys")) == 1
+
+
+def test_one_that_refuses_the_speeds_it_is_told_is_reported_and_kept_clear_of_until_it_accepts_them() -> None:
+    """As an ArduPlane does whose AIRSPEED_MAX is below what it is told."""
+    world = World(duration_s=60)
+
+    def allow(most_mps: float) -> float:
+        asked = ParamSet(2, m.MAV_COMP_ID_AUTOPILOT1, "AIRSPEED_MAX", most_mps, m.MAV_PARAM_TYPE_REAL32)
+        assert world.vehicle(2).parameters.set(asked)
+        return world.now_s
+
+    world.fly_to(3.0)
+    began_s = allow(20.0)
+    world.run(5.0)
+    assert world.words("disobeys") == ["refuses its setpoints: GUIDED_CHANGE_SPEED: FAILED"]
+    (reported_s,) = world.times_s("disobeys", 2)
+    assert 1.0 <= reported_s - began_s < 3.0
+    assert [link.disobeying for link in world.notes.ticks[-1].links] == [False, True, False]
+    mended_s = allow(28.0)
+    world.run(5.0)
+    (over_s,) = world.times_s("obeys", 2, "GUIDED_CHANGE_SPEED is no longer refused")
+    assert over_s - mended_s < 1.2
+    assert not any(link.disobeying for link in world.notes.ticks[-1].links)
+
+
+def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_way() -> None:
+    """With 600 ms there and back setpoints are refused for that long before its heartbeat says why."""
+    links = {"default": {"delay_ms": 300, "loss": 0.2}}
+    world = World(duration_s=60, links=links, start={"in_air": True, "run_in_s": 30})
+    world.fly_to(3.0)
+    world.inject(2, "pilot")
+    world.run(10.0)
+    assert world.times_s("member", 2, "parted")
+    assert world.words("disobeys") == []
 
 
 def told(world: World, number: int) -> float:

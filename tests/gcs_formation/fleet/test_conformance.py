@@ -222,3 +222,23 @@ def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_
     beat(m.PLANE_MODE_LOITER, 5.0)
     assert ground.notes.of("obeys", 2) == ["mode LOITER is over"]
     assert len(ground.notes) == 2
+
+
+@pytest.mark.parametrize(("heartbeats", "accepted_s", "said"), [(2, None, True), (1, None, False), (2, 0.6, False)])
+def test_setpoints_are_refused_when_none_is_accepted_for_a_second_and_two_heartbeats(
+    heartbeats: int, accepted_s: float | None, said: bool
+) -> None:
+    ground = Ground()
+    follower, channel = ground.second(), ground.second().setpoint_channels[0]
+    for tenth in range(14):
+        now = after(START, 0.1 * tenth)
+        if accepted_s is not None and tenth == round(10 * accepted_s):
+            channel.acknowledged(now)
+        channel.refused(m.MAV_RESULT_DENIED, follower.telemetry.heartbeats, now)
+        if tenth in range(3, 3 + heartbeats):
+            follower.telemetry.heartbeats += 1
+        ground.monitor.judge_refusals(now)
+    assert ground.notes.of("disobeys", 2) == ["refuses its setpoints: GUIDED_CHANGE_SPEED: DENIED"] * said
+    channel.forget()
+    ground.monitor.judge_refusals(after(START, 2.0))
+    assert ground.notes.of("obeys", 2) == ["GUIDED_CHANGE_SPEED is no longer refused"] * said
