@@ -20,7 +20,7 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
 MUTE_S: Final = 1.5
-"""How long heartbeats of a vehicle that is heard may be missing; after that its mode counts as unknown."""
+"""How long heartbeats may be missing beyond what loss explains; after that a vehicle's mode counts as unknown."""
 WITHOUT_HEARTBEATS: Final = (LinkState.MUTE, LinkState.LOST)
 ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""

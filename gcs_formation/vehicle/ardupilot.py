@@ -23,17 +23,23 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, Known, StartUpStep
+from gcs_formation.vehicle.autopilot_family import (
+    AIRBORNE_M,
+    ASKED_S,
+    STATION_SYSTEM,
+    Autopilot,
+    Command,
+    Known,
+    StartUpStep,
+)
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 
-STATION_SYSTEM: Final = 255
 HEARTBEATS_S: Final = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
 EKF_READY: Final = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
-AIRBORNE_M: Final = 10.0
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 
 OUR_HEARTBEATS = Check(

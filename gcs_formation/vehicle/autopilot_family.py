@@ -20,6 +20,10 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 
+STATION_SYSTEM: Final = 255
+"""Our own system id."""
+AIRBORNE_M: Final = 10.0
+"""Height above its home from which an armed vehicle flies, whatever it says."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0

@@ -26,7 +26,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import ASKED_S, Autopilot, Command, StartUpStep
+from gcs_formation.vehicle.autopilot_family import AIRBORNE_M, ASKED_S, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
@@ -43,7 +43,6 @@ LEADS_AWAY = (1, 2, 3)
 MAIN_AUTO = 4
 CHANGES_HZ = 50.0
 """CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
-AIRBORNE_M = 10.0
 OFF_THE_GROUND = (m.MAV_LANDED_STATE_IN_AIR, m.MAV_LANDED_STATE_TAKEOFF, m.MAV_LANDED_STATE_LANDING)
 """Below 10 m a PX4 says for seconds that it takes off, and that it lands."""
 UNCHANGED = math.nan

@@ -26,13 +26,12 @@ from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
-from gcs_formation.vehicle.autopilot_family import Autopilot, EffectWatch, StartUpStep
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, EffectWatch, StartUpStep
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
-STATION_SYSTEM: Final = 255
 STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
 UNANSWERED_S: Final = 1.5
 """For how long answers may be missing from a vehicle that hears the ground station."""
