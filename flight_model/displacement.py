@@ -1,23 +1,16 @@
-"""Displacements from a path by the distance along it: the way onto it from beside it, and the least lift over ground.
+"""The displacement of a way onto a path from beside it.
 
-The way fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm movements", J. Neuroscience 5,
-1985). The lift is a uniform cubic B-spline (equations 35 and 36): its slope and curvature are bounded by the
-differences of its control points, so that bounds on those hold everywhere; the least is found by a linear program over
-them.
+It fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm movements", J. Neuroscience 5, 1985).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from math import atan2, cos, hypot, sin
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from flight_model.arrays import Array, Indices, T
+from flight_model.arrays import T
 from flight_model.curve import PathPoint
+from flight_model.lift import Lift
 from flight_model.path import SplinePath
 
 PEAK_RATE = 1.875
@@ -28,15 +21,6 @@ PEAK_JERK = 60.0
 """Largest third derivative, at both ends."""
 SLOPE_CHANGE, SLOPE_JERK = 3.94, 36.0
 """Largest second and third derivatives of the quintic that begins at 0 with a slope of 1 and ends at 0 and at rest."""
-STEP_M = 20.0
-"""Distance between the knots of a lift."""
-SAMPLES = 4
-"""Points per step at which the clearance is required."""
-SAMPLE_M = STEP_M / SAMPLES
-TRIFLE_M = 0.01
-"""Lifts below this are left out."""
-SHORT_COST = 10.0
-"""Cost of a missing metre, in metres of lift over the whole length: high, so that it is the last resort."""
 
 
 def minimum_jerk(u: T) -> tuple[T, T, T]:
@@ -129,145 +113,3 @@ class DisplacedPath:
             (q + u * (2 * r + u * (3 * third + u * (4 * fourth + u * 5 * fifth)))) / length,
             (2 * r + u * (6 * third + u * (12 * fourth + u * 20 * fifth))) / length**2,
         )
-
-
-class Bounds(NamedTuple):
-    """Bounds of slope and of curvature per metre of horizontal distance, upwards and downwards."""
-
-    slope: float
-    curvature_1pm: float
-
-
-@dataclass(frozen=True)
-class Lift:
-    """Metres above a path as a function of the distance along it: a spline with `STEP_M` between its knots."""
-
-    start_m: float
-    control_m: Array
-    """(n,), for n - 3 steps from `start_m` on."""
-    short_m: float = 0.0
-    """Largest shortfall: how much of the required lift the bounds don't allow."""
-
-    @cached_property
-    def _control_m(self) -> list[float]:
-        """The same as plain numbers, which are faster one by one."""
-        return self.control_m.tolist()
-
-    def at_one(self, distance_m: float) -> tuple[float, float, float]:
-        """Return what `at` does, at one distance."""
-        steps = (distance_m - self.start_m) / STEP_M
-        index = int(min(max(steps, 0.0), len(self._control_m) - 4))
-        return blend(self._control_m[index : index + 4], min(max(steps - index, 0.0), 1.0))
-
-    def at(self, distance_m: Array) -> tuple[Array, Array, Array]:
-        """Return the lift, its slope and its curvature at distances; constant beyond its ends."""
-        steps = np.clip((distance_m - self.start_m) / STEP_M, 0.0, self.control_m.size - 3.0)
-        index = np.minimum(steps.astype(np.intp), self.control_m.size - 4)
-        return blend([self.control_m[index + i] for i in range(4)], steps - index)
-
-
-def blend(control: Sequence[T], u: T) -> tuple[T, T, T]:
-    """Return value, slope and curvature at u, 0 to 1, within a step, from the step's four control points."""
-    c0, c1, c2, c3 = control
-    second = c0 + u * (c1 - c0) - 2.0 * (c1 + u * (c2 - c1)) + c2 + u * (c3 - c2)
-    rest = 1.0 - u
-    slope = (rest * rest * (c1 - c0) + (1.0 + 2.0 * u * rest) * (c2 - c1) + u * u * (c3 - c2)) / 2.0
-    outer = rest * rest * rest * c0 + u * u * u * c3
-    inner = (3.0 * u * u * u - 6.0 * u * u + 4.0) * c1 + (3.0 * rest * rest * rest - 6.0 * rest * rest + 4.0) * c2
-    return (outer + inner) / 6.0, slope / STEP_M, second / STEP_M**2
-
-
-def sample_places(start_m: float, steps: int) -> Array:
-    """Return the distances at which the required lift must be given, for a lift of `steps` steps."""
-    return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
-
-
-def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
-    """Return the lift of the least area. It is nowhere negative, but for one that begins below 0 and rises to it.
-
-    Args:
-        start_m: distance at which it starts.
-        needed_m: required lift at `sample_places`; negative or NaN where none is required.
-        slope: the path's own slope there. With the lift it stays within the bounds; where it exceeds them by itself,
-            the lift makes it no steeper.
-        bounds: of the slope of path and lift together, and of the lift's curvature.
-        begun_m: the first control points of a lift that is continued; it returns inside the bounds as soon as possible.
-    """
-    count = (needed_m.size - 1) // SAMPLES + 3
-    needed = np.flatnonzero(needed_m > TRIFLE_M)
-    if not needed.size and not begun_m.any():
-        return Lift(start_m, np.zeros(count))
-    rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds, begun_m)
-    below = count if begun_m.min(initial=0.0) < 0.0 else 0
-    if below:  # how far the lift is below 0 counts as how far it's above
-        rows, limits = _with_depth(rows, count), np.concatenate((limits, np.zeros(count)))
-    free = count - begun_m.size
-    least = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
-    most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
-    cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
-    within = list(zip(least.tolist(), most.tolist(), strict=True))
-    import scipy  # noqa: PLC0415 - for those with ground to clear; it takes longer than reading a scenario
-
-    found: Any = scipy.optimize.linprog(cost, rows, limits, bounds=within, method="highs-ds")
-    if found.x is None:
-        # No continuation is within the bounds: hold the last value, and report all that is missing.
-        held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
-        return Lift(start_m, held, float(np.nanmax(needed_m)))
-    control_m, short_m, _ = np.split(np.asarray(found.x, dtype=np.float64), [count, count + needed.size])
-    return Lift(start_m, control_m, float(short_m.max(initial=0.0)))
-
-
-def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> tuple[Any, Array]:
-    """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that mid-step."""
-    count, sparse = slope.size + 3, _sparse()
-    lifted = _values_at(needed, count)
-    rise = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
-    bend = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
-    own = np.pad(slope, 1, mode="edge")
-    up, down = np.maximum(bounds.slope - own, 0.0) * STEP_M, np.maximum(bounds.slope + own, 0.0) * STEP_M
-    curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
-    limits = np.concatenate((-needed_m[needed], *_begun(begun_m, up, down, curved)))
-    rows = sparse.vstack((-lifted, rise, -rise, bend, -bend))
-    return sparse.hstack((rows, -sparse.eye_array(limits.size, needed.size))), limits
-
-
-def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
-    """Return limits that admit the lift as begun; a slope beyond them decreases as fast as the curvature allows."""
-    widened: list[Array] = []
-    for sign, limit in ((1.0, up), (-1.0, down)):
-        rises, wide = sign * np.diff(begun_m), limit.copy()
-        if rises.size:
-            eased = rises[-1] - curved[0] * np.arange(1, limit.size - rises.size + 1)
-            wide = np.maximum(wide, np.concatenate((rises, eased)))
-        widened.append(wide)
-    for sign in (1.0, -1.0):
-        bends, wide = sign * np.diff(begun_m, n=2), curved.copy()
-        wide[: bends.size] = np.maximum(wide[: bends.size], bends)
-        widened.append(wide)
-    return widened[0], widened[1], widened[2], widened[3]
-
-
-def _sparse() -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
-    import scipy  # noqa: PLC0415 - as in `least_lift`
-
-    return scipy.sparse
-
-
-def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - see `_sparse`
-    """Return the rows with variables added for how far each control point is below 0, and the rows that bind them."""
-    sparse = _sparse()
-    one, none = sparse.eye_array(count), sparse.csr_array
-    points = sparse.hstack((-one, none((count, rows.shape[1] - count)), -one))
-    return sparse.vstack((sparse.hstack((rows, none((rows.shape[0], count)))), points))
-
-
-def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - see `_sparse`
-    """Return the matrix (samples, control points) of the spline's values at samples."""
-    first = np.minimum(samples // SAMPLES, count - 4)
-    share: Array = (samples - first * SAMPLES) / SAMPLES
-    one, zero = np.ones_like(share), np.zeros_like(share)
-    units = [[one if i == j else zero for j in range(4)] for i in range(4)]
-    weights = np.stack([blend(unit, share)[0] for unit in units], axis=1)
-    rows = np.repeat(np.arange(samples.size), 4)
-    columns: Any = (first[:, None] + np.arange(4)).ravel()
-    return _sparse().csr_array((weights.ravel(), (rows, columns)), (samples.size, count))

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from flight_model.arrays import Array
-from flight_model.displacement import Bounds
 from flight_model.earth import GeodeticOrigin
+from flight_model.lift import Bounds
 from flight_model.path import SplinePath
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
