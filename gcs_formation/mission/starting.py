@@ -254,6 +254,9 @@ def _is_another(vehicle: Vehicle) -> str:
 
 
 def _lacks(vehicle: Vehicle) -> str:
+    """Return what hasn't come of what a vehicle was asked for, in brackets."""
+    if not vehicle.start_up.asks_for_telemetry:
+        return ""
     seen = vehicle.telemetry
     lacking = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
     return f" (it has told no {' and no '.join(lacking)})" if lacking else ""

@@ -97,6 +97,11 @@ class StartUp:
         return 0 <= self.index < len(self.steps) and self.steps[self.index].takes_off
 
     @property
+    def asks_for_telemetry(self) -> bool:
+        """Whether the step under way asks the vehicle for what it is to send, and waits for it."""
+        return 0 <= self.index < len(self.steps) and self.steps[self.index].every_command_acknowledged
+
+    @property
     def asked_for_telemetry(self) -> bool:
         """Whether the vehicle has acknowledged what it is to send."""
         return any(step.every_command_acknowledged for step in self.steps[: max(self.index, 0)])
