@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from flight_model.arrays import T
 from flight_model.curve import PathPoint
-from flight_model.lift import Lift
 from flight_model.path import SplinePath
+from flight_model.path_over_terrain import Lift
 
 PEAK_RATE = 1.875
 """Largest first derivative, at u = 1/2."""

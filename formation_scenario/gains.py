@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flight_model.design import (
+from flight_model.energy import AirframeParameters
+from flight_model.frequency_response import Responses, airframe_responses, lag_responses
+from flight_model.gain_design import (
     FREQUENCIES,
     UNMODELLED,
     DelayAndNoise,
@@ -15,8 +17,6 @@ from flight_model.design import (
     judged_channels,
     left_by_filter,
 )
-from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from flight_model.slot import CHANNELS
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation

@@ -21,7 +21,7 @@ from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.interval_watch import MessageIntervals
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, NoiseWatch
-from gcs_formation.fleet.membership import Membership
+from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration

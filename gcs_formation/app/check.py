@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.design import MISMATCH
+from flight_model.gain_design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.expectation import SETTLED_M
 from formation_scenario.feasibility import slots_without_room

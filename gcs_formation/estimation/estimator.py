@@ -13,7 +13,7 @@ from mypy_extensions import mypyc_attr
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
-from flight_model.design import UNMODELLED, WIND_WALK
+from flight_model.gain_design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
     WIND_EAST,
     WIND_NORTH,

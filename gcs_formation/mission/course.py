@@ -14,7 +14,7 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
-from gcs_formation.fleet.membership import Membership
+from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.mission.ending import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration

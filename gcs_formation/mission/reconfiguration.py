@@ -21,7 +21,7 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, 
 from formation_scenario.slot_motion import SlotMotion
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.membership import Candidate, can_lead, heir
+from gcs_formation.fleet.membership_and_succession import Candidate, can_lead, heir
 from gcs_formation.guidance.leader_guidance import TurnOnSpot
 from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flight_model.design import WIND_WALK, left_by_filter
+from flight_model.gain_design import WIND_WALK, left_by_filter
 
 SAMPLE, WALK_MPS, LAG_S, PERIOD_S = (0.3, 0.1, 0.2), 0.05, 4.0, 0.1
 

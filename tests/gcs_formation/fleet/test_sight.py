@@ -2,7 +2,7 @@
 
 import pytest
 
-from gcs_formation.fleet.membership import Sight, following
+from gcs_formation.fleet.membership_and_succession import Sight, following
 from gcs_formation.vehicle.vehicle import Member
 
 GUIDED = Sight(started=True, guided=True, loiters=False, fresh=True)

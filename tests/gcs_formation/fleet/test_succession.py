@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gcs_formation.fleet.membership import Candidate, heir
+from gcs_formation.fleet.membership_and_succession import Candidate, heir
 
 SPACING_M = 30.0
 GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from flight_model.design import (
+from flight_model.energy import AirframeParameters
+from flight_model.frequency_response import airframe_responses, lag_responses, linearised
+from flight_model.gain_design import (
     DELAY_MARGIN_S,
     FREQUENCIES,
     MISMATCH_PEAK,
@@ -16,8 +18,6 @@ from flight_model.design import (
     design,
     judged_channels,
 )
-from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import airframe_responses, lag_responses, linearised
 from formation_scenario import load_scenario
 from formation_scenario.gains import figures
 from formation_scenario.vehicles import EnergyAirframe
