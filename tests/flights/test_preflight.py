@@ -172,15 +172,21 @@ def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_tho
     assert {tick.phase for tick in world.notes.ticks} == {"connecting"}
 
 
-@pytest.mark.parametrize("in_air", [False, True])
-def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_is_said(in_air: bool) -> None:
-    """The station's scenario has its origin at sea level, where the vehicles' field is at 500 m."""
+def elsewhere(*, in_air: bool, north_rad: float = 0.0, up_m: float = 0.0) -> World:
+    """Return a world after 40 s whose station takes the vehicles to be farther north and higher than the scenario."""
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, READ, **keys)
     for vehicle in world.station.vehicles.values():
-        origin = vehicle.telemetry.origin
-        vehicle.telemetry.origin = GeodeticOrigin(origin.lat_rad, origin.lon_rad, origin.alt_m - 500.0)
+        seen = vehicle.telemetry
+        seen.origin = GeodeticOrigin(seen.origin.lat_rad - north_rad, seen.origin.lon_rad, seen.origin.alt_m - up_m)
     world.run(40.0)
+    return world
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_is_said(in_air: bool) -> None:
+    """The station's scenario has its origin at sea level, where the vehicles' field is at 500 m."""
+    world = elsewhere(in_air=in_air, up_m=500.0)
     found = "home: found 500 m above sea level, where the scenario's ground is at 0 m; allowed: 30 m off"
     if in_air:
         assert len([each for each in world.words("parameters") if found in each]) == 2
@@ -194,12 +200,7 @@ def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_i
 @pytest.mark.parametrize("in_air", [False, True])
 def test_vehicles_far_from_the_path_are_left_as_they_are(in_air: bool) -> None:
     """They are a degree of latitude south of where the station's scenario has its origin."""
-    keys: Any = GROUND | {"start": {"in_air": in_air}}
-    world = World(Listening, READ, **keys)
-    for vehicle in world.station.vehicles.values():
-        origin = vehicle.telemetry.origin
-        vehicle.telemetry.origin = GeodeticOrigin(origin.lat_rad + math.radians(1.0), origin.lon_rad, origin.alt_m)
-    world.run(40.0)
+    world = elsewhere(in_air=in_air, north_rad=-math.radians(1.0))
     assert re.match(
         r"vehicle 1: place: found 11\d\.\d km from the path's start; allowed: up to 14.0 km",
         world.station.course.failure or "",
