@@ -188,19 +188,18 @@ class Station(Engine):
 
     def _judge_members(self, now: Instant) -> None:
         """Decide which vehicles fly in the formation, and who succeeds a lost leader."""
-        changes, estimator = self._reconfiguration, self.controller.estimator
-        connecting = self.flight.phase is Phase.CONNECTING
+        changes, estimator, leader = self._reconfiguration, self.controller.estimator, self._reconfiguration.leader
+        connecting, beyond = self.flight.phase is Phase.CONNECTING, self.margins.beyond
+        sinking = self._conformance.sinking
 
         def replaceable() -> bool:
-            return changes.successor(now) is not None
+            return changes.successor(sinking, now) is not None
 
-        if (
-            changes.leader
-            and not connecting
-            and self._membership.leader_lost(changes.leader, estimator, now, replaceable, self.margins.beyond)
-        ):
-            changes.succeed(now)
-        self._membership.judge(changes.leader, estimator, now, connecting=connecting, beyond=self.margins.beyond)
+        if leader and not connecting:
+            sinks = leader.identity in sinking
+            if self._membership.leader_lost(leader, estimator, now, replaceable, beyond, sinks=sinks):
+                changes.succeed(sinking, now)
+        self._membership.judge(changes.leader, estimator, now, connecting=connecting, beyond=beyond)
 
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""

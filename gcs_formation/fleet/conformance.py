@@ -69,6 +69,8 @@ class ConformanceMonitor:
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
         """Columns that refuse setpoints, or don't seem to follow those that they acknowledge, (C,)."""
+        self.sinking = set[VehicleId]()
+        """Vehicles that lose height though they are told to climb."""
         self._unanswered = set[VehicleId]()
         """Vehicles that were commanded and answered nothing."""
         self._refused = set[SetpointChannel]()
@@ -151,7 +153,11 @@ class ConformanceMonitor:
             found = flier.look(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
-            self.doubted[vehicle.column], vehicle.sinks = flier.doubted or self._refuses(vehicle), flier.sinks
+            self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle)
+            if flier.sinks:
+                self.sinking.add(vehicle.identity)
+            else:
+                self.sinking.discard(vehicle.identity)
         for flier in broken:
             if not flier.broken:
                 self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})

@@ -92,12 +92,14 @@ class Membership:
         now: Instant,
         replaceable: Callable[[], bool],
         beyond: Set[VehicleId] = frozenset(),
+        *,
+        sinks: bool = False,
     ) -> bool:
         """Judge only the leader; return whether it is lost. A `replaceable` one is given up sooner, and if it sinks."""
         fresh = self._is_fresh(leader, estimator, beyond, now)
         late = not self._is_fresh(leader, estimator, beyond, now, SUCCESSION_S)
         self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
-        return leader.member is not Member.FLYING or (leader.sinks and replaceable())
+        return leader.member is not Member.FLYING or (sinks and replaceable())
 
     def judge(
         self,
@@ -216,9 +218,9 @@ class Candidate(NamedTuple):
 
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
-    """Return whether a vehicle flies in the formation, doesn't sink, hears, and is heard: its state is `age_s` old."""
+    """Return whether a vehicle flies in the formation, hears, and is heard: its state is `age_s` old."""
     hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
-    return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S and not vehicle.sinks
+    return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
 
 
 def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:

@@ -94,14 +94,16 @@ class WayToStart:
         """Begin with no way."""
         self._route: Route | None = None
         self._farthest_m, self._since = 0.0, Instant(0)
+        self.gained_m, self.gets_on = 0.0, True
+        """How far it has got since it last got on, m, and whether that is enough for the time."""
 
-    def too_little_m(self, guidance: LeaderGuidance, now: Instant) -> float | None:
-        """Return how far it got in `GETS_ON_S` if that is too little, m; one that is to stand needn't get on."""
-        gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
-        gets_on = speed_mps == 0.0 or gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
-        if gets_on or guidance.route is not self._route:
+    def watch(self, guidance: LeaderGuidance, now: Instant) -> None:
+        """Look where the leader is; one that is to stand needn't get on."""
+        self.gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
+        enough = speed_mps == 0.0 or self.gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
+        if enough or guidance.route is not self._route:
             self._route, self._farthest_m, self._since = guidance.route, guidance.distance_m, now
-        return gained_m if seconds_between(self._since, now) > GETS_ON_S else None
+        self.gets_on = seconds_between(self._since, now) <= GETS_ON_S
 
 
 class Course:
@@ -169,11 +171,17 @@ class Course:
         elif late and not self._unassembled and not self._controller.assembled:
             self._unassembled = True
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
-        elif late and (gained_m := self._way.too_little_m(self._controller.guidance, now)) is not None:
-            moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
-            told = f"told to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
-            self.fail(f"the leader does not get to the start of its path: {told}", now)
+        elif late:
+            self._way.watch(self._controller.guidance, now)
+            if not self._way.gets_on:
+                self._fail_to_start(now)
         return late
+
+    def _fail_to_start(self, now: Instant) -> None:
+        gained_m = self._way.gained_m
+        moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
+        told = f"told to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
+        self.fail(f"the leader does not get to the start of its path: {told}", now)
 
     def end_rehearsal(self, now: Instant) -> None:
         """End a run that was to command nobody."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from typing import Final
 
 import numpy as np
@@ -228,8 +229,8 @@ class Reconfiguration:
         course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
         return math.degrees(course_rad) % 360.0
 
-    def successor(self, now: Instant) -> int | None:
-        """Return the column of the follower that is to take over from the leader, None if none can."""
+    def successor(self, sinking: Set[VehicleId], now: Instant) -> int | None:
+        """Return the column of the follower, none of `sinking`, that is to take over; None if none can."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
@@ -237,13 +238,13 @@ class Reconfiguration:
         candidates = (
             Candidate.of(column, vehicle, _distance_m(tick.state[column], place))
             for column, vehicle in self._by_column.items()
-            if column != leader and can_lead(vehicle, age_s(column, now), now)
+            if column != leader and vehicle.identity not in sinking and can_lead(vehicle, age_s(column, now), now)
         )
         return heir(candidates, self._controller.plan.arrangement.spacing_m)
 
-    def succeed(self, now: Instant) -> None:
+    def succeed(self, sinking: Set[VehicleId], now: Instant) -> None:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
-        heir = self.successor(now)
+        heir = self.successor(sinking, now)
         if heir is not None:
             self._hand_over(heir, *self._take_over(heir, now), now)
             self._want(self._wanted or self._controller.plan.arrangement, now)

@@ -115,25 +115,27 @@ def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoi
     sinks_mps: float, at_most_s: float
 ) -> None:
     """From 10 s to 30 s; setpoints stay within 12 m of it, the climb that it has within its lags."""
-    ground = Ground()
+    ground, sunk = Ground(), Ground()
 
     def height_m(at_s: float) -> float:
         return 300.0 - sinks_mps * min(max(0.0, at_s - 10.0), 20.0) + 3.0 * max(0.0, at_s - 30.0)
 
-    (reported_s,) = ground.fly(
-        50.0, height_m=height_m, told_m=lambda at_s: min(300.0, height_m(at_s) + 12.0), told_mps=22.0
-    )
+    def told_m(at_s: float) -> float:
+        return min(300.0, height_m(at_s) + 12.0)
+
+    (reported_s,) = ground.fly(50.0, height_m=height_m, told_m=told_m, told_mps=22.0)
     assert 10.0 < reported_s <= 10.0 + at_most_s
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == ["height"]
     (over_s,) = [each.at_s for each in ground.notes if each.kind == "obeys"]
     assert 30.0 < over_s < 38.0
-    assert not ground.second().sinks
+    sunk.fly(30.0, height_m=height_m, told_m=told_m, told_mps=22.0)
+    assert (sunk.monitor.sinking, ground.monitor.sinking) == ({VehicleId(1, 2)}, set())
 
 
 @pytest.mark.parametrize("above_m", [-12.0, 0.0, 5.0])
 def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
     """A descent at 2 m/s; told 5 m higher than it flies, that it falls short of is another matter."""
-    ground, sunk = Ground(), list[bool]()
+    ground, sunk = Ground(), set[VehicleId]()
     for seconds in (10.0, 20.0, 30.0):
         ground.fly(
             seconds,
@@ -141,8 +143,8 @@ def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
             told_m=lambda at_s: 300.0 - 2.0 * at_s + above_m,
             told_mps=22.0,
         )
-        sunk.append(ground.second().sinks)
-    assert sunk == [False] * 3
+        sunk |= ground.monitor.sinking
+    assert not sunk
 
 
 @pytest.mark.parametrize("radps", [0.1, -0.1, 0.4])

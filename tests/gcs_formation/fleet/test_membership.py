@@ -181,6 +181,17 @@ def test_a_leader_that_can_be_replaced_is_given_up_sooner_than_one_that_can_not(
     assert formation.membership.leader_lost(leader, formation.estimator, now, lambda: replaceable) is lost
 
 
+@pytest.mark.parametrize(
+    ("sinks", "replaceable", "lost"), [(True, True, True), (True, False, False), (False, True, False)]
+)
+def test_a_leader_that_sinks_is_lost_where_it_can_be_replaced(sinks: bool, replaceable: bool, lost: bool) -> None:
+    formation = Formation()
+    leader, now = formation.vehicles[LEADER], formation.now
+    given_up = formation.membership.leader_lost(leader, formation.estimator, now, lambda: replaceable, sinks=sinks)
+    assert given_up is lost
+    assert leader.member is Member.FLYING
+
+
 def test_without_a_leader_its_followers_loiter_at_heights_of_their_own() -> None:
     formation = Formation()
     formation.reports(MANUAL, LEADER)
