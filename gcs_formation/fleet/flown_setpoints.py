@@ -23,6 +23,10 @@ CLIMBING_MPS: Final = 1.0
 LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
+HURRIED_MPS: Final = 2.0
+HURRIED_S: Final = 15.0
+"""Nor the height of an aircraft for so long after it is told to fly so much faster at once: it dives for speed, climbs
+back, and its throttle lags (ArduPlanes lost up to 7 m as they were told 4 m/s more, and had them again after 12 s)."""
 LEAST_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
 SIGMAS: Final = 4.0
@@ -75,6 +79,7 @@ class Flier:
         "good",
         "highest_at",
         "highest_m",
+        "hurried",
         "least",
         "model",
         "past",
@@ -82,6 +87,7 @@ class Flier:
         "since",
         "sinks",
         "stamps",
+        "told_mps",
         "vehicle",
     )
 
@@ -97,6 +103,8 @@ class Flier:
         """Its states at the last checks, `WINDOW_CHECKS` at most, and when they were true."""
         self.climbed = False
         """Whether it was climbing or descending when it was first commanded."""
+        self.told_mps, self.hurried = math.nan, Instant(-round(HURRIED_S * NANOSECONDS))
+        """The airspeed that it was told at the last check, and when it was last told one much higher at once."""
         self.air_variance = 0.0
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
@@ -133,8 +141,9 @@ class Flier:
             self.stamps.pop(0)
         self.past.append(seen)
         self.stamps.append(stamp)
+        told_m = self._commanded(stamp, seen, history, now)
         by_speed, by_heading, by_height = self._settled(now)
-        sunk = self._sunk(stamp, seen, history.commanded(stamp, self.vehicle.column)[HEIGHT] if by_height else math.nan)
+        sunk = self._sunk(stamp, seen, told_m if by_height else math.nan)
         if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
             self.bad, self.good = [0, 0, 0], 0
             return None
@@ -144,7 +153,8 @@ class Flier:
         levels_out = self.climbed and commanded_s < LEVELS_OUT_S
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
         by_speed = by_speed and not levels_out
-        by_height = by_height and not levels_out and not (fast and end.height_m > before.height_m)
+        dives = seconds_between(self.hurried, now) < HURRIED_S
+        by_height = by_height and not levels_out and not dives and not (fast and end.height_m > before.height_m)
         expected = _change(before, end)
         faster_mps, turned_rad, risen_m = _change(before, seen)
         flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
@@ -155,6 +165,18 @@ class Flier:
                 self.broken = True
                 return sunk
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
+
+    def _commanded(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> float:
+        """Return the height that it is told, NaN if it isn't commanded; note when it is told to hurry."""
+        if self.since is None:
+            self.told_mps = math.nan
+            return math.nan
+        told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
+        before_mps = seen.airspeed_mps if math.isnan(self.told_mps) else self.told_mps
+        if self.model.speed_min_mps > 0.0 and told_mps - before_mps > HURRIED_MPS:
+            self.hurried = now
+        self.told_mps = told_mps
+        return told_m
 
     def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
         """Return the height that it has lost if it sinks though it is told to climb; NaN in `told_m`: it isn't judged.

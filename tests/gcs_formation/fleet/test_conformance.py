@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from airlink import mavlink as m
@@ -54,12 +56,12 @@ class Ground:
         heading_rad: Callable[[float], float] = lambda _: 0.0,
         *,
         told_m: Callable[[float], float] = lambda _: 100.0,
-        told_mps: float = 27.0,
+        told_mps: Callable[[float], float] = lambda _: 27.0,
     ) -> list[float]:
         """Tell the second vehicle 27 m/s from the start, heading and height, and see it; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
-            speeds_mps = (22.0, told_mps if commanded(at_s) else 22.0, 22.0)
+            speeds_mps = (22.0, told_mps(at_s) if commanded(at_s) else 22.0, 22.0)
             self.controller.history.begin([now] * 3)
             heights_m = 100.0, told_m(at_s), 100.0
             told = zip(speeds_mps, heights_m, strict=True)
@@ -123,13 +125,57 @@ def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoi
     def told_m(at_s: float) -> float:
         return min(300.0, height_m(at_s) + 12.0)
 
-    (reported_s,) = ground.fly(50.0, height_m=height_m, told_m=told_m, told_mps=22.0)
+    (reported_s,) = ground.fly(50.0, height_m=height_m, told_m=told_m, told_mps=lambda _: 22.0)
     assert 10.0 < reported_s <= 10.0 + at_most_s
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == ["height"]
     (over_s,) = [each.at_s for each in ground.notes if each.kind == "obeys"]
     assert 30.0 < over_s < 38.0
-    sunk.fly(30.0, height_m=height_m, told_m=told_m, told_mps=22.0)
+    sunk.fly(30.0, height_m=height_m, told_m=told_m, told_mps=lambda _: 22.0)
     assert (sunk.monitor.sinking, ground.monitor.sinking) == ({VehicleId(1, 2)}, set())
+
+
+HURRIED = (
+    # airspeed and what was told, m/s; height and what was told, m
+    *([(18.3, 18.5, 99.2, 100.4)] * 10),
+    *((18.3, 22.9, 99.3, 100.4), (20.0, 23.6, 99.6, 99.7), (20.9, 23.9, 101.6, 94.4), (20.7, 24.2, 102.0, 93.0)),
+    *((21.1, 24.6, 100.1, 95.4), (21.9, 24.6, 98.1, 99.3), (23.0, 25.2, 97.6, 100.2), (23.6, 24.8, 97.9, 100.5)),
+    *((22.5, 24.5, 97.9, 102.6), (22.7, 24.6, 95.5, 104.4), (23.7, 24.0, 95.0, 104.6), (23.7, 23.5, 95.5, 105.1)),
+    *((23.9, 22.8, 96.2, 105.8), (24.0, 22.2, 97.4, 107.0), (23.8, 21.7, 99.1, 108.7), (23.8, 21.3, 101.3, 105.7)),
+)
+"""An ArduPlane in flight (SITL) that is told to catch up, each 0.8 s."""
+
+
+@pytest.mark.parametrize(("step_mps", "said"), [(0.0, []), (-3.0, ["height"])])
+def test_an_aircraft_that_dives_as_it_is_told_to_hurry_obeys(step_mps: float, said: list[str]) -> None:
+    """As it flew, and told to fly 3 m/s less at the step: for a small one it need not dive."""
+    at_s, ground = 0.8 * np.arange(len(HURRIED)), Ground()
+    flown_mps, told_mps, flown_m, told_m = np.array(HURRIED).T
+    told_mps = told_mps + step_mps * (at_s >= 8.0)
+    ways = [partial(np.interp, xp=at_s, fp=each) for each in (flown_mps, flown_m, told_m)]
+    ground.fly(
+        at_s[-1],
+        airspeed_mps=ways[0],
+        height_m=ways[1],
+        told_m=ways[2],
+        told_mps=lambda now_s: float(told_mps[math.floor(now_s / 0.8 + 1e-6)]),
+    )
+    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
+
+
+@pytest.mark.parametrize("hovers", [False, True])
+def test_height_is_judged_again_15_s_after_an_aircraft_was_told_to_hurry(hovers: bool) -> None:
+    """It never climbs, is told 25 m/s from the start on, and to climb after 5 s. One that hovers need not dive."""
+    ground = Ground()
+    if hovers:
+        for flier in ground.monitor._fliers:
+            flier.model.speed_min_mps = 0.0
+    (reported_s, *_) = ground.fly(
+        30.0,
+        airspeed_mps=lambda at_s: 25.0 - 3.0 * math.exp(-at_s / 4.0),
+        told_mps=lambda _: 25.0,
+        told_m=lambda at_s: 100.0 + 3.0 * max(0.0, at_s - 5.0),
+    )
+    assert 5.0 < reported_s < 12.0 if hovers else 15.0 < reported_s < 18.0
 
 
 @pytest.mark.parametrize("above_m", [-12.0, 0.0, 5.0])
@@ -141,7 +187,7 @@ def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
             seconds,
             height_m=lambda at_s: 300.0 - 2.0 * at_s,
             told_m=lambda at_s: 300.0 - 2.0 * at_s + above_m,
-            told_mps=22.0,
+            told_mps=lambda _: 22.0,
         )
         sunk |= ground.monitor.sinking
     assert not sunk
