@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import socket
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -61,6 +62,23 @@ def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> Non
         for _ in range(10):
             orders.poll()
     assert heard == []
+
+
+def test_where_no_more_files_may_be_opened_an_order_waits(tmp_path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with OrderSocket(tmp_path, echo) as orders, socket.socket(socket.AF_UNIX) as caller:
+        caller.connect(str(tmp_path / "orders.sock"))
+        caller.sendall(b"land\n")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (0, before[1]))
+        try:
+            orders.poll()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
+        caller.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            caller.recv(MOST_BYTES)
+        orders.poll()
+        assert b"heard land" in caller.recv(MOST_BYTES)
 
 
 @pytest.mark.parametrize("said", [b"", b"shape"])
