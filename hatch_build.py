@@ -81,13 +81,13 @@ def compiled(root: Path, modules: list[str]) -> dict[str, Path]:
         extensions = mypycify(
             options, opt_level="2", debug_level="0", multi_file=True, group_name=GROUP, target_dir=str(place)
         )
-        if sys.platform != "win32":
-            for each in extensions:
-                each.extra_compile_args += ["-ffp-contract=off"]
+        compiling = ["-ffp-contract=off"] if sys.platform != "win32" else []
+        linking = ["-Wl,-Bsymbolic"] if sys.platform == "linux" else []
         if sys.platform == "linux":
-            for each in extensions:
-                each.extra_compile_args += ["-fvisibility=hidden", "-fno-semantic-interposition"]
-                each.extra_link_args += ["-Wl,-Bsymbolic"]
+            compiling += ["-fvisibility=hidden", "-fno-semantic-interposition"]
+        for each in extensions:  # mypyc gives all of them one list
+            each.extra_compile_args = [*each.extra_compile_args, *compiling]
+            each.extra_link_args = [*each.extra_link_args, *linking]
         command = ParallelBuild(Distribution({"name": GROUP, "ext_modules": extensions}))
         command.build_lib, command.build_temp = str(place / "lib"), str(place / "temp")
         command.ensure_finalized()
