@@ -23,10 +23,10 @@ CLIMBING_MPS: Final = 1.0
 LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
 levels out of its climb trades speed for height, and its throttle lags."""
-HURRIED_MPS: Final = 2.0
-HURRIED_S: Final = 15.0
-"""Nor the height of an aircraft for so long after it is told to fly so much faster at once: it dives for speed, climbs
-back, and its throttle lags (ArduPlanes lost up to 7 m as they were told 4 m/s more, and had them again after 12 s)."""
+OFF_MPS: Final = 2.0
+OFF_S: Final = 8.0
+"""Nor the height of an aircraft while its airspeed is so much off what it is told, and for so long afterwards: it dives
+for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after they had lacked 2.5 m/s)."""
 LEAST_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
 SIGMAS: Final = 4.0
@@ -79,15 +79,14 @@ class Flier:
         "good",
         "highest_at",
         "highest_m",
-        "hurried",
         "least",
         "model",
+        "off_at",
         "past",
         "reach_m",
         "since",
         "sinks",
         "stamps",
-        "told_mps",
         "vehicle",
     )
 
@@ -103,8 +102,8 @@ class Flier:
         """Its states at the last checks, `WINDOW_CHECKS` at most, and when they were true."""
         self.climbed = False
         """Whether it was climbing or descending when it was first commanded."""
-        self.told_mps, self.hurried = math.nan, Instant(-round(HURRIED_S * NANOSECONDS))
-        """The airspeed that it was told at the last check, and when it was last told one much higher at once."""
+        self.off_at = Instant(-round(OFF_S * NANOSECONDS))
+        """When its airspeed was last far off what it was told."""
         self.air_variance = 0.0
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
@@ -153,8 +152,8 @@ class Flier:
         levels_out = self.climbed and commanded_s < LEVELS_OUT_S
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
         by_speed = by_speed and not levels_out
-        dives = seconds_between(self.hurried, now) < HURRIED_S
-        by_height = by_height and not levels_out and not dives and not (fast and end.height_m > before.height_m)
+        trades = seconds_between(self.off_at, now) < OFF_S
+        by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected = _change(before, end)
         faster_mps, turned_rad, risen_m = _change(before, seen)
         flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
@@ -167,15 +166,12 @@ class Flier:
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
 
     def _commanded(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> float:
-        """Return the height that it is told, NaN if it isn't commanded; note when it is told to hurry."""
+        """Return the height that it is told, NaN if it isn't commanded; note when its airspeed is far off."""
         if self.since is None:
-            self.told_mps = math.nan
             return math.nan
         told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
-        before_mps = seen.airspeed_mps if math.isnan(self.told_mps) else self.told_mps
-        if self.model.speed_min_mps > 0.0 and told_mps - before_mps > HURRIED_MPS:
-            self.hurried = now
-        self.told_mps = told_mps
+        if self.model.speed_min_mps > 0.0 and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
+            self.off_at = now
         return told_m
 
     def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
