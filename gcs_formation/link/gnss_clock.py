@@ -26,6 +26,9 @@ FEWEST = 8
 """Round trips after which the split is known."""
 WINDOW = 12
 """Round trips (3 s) of which a step is told from chance: by the median of what they differ from the filter by."""
+SCATTER_S, SCATTER_WEIGHT = 0.02, 4.0
+"""What round trips are taken to scatter by, and how many differences that weighs as, until `WINDOW` show it: of two
+that are alike by chance the first estimate would be believed for minutes."""
 STEP_SIGMAS, STEP_S = 5.0, 3e-3
 GATE_SIGMAS, GATE_S = 4.0, 5e-3
 UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
@@ -140,7 +143,9 @@ class GnssClock:
         """
         count = len(self._trips)
         mean_s = sum(self._trips) / count
-        scatter_s2 = sum((each - mean_s) ** 2 for each in self._trips) / (count - 1) if count > 1 else 4e-4
+        believed = SCATTER_WEIGHT if count < WINDOW else 0.0
+        off_s2 = sum((each - mean_s) ** 2 for each in self._trips) + believed * SCATTER_S**2
+        scatter_s2 = off_s2 / (count - 1 + believed)
         loop_s2 = self._loop_s**2 / 12
         share = min(1.0, loop_s2 / scatter_s2) if scatter_s2 > 0 else 1.0
         wait_s = self._loop_s / 2 + share * (trip_s - mean_s)
