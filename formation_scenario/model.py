@@ -80,7 +80,11 @@ class Start(Keys):
         derived="10 in the air, 60 from the ground",
     )
     tolerance_m: Positive = key(3.0, "a follower this near its slot counts as assembled, m", 5)
-    timeout_s: Seconds = key(300.0, "longest wait for take-off and assembly, s", 900)
+    timeout_s: Seconds = key(
+        300.0,
+        "longest wait for take-off and assembly, s; after it the path begins when the leader next passes its start",
+        900,
+    )
 
 
 class Wind(Keys):

@@ -102,6 +102,8 @@ def result_line(summary: Summary) -> str:
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
     said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
     undone = f"; {len(figures['undone'])} not done as planned" if figures["undone"] else ""
+    if figures["assembled"] is False:
+        undone += "; not everyone was in its slot when the path began"
     outcome = f"expectations: {said}; safety: {figures['safety']['violations']} violations{undone}"
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 

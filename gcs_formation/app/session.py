@@ -215,6 +215,7 @@ class Session:
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
                 cut_short=self.station.course.cut_short,
+                assembled=self.station.course.assembled,
                 undone=tuple(self.station.orders.undone),
                 measure=self.options.measure,
             )
@@ -243,6 +244,7 @@ class Session:
         )
 
     def _worst_loop_delay_s(self) -> float | None:
-        """Return the longest loop delay that was measured, computing, sampling and hold included."""
-        compute_s = percentile(self.station.times_s()[2], 50) if self.station.controlled_ticks else 0.0
+        """Return the longest loop delay that was measured, sampling and hold included; in real time computing too."""
+        computes = self.options.clock == "real" and self.station.controlled_ticks > 0
+        compute_s = percentile(self.station.times_s()[2], 50) if computes else 0.0
         return if_finite(self.station.margins.longest_s + compute_s)

@@ -106,6 +106,7 @@ class MarginWatch:
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of their full bandwidth that the loops should have, (C, 3) by column and channel."""
         self.most_used = 0.0
+        """Largest share so far, infinite if a loop is unstable whatever its delay."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
@@ -155,7 +156,7 @@ class MarginWatch:
         by_delay = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
         by_lags, channel = self._by_lags(column, delay, axes)
         self.used[column] = used = by_delay + by_lags
-        self.most_used = max(self.most_used, used if math.isfinite(used) else 0.0)
+        self.most_used = max(self.most_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
         self._say(now, vehicle, used, channel if by_lags > by_delay else None)
@@ -216,6 +217,8 @@ class MarginWatch:
         if not near and used >= NEAR:
             self._near.add(vehicle.identity)
             text, details = f"uses {used:.0%} of its delay margin", dict[str, Detail](used=used)
+            if math.isinf(used):
+                text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
                 off = self._lags_off[channel][vehicle.column]
                 text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"

@@ -135,6 +135,8 @@ class Course:
         """Why the run couldn't go on."""
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
+        self.assembled: bool | None = None
+        """Whether every follower was in its slot when the path began; None before."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
@@ -148,6 +150,8 @@ class Course:
         cause = cause if self._may_command() else BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
+        if cause is Cause.PATH_BEGUN:
+            self.assembled = self._controller.assembled or not self._unassembled
         self._note(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,6 +68,8 @@ class RunOutcome:
     wall_s: float
     cut_short: bool
     """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""
+    assembled: bool | None = None
+    """Whether every follower was in its slot when the path began; None if it didn't, or where that isn't known."""
     undone: tuple[str, ...] = ()
     """What the scenario planned and the flight didn't do, in words."""
     measure: tuple[Expectation, ...] = ()
@@ -134,13 +136,19 @@ def judge(
 
     A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
     follower was lost. It isn't judged where that was wanted: with `cut_short`, when the run was ended before its path
-    or its time was, and of a follower that crashes by the scenario's faults.
+    or its time was, and of a follower that crashes by the scenario's faults, unless nobody is left.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
         reached = flown_s + 1.5 / scenario.law.rate_hz >= each.to_s
         why = "" if reached else f"flown to {flown_s:.1f} s of {each.to_s:g} s"
         judged = reached or not cut_short
+        gap_s = flight.gap(each.from_s, min(each.to_s, flown_s))
+        if gap_s is not None:
+            reached, judged, why = False, True, f"not recorded from {gap_s[0]:.1f} s to {gap_s[1]:.1f} s"
+        down_s = flight.down_from_s(each.from_s, each.to_s)
+        if down_s is not None:
+            reached, judged, why = False, True, f"nobody flew from {down_s:.1f} s on"
         if each.metric in FOLLOWER_METRICS:
             chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
             for vehicle in (one for one in flight.followers(scenario) if one in chosen):
@@ -151,7 +159,8 @@ def judge(
                 elif lost_s is not None:
                     crash_s = _crashes_at_s(scenario, vehicle, lost_s)
                     reason = f"lost at {lost_s:.1f} s" if crash_s is None else f"crashed at {crash_s:.1f} s"
-                    yield Verdict(each, vehicle, value, False, judged=crash_s is None, reason=reason, lost=True)
+                    lost = Verdict(each, vehicle, value, False, crash_s is None, reason, lost=True)
+                    yield lost if down_s is None else replace(lost, judged=True, reason=why)
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:

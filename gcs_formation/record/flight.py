@@ -27,6 +27,8 @@ from gcs_formation.record.timeseries import (
 
 Columns = Mapping[str, Array]
 WHOLE = slice(None)
+GAP_S = 3.0
+"""A longer time without a tick isn't a tick or two that came late: the station was killed, and its flight resumed."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,24 @@ class RecordedFlight:
         """Return a (T,) mask of the ticks in a window of mission time, both ends included, before the flight's end."""
         time_s = self.mission_time_s
         return flying(next(iter(self.vehicles.values()))) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+
+    def gap(self, from_s: float, to_s: float) -> tuple[float, float] | None:
+        """Return begin and end of the longest time in a window of mission time of which nothing is recorded.
+
+        None if that isn't longer than `GAP_S`, or the window begins after the flight's end.
+        """
+        times_s = np.array((from_s, *self.mission_time_s[self.window(from_s, to_s)], to_s))
+        longest = int(np.diff(times_s).argmax())
+        begin_s, end_s = float(times_s[longest]), float(times_s[longest + 1])
+        return (begin_s, end_s) if end_s - begin_s > GAP_S else None
+
+    def down_from_s(self, from_s: float, to_s: float) -> float | None:
+        """Return from when on nobody flies for the rest of a window, mission time; None if somebody does at its end."""
+        window = self.window(from_s, to_s)
+        aloft = np.any([self.airborne(vehicle)[window] for vehicle in self.vehicles], axis=0)
+        if not aloft.size or aloft[-1]:
+            return None
+        return float(self.mission_time_s[window][aloft.size - int(aloft[::-1].argmax()) if aloft.any() else 0])
 
     def place(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones where there is truth."""

@@ -63,11 +63,12 @@ def summarise(outcome: RunOutcome) -> Summary:
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
         "safety": safety,
+        "assembled": outcome.assembled,
         "undone": list(outcome.undone),
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,
-            "margin_used": outcome.margin_used,
+            "margin_used": figures.if_finite(outcome.margin_used),
         },
     }
     verdicts, measured = (

@@ -7,6 +7,7 @@ import pytest
 
 import gcs_formation
 from tests.flights.conftest import scenario
+from tests.processes import events_of
 
 
 def test_a_summary_says_where_the_run_is_and_an_earlier_run_is_replaced_on_request_only(tmp_path: Path) -> None:
@@ -14,9 +15,29 @@ def test_a_summary_says_where_the_run_is_and_an_earlier_run_is_replaced_on_reque
     summary = gcs_formation.run(scenario(), **keys)
     assert summary.run_dir == tmp_path / "run"
     assert summary.to_dict()["duration_s"] == pytest.approx(0.5, abs=0.11)
+    assert summary.to_dict()["assembled"] is True
     with pytest.raises(gcs_formation.RecordError, match=r"found an earlier run in .*overwrite=True"):
         gcs_formation.run(scenario(), **keys)
     assert gcs_formation.run(scenario(), **keys, overwrite=True).to_dict()["links"] == summary.to_dict()["links"]
+
+
+def test_under_the_virtual_clock_no_delay_depends_on_how_fast_the_machine_is(tmp_path: Path) -> None:
+    flights = [
+        gcs_formation.run(scenario(), clock="virtual", until=0.5, out=tmp_path / name).to_dict() for name in "ab"
+    ]
+    assert flights[0]["stability"] == flights[1]["stability"]
+    assert flights[0]["control"]["compute_ms"] != flights[1]["control"]["compute_ms"]
+
+
+def test_a_loop_that_is_unstable_whatever_its_delay_keeps_no_margin(tmp_path: Path) -> None:
+    expect = [{"metric": "margin_used", "below": 1, "to_s": 2}]
+    keys = scenario(law={"speed": {"kp": 0.0}}, expect=expect, duration_s=2)
+    summary = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run")
+    assert summary.to_dict()["stability"]["margin_used"] is None
+    assert [verdict.held for verdict in summary.verdicts] == [False]
+    said = [each for each in events_of(tmp_path / "run") if each["kind"] == "delay_margin"]
+    assert {each["text"] for each in said} == {"has no delay margin: its loops are unstable whatever the delay"}
+    assert {each["used"] for each in said} == {None}
 
 
 @pytest.mark.slow

@@ -9,8 +9,9 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import LinkFigures, Verdict, judge
+from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.summary import _link
-from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, flown
+from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, THIRD, flown
 
 FLOWN_S = 10.0
 PARTS: dict[str, Any] = {
@@ -61,6 +62,35 @@ def test_a_window_without_a_tick_has_no_least_distance(metric, window):
 def test_a_window_may_end_with_the_last_tick_before_it():
     assert verdict(to_s=FLOWN_S + 0.1).held is True
     assert verdict(to_s=FLOWN_S + 0.2).held is False
+
+
+@pytest.mark.parametrize(
+    ("from_s", "said"), [(2, "not recorded from 3.0 s to 7.0 s"), (3.5, "not recorded from 3.5 s to 7.0 s"), (7, "")]
+)
+def test_a_window_of_which_a_part_was_not_recorded_is_broken(from_s: float, said: str) -> None:
+    """The station was killed after 3 s, and its flight went on at 7 s."""
+    whole = flown()
+    known = (whole.mission_time_s <= 3.0) | (whole.mission_time_s >= 7.0)
+    parts = {vehicle: {name: values[known] for name, values in own.items()} for vehicle, own in whole.vehicles.items()}
+    expect = {"metric": "error_x_m.max", "followers": [2], "below": 0.1, "from_s": from_s, "to_s": 9}
+    scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [expect]})
+    (found,) = judge(scenario, RecordedFlight(parts, truth=True), PARTS, {}, True)
+    assert (found.held, found.reason) == (not said, said)
+
+
+@pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m", "error_x_m.max"])
+@pytest.mark.parametrize("planned", [True, False])
+def test_what_is_expected_of_a_window_at_whose_end_nobody_flies_is_broken(metric: str, planned: bool) -> None:
+    """Also where the scenario's faults crash them all: of one alone it isn't judged."""
+    everyone = [LEADER, FOLLOWER, THIRD]
+    faults = [{"at_s": 4.0, "vehicles": "all", "kind": "crash"}] if planned else []
+    bounds = {"below": 0.1} if metric.startswith("error") else {"followers": "all", "below": None, "above": 10}
+    wanted: dict[str, Any] = {"metric": metric, **bounds}
+    found = verdict(crashed=everyone, faults=faults, to_s=FLOWN_S, **wanted)
+    assert (found.held, found.reason) == (False, "nobody flew from 4.1 s on")
+    assert verdict(crashed=everyone, faults=faults, to_s=CRASH_S, **wanted).held is True
+    alone = verdict(crashed=everyone[1:], faults=faults, to_s=FLOWN_S, **wanted)
+    assert alone.reason != "nobody flew from 4.1 s on"
 
 
 @pytest.mark.parametrize("crashed", [[FOLLOWER], [LEADER]])
