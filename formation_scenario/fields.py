@@ -88,6 +88,11 @@ CHOICE = "choice of "
 """Prefix of the error type for a word that selects no group of keys; the word's key follows it."""
 
 
+def _as_number(value: object) -> object:
+    """Return an id as a number: as a key of JSON it can't be one."""
+    return int(value) if isinstance(value, str) and value.isascii() and value.isdecimal() and len(value) < 4 else value
+
+
 def _printable(value: object) -> object:
     if not (isinstance(value, str) and 1 <= len(value) <= MAX_NAME_LENGTH and value.isprintable()):
         raise PydanticCustomError("name", "not a name")
@@ -120,7 +125,7 @@ Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 
 Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]
 Offset: TypeAlias = Annotated[tuple[Near, Near, Near], Allowed(f"a list of 3 numbers, up to ±{MAX_NEAR_M:g}")]
 VehicleRef: TypeAlias = Annotated[
-    Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID)]
+    Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID), BeforeValidator(_as_number)]
     | Annotated[str, Field(strict=True, pattern=r"^[1-9][0-9]{0,3}:[1-9][0-9]{0,2}$")],
     Allowed("a vehicle's id, or 'network:id'"),
 ]

@@ -36,7 +36,7 @@ class Cause(Enum):
     OPENED = "every vehicle that hears has a height of its own, or time is up"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
-    NOT_ALL_LOITERED = "not every vehicle has acknowledged that it loiters, and the time for that is over"
+    NOT_ALL_LOITERED = "not every vehicle loiters, or has acknowledged that it does, and the time for that is over"
     GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
 
 

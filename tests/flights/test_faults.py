@@ -252,6 +252,15 @@ def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_
     assert world.station.flight.phase is Phase.DONE
 
 
+def test_a_vehicle_that_acknowledges_to_loiter_and_does_not_is_not_said_to() -> None:
+    world = World(duration_s=3, finish={"loiter_s": 10})
+    world.fly_to(2.0)
+    world.inject(3, "ignore")
+    world.run()
+    (done,) = [event for event in world.notes.events if event.text == "done"]
+    assert str(done.details["cause"]).startswith("not every vehicle loiters")
+
+
 SIGNALS = [
     ([signal.SIGTERM], ["LOITER"] * 3),
     ([signal.SIGINT], ["LOITER"] * 3),

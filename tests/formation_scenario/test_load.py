@@ -1,3 +1,4 @@
+import json
 import pickle
 
 import pytest
@@ -123,6 +124,14 @@ def test_whole_numbers_stand_for_numbers(load):
 def every_key() -> Scenario:
     mapping = read_text(EVERY_KEY).data
     return load_scenario(mapping, ["vehicles.1.model.climb_max_mps=9", "path.waypoints_m.2.2=100"])
+
+
+def test_in_json_where_keys_are_text_a_vehicle_is_named_by_its_digits(tmp_path):
+    path = tmp_path / "custom.json"
+    slots = {"2": [-30, 30, 0], "1:3": [-30, -30, 0]}
+    keys = {"vehicles": {"count": 3}, "formation": {"shape": "custom", "slots_m": slots}}
+    path.write_text(json.dumps(keys | {"path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}))
+    assert load_scenario(path).formation.slots_m == {2: (-30.0, 30.0, 0.0), "1:3": (-30.0, -30.0, 0.0)}
 
 
 def test_every_key_is_read():
