@@ -56,13 +56,25 @@ RUN_METRICS = {
     "period_ms.max": "the same, the longest",
     "compute_ms.p50": "computing time of a control tick: median, ms; of the whole flight",
     "compute_ms.p99": "the same, 99th percentile",
-    "real_time_factor": "simulated seconds by seconds that passed",
-    "delay_margin_s": "least delay margin of any loop, s",
+    "real_time_factor": "simulated seconds by seconds that passed; of the whole flight",
+    "delay_margin_s": "least delay margin of any loop, s; of the whole flight",
     "worst_loop_delay_s": "longest delay of any loop, s; of the whole flight",
     "margin_used": "largest share of a delay margin in use, 1 at the margin; of the whole flight",
 }
 METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
 """Metrics and what they are."""
+WINDOWED = (
+    *ERROR_METRICS,
+    *EFFORT_METRICS,
+    "in_slot_share",
+    "measured_delay_ms.p50",
+    "measured_delay_ms.p99",
+    "jitter_ms.p50",
+    "jitter_ms.p99",
+    "min_separation_m",
+    "min_clearance_m",
+)
+"""Metrics over the window from `from_s` to `to_s`; the others are of the whole flight."""
 
 
 Metric = Annotated[str, OneOf(", ".join(METRICS), tuple(METRICS))]
@@ -84,7 +96,9 @@ class Expectation(Keys):
 
     metric: Metric = key(..., "a figure of summary.json: see Metrics", "error_x_m.max")
     followers: VehicleSelection = key("all", "all, or a list of ids; for figures of one follower or one link", [2, 3])
-    from_s: NonNegative = key(0.0, "start of the window, s", 70)
-    to_s: NonNegative = key(..., "end of the window, s", 120, derived="duration_s")
+    from_s: NonNegative = key(0.0, "start of the window, s; 0 for figures of the whole flight", 70)
+    to_s: NonNegative = key(
+        ..., "end of the window, s; not before duration_s for figures of the whole flight", 120, derived="duration_s"
+    )
     below: Number | None = key(None, "the figure must be smaller, in its own unit", 0.22)
     above: Number | None = key(None, "the figure must be larger, in its own unit", 20)

@@ -12,6 +12,7 @@ import yaml
 from pydantic import ValidationError
 
 from formation_scenario.error_messages import problems_of
+from formation_scenario.expectation import WINDOWED
 from formation_scenario.feasibility import check
 from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
@@ -154,7 +155,11 @@ def _read(source: str | Path | Mapping[Any, Any] | Scenario) -> Source:
 
 
 def _plain(scenario: Scenario) -> dict[Key, Plain]:
-    return plain_mapping(scenario.model_dump(by_alias=True, exclude_none=True))
+    dumped = scenario.model_dump(by_alias=True, exclude_none=True)
+    for entry in dumped["expect"]:
+        if entry["metric"] not in WINDOWED and entry["to_s"] == scenario.duration_s:
+            del entry["to_s"]  # so that it stays the whole flight where duration_s is set anew
+    return plain_mapping(dumped)
 
 
 def _typed(source: Source) -> tuple[Scenario, Source]:

@@ -10,7 +10,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
-from formation_scenario.expectation import RUN_METRICS
+from formation_scenario.expectation import RUN_METRICS, WINDOWED, Expectation
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
@@ -212,7 +212,9 @@ def expectations(scenario: Scenario) -> Iterator[Finding]:
         path: KeyPath = ("expect", index)
         if entry.below is None and entry.above is None:
             yield path, "found no bound", "below, above or both"
-        if entry.from_s >= entry.to_s:
+        if entry.metric not in WINDOWED:
+            yield from _part_of_flight(entry, path, scenario.duration_s)
+        elif entry.from_s >= entry.to_s:
             found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
             yield (*path, "from_s"), found, "from_s before to_s"
         elif entry.from_s >= end_s:
@@ -222,6 +224,15 @@ def expectations(scenario: Scenario) -> Iterator[Finding]:
             yield (*path, "followers"), f"found followers for {entry.metric}, a figure of the whole run", "all"
         if entry.below is not None and entry.above is not None and entry.below <= entry.above:
             yield (*path, "below"), f"found above {entry.above:g} and below {entry.below:g}", "more than above"
+
+
+def _part_of_flight(entry: Expectation, path: KeyPath, duration_s: float) -> Iterator[Finding]:
+    """Yield the ends of a window for a figure that isn't taken over one."""
+    of = f"for {entry.metric}, a figure of the whole flight"
+    if entry.from_s > 0.0:
+        yield (*path, "from_s"), f"found {entry.from_s:g} {of}", "0, or nothing"
+    if entry.to_s < duration_s:
+        yield (*path, "to_s"), f"found {entry.to_s:g} {of}", f"duration_s, {duration_s:g}, or nothing"
 
 
 def _latest_end_s(scenario: Scenario) -> float:

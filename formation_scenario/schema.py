@@ -31,7 +31,7 @@ METRICS_HEAD = """
 ## Metrics
 
 What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
-unless they are of the whole flight.
+unless they are of the whole flight: those take no part of it.
 
 | metric | what it is |
 | --- | --- |"""

@@ -1,5 +1,9 @@
 import pytest
 
+from formation_scenario import dump_scenario, load_scenario
+from formation_scenario.expectation import METRICS, WINDOWED
+from formation_scenario.source import read_text
+
 
 @pytest.mark.parametrize(
     ("overrides", "expected"),
@@ -30,7 +34,15 @@ import pytest
             "expect.0.followers.0: found 1; 2, 3, 4",
         ),
         (["expect=[{metric: settled_at_s}]"], "expect.0: found no bound; below, above or both"),
-        (["expect=[{metric: settled_at_s, below: 1, from_s: 120}]"], "found a window from 120 to 120 s"),
+        (["expect=[{metric: in_slot_share, above: 0.5, from_s: 120}]"], "found a window from 120 to 120 s"),
+        (
+            ["expect=[{metric: settled_at_s, below: 99, from_s: 30, to_s: 35}]"],
+            "expect.0.from_s: found 30 for settled_at_s, a figure of the whole flight; 0, or nothing",
+        ),
+        (
+            ["expect=[{metric: frames_bad, followers: [2], below: 1, to_s: 35}]"],
+            "expect.0.to_s: found 35 for frames_bad, a figure of the whole flight; duration_s, 120, or nothing",
+        ),
         (["expect=[{metric: violations, followers: [2], below: 1}]"], "a figure of the whole run; all"),
         (["expect=[{metric: violations, above: 2, below: 1}]"], "found above 2 and below 1; more than above"),
         (["start.row_m=4"], "start.row_m: found 4 m; safety.separation_m, 5 m, or more"),
@@ -82,6 +94,18 @@ import pytest
 def test_keys_that_contradict_each_other_are_refused(refusal, overrides, expected):
     lines = refusal(*overrides)
     assert any(expected in line for line in lines), lines
+
+
+def test_a_figure_is_of_the_whole_flight_or_over_a_window_as_its_description_says():
+    for metric, text in METRICS.items():
+        assert metric not in WINDOWED or "the whole flight" not in text, metric
+        assert metric in WINDOWED or "window" not in text, metric
+    assert "measured_delay_ms.p99" in WINDOWED
+
+
+def test_the_whole_flight_may_be_said_and_stays_whole_where_a_written_scenario_is_flown_longer(load):
+    wanted = load("expect=[{metric: margin_used, from_s: 0, to_s: 120, below: 1}]")
+    assert load_scenario(read_text(dump_scenario(wanted)).data, ["duration_s=150"]).expect[0].to_s == 150.0
 
 
 def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
