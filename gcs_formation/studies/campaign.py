@@ -25,7 +25,7 @@ from gcs_formation.errors import RecordingError
 from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
-from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, count_flights, keeps, replayed
+from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, concerns, count_flights, keeps, replayed
 from gcs_formation.studies.workers import Workers
 
 Base: TypeAlias = Mapping[Any, Plain]
@@ -133,7 +133,7 @@ class Verdict(NamedTuple):
 
 def judge(wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation concerns."""
-    concerned = [row for row in rows if all(row.get(name) == value for name, value in wanted.where.items())]
+    concerned = [row for row in rows if concerns(wanted, row)]
     return Verdict(wanted, len(concerned), sum(keeps(wanted, row) for row in concerned))
 
 

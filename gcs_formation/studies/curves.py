@@ -11,7 +11,6 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
-from gcs_formation.studies import Study
 from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.plan import clopper_pearson
@@ -34,6 +33,8 @@ TICKS = 4
 """Intervals between values on an axis: a panel is a third of a page wide, and values have up to six digits."""
 FAINT, CLEAR, NONE = 0.1, 0.2, 0.0
 """How a band looks."""
+EXPECTED = (0, (5, 2))
+"""How a bound is dashed."""
 
 
 class Curve(NamedTuple):
@@ -103,6 +104,9 @@ def by_level(flights: Flights, metric: str) -> Figure:
         for colour, (level, inside) in zip(FOLLOWERS, groups.items(), strict=False):
             _draw(left, up_to(values[inside]), colour, level, FAINT)
             _tail(right, flights, metric, inside, colour, level, FAINT)
+            bounds(left, flights, metric, inside, colour, vertical=True)
+            bounds(right, flights, metric, inside, colour, vertical=True)
+            _shares(right, flights, metric, inside, colour)
         left.set(xlabel=metric, ylabel="share up to", ylim=(0.0, 1.02))
         _finish(left, flights, metric)
         _finish_tail(right, flights, metric, min(int(inside.sum()) for inside in groups.values()))
@@ -139,15 +143,17 @@ def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]
     return figure, panels(figure, rows, columns, count)
 
 
-def bounds(axes: Axes, study: Study, metric: str, *, vertical: bool) -> None:
-    """Draw what the study expects of a figure."""
-    for bound in bounds_of(study, metric):
-        (axes.axvline if vertical else axes.axhline)(bound, color=LIMIT, lw=THIN, ls=(0, (5, 2)), label="expected")
+def bounds(
+    axes: Axes, flights: Flights, metric: str, inside: Mask | None = None, colour: str = LIMIT, *, vertical: bool
+) -> None:
+    """Draw what the study expects of a figure of exactly these flights, by default of all."""
+    for bound in bounds_of(flights, metric, inside):
+        (axes.axvline if vertical else axes.axhline)(bound, color=colour, lw=THIN, ls=EXPECTED, label="expected")
 
 
-def bounds_of(study: Study, metric: str) -> list[float]:
-    """Return the bounds that the study expects of a figure."""
-    wanted = (each for each in study.expect if each.metric == metric)
+def bounds_of(flights: Flights, metric: str, inside: Mask | None = None) -> list[float]:
+    """Return the bounds that the study expects of a figure of exactly these flights, by default of all."""
+    wanted = flights.wanted(metric, inside)
     return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
 
 
@@ -185,7 +191,7 @@ def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, 
     """Draw the share of some flights that is worse; where none is, the band goes on as far as the panel."""
     curve = worse_than(flights.metrics[metric][inside], least_is_worst=metric in LEAST_IS_WORST)
     if curve.values.size:
-        end = _end(_known(flights, metric), metric in LEAST_IS_WORST)
+        end = _end(_known(flights, metric, inside), metric in LEAST_IS_WORST)
         curve = Curve(np.append(curve.values, end), *(np.append(each, each[-1]) for each in curve[1:]))
     floor = _floor(inside.sum()) / 2.0
     above = curve._replace(share=np.maximum(curve.share, floor), low=np.maximum(curve.low, floor))
@@ -204,26 +210,32 @@ def _finish(axes: Axes, flights: Flights, metric: str) -> None:
     scale(axes, _known(flights, metric), "x")
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 5, 10]))
-    bounds(axes, flights.study, metric, vertical=True)
+    bounds(axes, flights, metric, vertical=True)
 
 
 def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
-    """Scale a panel of tails; where an expectation allows a share of the flights, mark it: curves should be below."""
+    """Scale a panel of tails, and draw what is expected of them."""
     axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
     axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     _finish(axes, flights, metric)
     if metric in LEAST_IS_WORST:
         axes.xaxis.set_inverted(True)
-    for wanted in flights.study.expect:
+    _shares(axes, flights, metric)
+
+
+def _shares(axes: Axes, flights: Flights, metric: str, inside: Mask | None = None, colour: str = LIMIT) -> None:
+    """Where an expectation of exactly these flights allows a share of them, mark it: their curve should be below."""
+    for wanted in flights.wanted(metric, inside):
         bound = wanted.above if wanted.below is None else wanted.below
-        if wanted.metric == metric and wanted.share < 1.0 and bound is not None:
-            axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=LIMIT, label="at most so many beyond it")
+        if wanted.share < 1.0 and bound is not None:
+            axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=colour, label="at most so many beyond it")
 
 
-def _known(flights: Flights, metric: str) -> Array:
-    """Return the values that a panel has to show: the flights' and what is expected."""
+def _known(flights: Flights, metric: str, inside: Mask | None = None) -> Array:
+    """Return the values that a panel has to show: the flights', and what is expected of all and of some of them."""
     values = flights.metrics[metric]
-    return np.append(values[np.isfinite(values)], bounds_of(flights.study, metric))
+    expected = bounds_of(flights, metric) + ([] if inside is None else bounds_of(flights, metric, inside))
+    return np.append(values[np.isfinite(values)], expected)
 
 
 def _floor(count: int) -> float:

@@ -25,9 +25,9 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
-from gcs_formation.studies import DRAWN, LISTED, Bisection, Study
+from gcs_formation.studies import DRAWN, LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.plan import Crossing, Planned, Row
+from gcs_formation.studies.plan import Crossing, Planned, Row, concerns
 
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
@@ -197,6 +197,19 @@ class Flights(NamedTuple):
     """(N,), NaN where a flight has none."""
     levels: Mapping[str, Sequence[str]] = MappingProxyType({})
     """The values of parameters that are no numbers, in words."""
+    concerned: Mapping[int, Mask] = MappingProxyType({})
+    """(N,) which flights an expectation of some flights concerns, by its place in the study."""
+
+    def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
+        """Return what the study expects of a figure of exactly these flights, by default of all."""
+
+        def of_these(place: int) -> bool:
+            own = self.concerned.get(place)
+            if own is None or inside is None:
+                return inside is None and (own is None or bool(own.all()))
+            return np.array_equal(own, inside)
+
+        return [each for i, each in enumerate(self.study.expect) if each.metric == metric and of_these(i)]
 
     @property
     def by_chance(self) -> bool:
@@ -233,7 +246,9 @@ def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
             parameters[name] = column
     metrics = {name: np.array([row[name] for row in ended], dtype=np.float64) for name in study.measured}
     known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
-    return Flights(study, parameters, known, levels)
+    some = {place: each for place, each in enumerate(study.expect) if each.where}
+    concerned = {place: np.array([concerns(each, row) for row in ended]) for place, each in some.items()}
+    return Flights(study, parameters, known, levels, concerned)
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has

@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from flight_model.arrays import Array
-from gcs_formation.report.style import BAND, GREY, INK, LIMIT, axes_grid, legend_below, new_figure, panels
+from gcs_formation.report.style import BAND, GREY, INK, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
 from gcs_formation.studies import LISTED, Bisection, LogUniform
-from gcs_formation.studies.curves import CELL_CM, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
+from gcs_formation.studies.curves import CELL_CM, EXPECTED, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
 from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.plan import Row
 
@@ -65,13 +65,22 @@ def marginals(flights: Flights, metric: str) -> Figure:
         inside = [known & (cell == i) for i in np.unique(cell[known])]
         low, middle, high = np.array([np.percentile(values[each], (5, 50, 95)) for each in inside]).T
         _along(axes, np.array([parameter[each].mean() for each in inside]), (low, middle, high), name in flights.levels)
-        bounds(axes, flights.study, metric, vertical=False)
-        scale(axes, np.append(values[known], bounds_of(flights.study, metric)), "y")
+        bounds(axes, flights, metric, vertical=False)
+        _bounds_at(axes, flights, metric, name)
+        scale(axes, np.append(values[known], bounds_of(flights, metric)), "y")
         tick(flights, axes.xaxis, name, below=True)
     for axes in panels[::3]:
         axes.set_ylabel(metric)
     legend_below(figure)
     return figure
+
+
+def _bounds_at(axes: Axes, flights: Flights, metric: str, name: str) -> None:
+    """Draw what is expected of the flights with one value of a parameter: there alone."""
+    edges, cell = edges_of(flights, name, flights.parameters[name].size // IN_A_BIN), _binned(flights, name)
+    for i in np.unique(cell).tolist():
+        for bound in bounds_of(flights, metric, cell == i):
+            axes.plot(edges[i : i + 2], [bound] * 2, color=LIMIT, lw=THIN, ls=EXPECTED, label="expected")
 
 
 def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named: bool) -> None:
@@ -161,7 +170,7 @@ def _boundaries(
     used = margin_used(flights)
     if used is not None:
         _boundary(axes, _table(flights, used, pair), 1.0, LIMIT, "computed delay margin")
-    for bound in bounds_of(flights.study, metric):
+    for bound in bounds_of(flights, metric):
         label, cells, level = f"{metric} = {bound:g}, as expected", table.cells, bound
         if logarithmic and bound > 0.0:
             cells, level = np.log(cells), math.log(bound)

@@ -14,7 +14,18 @@ from scipy.special import betaincinv, ndtri
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from formation_scenario import expectation
-from gcs_formation.studies import DRAWN, Bisection, LogUniform, Normal, Parameter, Study, Uniform, Value, levels_of
+from gcs_formation.studies import (
+    DRAWN,
+    Bisection,
+    LogUniform,
+    Normal,
+    Parameter,
+    Study,
+    Uniform,
+    Value,
+    Wanted,
+    levels_of,
+)
 
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
@@ -159,6 +170,11 @@ def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric
     if row["exit"] not in (0, 1) or value is None:
         return False
     return expectation.keeps(value, bound.below, bound.above)
+
+
+def concerns(wanted: Wanted, row: Row) -> bool:
+    """Whether an expectation is of a flight: one whose parameters have the values that it names."""
+    return all(row.get(name) == value for name, value in wanted.where.items())
 
 
 def clopper_pearson(kept: npt.ArrayLike, flights: int, confidence: float) -> tuple[Array, Array]:

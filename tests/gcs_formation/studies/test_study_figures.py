@@ -187,6 +187,28 @@ def test_each_value_of_a_parameter_has_a_curve_of_its_own():
             assert np.asarray(places)[np.asarray(shares) > least][-1] == pytest.approx(end)
 
 
+def test_what_is_expected_of_some_flights_is_drawn_at_them_alone():
+    """0.7 m below which fuzzy_pid's flights are, of nobody else's; 2 m are of all, and 3 m of a law at one delay."""
+    some = {"metric": ERROR, "below": 0.7, "share": 0.9, "where": {LAW: "fuzzy_pid"}}
+    both = {"metric": ERROR, "below": 3, "where": {LAW: "pid", DELAY: 0}}
+    flights = flights_of(*by_law(expect=[some, both, {"metric": ERROR, "below": 2}]))
+    for axes in (distributions(flights).axes[0], exceedances(flights).axes[0]):
+        assert places_of(axes, "expected") == [[2.0, 2.0]]
+        assert lines_of(axes, "at most so many beyond it") == []
+    law, delay, *_ = marginals(flights, ERROR).axes
+    heights = [[np.asarray(line.get_ydata()).tolist() for line in lines_of(axes, "expected")] for axes in (law, delay)]
+    assert heights == [[[2.0, 2.0], [0.7, 0.7]], [[2.0, 2.0]]]
+    assert places_of(law, "expected")[1] == [0.5, 1.5]
+    _, tails, *_ = by_level(flights, ERROR).axes
+    own, of_all = lines_of(tails, "expected")
+    assert (np.asarray(own.get_xdata())[0], np.asarray(of_all.get_xdata())[0]) == (0.7, 2.0)
+    assert own.get_color() == lines_of(tails, "fuzzy_pid")[0].get_color()
+    (mark,) = lines_of(tails, "at most so many beyond it")
+    assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[0.7, 0.1]]))
+    (axes, _) = heat_maps(flights, ERROR).axes
+    assert not axes.lines
+
+
 def test_where_nothing_is_left_to_chance_there_is_no_confidence_to_state():
     for keys, by_chance in (({}, True), ({"seeds": {"count": 1}}, False), ({"design": "random"}, True)):
         flights = flights_of(*by_law(**keys))
