@@ -25,7 +25,17 @@ from gcs_formation.errors import RecordingError
 from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
-from gcs_formation.studies.plan import Plan, Planned, Row, clopper_pearson, concerns, count_flights, keeps, replayed
+from gcs_formation.studies.plan import (
+    Plan,
+    Planned,
+    Row,
+    clopper_pearson,
+    concerns,
+    count_flights,
+    keeps,
+    replayed,
+    seed_changes_nothing,
+)
 from gcs_formation.studies.workers import Workers
 
 Base: TypeAlias = Mapping[Any, Plain]
@@ -97,6 +107,8 @@ class Verdict(NamedTuple):
     flights: int
     """How many it concerns."""
     kept: int
+    alike: bool = False
+    """Whether the seed changes nothing in them: one flight, flown many times, says nothing of a share."""
 
     @property
     def share(self) -> float | None:
@@ -109,32 +121,35 @@ class Verdict(NamedTuple):
         return self.share is not None and self.share >= self.wanted.share
 
     @property
-    def interval(self) -> tuple[float, float]:
-        """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934)."""
+    def interval(self) -> tuple[float, float] | None:
+        """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934); None of flights alike."""
+        if self.alike:
+            return None
         low, high = clopper_pearson(self.kept, self.flights, self.wanted.confidence)
         return float(low), float(high)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of study.json."""
-        low, high = self.interval
         said = self.wanted.model_dump(exclude_none=True)
         found = {"flights": self.flights, "kept": self.kept, "found_share": self.share}
-        return {**said, **found, "interval": [low, high], "held": self.held}
+        return {**said, **found, "interval": self.interval and list(self.interval), "held": self.held}
 
     def __str__(self) -> str:
         bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
-        low, high = self.interval
         found = f"{self.kept} of {counted(self.flights, 'flight')}{where}"
-        sure = f"({self.wanted.confidence:.0%} confidence: {low:.2%} to {high:.2%})"
+        sure = "(no interval: the seed changes nothing in these flights)"
+        if self.interval is not None:
+            sure = "({:.0%} confidence: {:.2%} to {:.2%})".format(self.wanted.confidence, *self.interval)
         state = "held" if self.held else "broken"
         return f"{self.wanted.metric} {bound}: {found} {sure}; expected: {self.wanted.share:.2%} or more: {state}"
 
 
-def judge(wanted: Wanted, rows: Sequence[Row]) -> Verdict:
+def judge(study: Study, wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation concerns."""
     concerned = [row for row in rows if concerns(wanted, row)]
-    return Verdict(wanted, len(concerned), sum(keeps(wanted, row) for row in concerned))
+    kept = sum(keeps(wanted, row) for row in concerned)
+    return Verdict(wanted, len(concerned), kept, seed_changes_nothing(study, concerned))
 
 
 @dataclass(frozen=True)
@@ -230,7 +245,7 @@ def flights(
 
 def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> StudyOutcome:
     study, rows = plan.study, [data.rows[flight] for flight in sorted(data.rows)]
-    verdicts = tuple(judge(wanted, rows) for wanted in study.expect)
+    verdicts = tuple(judge(study, wanted, rows) for wanted in study.expect)
     exits = {str(status): sum(row["exit"] == status for row in rows) for status in range(4)}
     figures: dict[str, Any] = {
         "schema": SCHEMA,

@@ -27,7 +27,7 @@ from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies import DRAWN, LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.plan import Crossing, Planned, Row, concerns
+from gcs_formation.studies.plan import Crossing, Planned, Row, concerns, seed_changes_nothing
 
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
@@ -200,6 +200,9 @@ class Flights(NamedTuple):
     concerned: Mapping[int, Mask] = MappingProxyType({})
     """(N,) which flights an expectation of some flights concerns, by its place in the study."""
 
+    alike: bool = False
+    """Whether the seed changes nothing in them."""
+
     def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
         """Return what the study expects of a figure of exactly these flights, by default of all."""
 
@@ -215,7 +218,7 @@ class Flights(NamedTuple):
     def by_chance(self) -> bool:
         """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
         drawn = any(map(self.draws, self.study.parameters))
-        return self.study.seeds.count > 1 or self.study.design in DRAWN or drawn
+        return (self.study.seeds.count > 1 and not self.alike) or self.study.design in DRAWN or drawn
 
     def draws(self, name: str) -> bool:
         """Return whether a parameter's values are drawn from a distribution."""
@@ -248,7 +251,7 @@ def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
     known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
     some = {place: each for place, each in enumerate(study.expect) if each.where}
     concerned = {place: np.array([concerns(each, row) for row in ended]) for place, each in some.items()}
-    return Flights(study, parameters, known, levels, concerned)
+    return Flights(study, parameters, known, levels, concerned, seed_changes_nothing(study, ended))
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has

@@ -68,11 +68,12 @@ def fly(task: Task) -> dict[str, Any]:
     Raises:
         RecordingError: what is to be kept of it can't be written.
     """
-    used = Stopwatch()
+    used, digest = Stopwatch(), None
     values: dict[str, Any] = dict.fromkeys(task.study.measured)
     try:
         summary, wrong = _flown(task)
         values = {metric: _measured(metric, task, summary, wrong) for metric in task.study.measured}
+        digest = _same_as(summary)
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
@@ -84,7 +85,7 @@ def fly(task: Task) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
         values, exit_status = _uncompleted(task), Status.COULD_NOT_GO_ON
         words = str(error) if isinstance(error, RunAbortedError) else f"raised {error!r}"
-    return _row(task, values, exit_status, words, used)
+    return {**_row(task, values, exit_status, words, used), "digest": digest}
 
 
 def lost(task: Task, words: str) -> dict[str, Any]:
@@ -165,6 +166,11 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
         text = json.dumps(summary.to_dict(), ensure_ascii=False, allow_nan=False)
         (kept / SUMMARY).write_text(text + "\n", encoding="utf-8")
     return summary, wrong
+
+
+def _same_as(summary: Summary) -> str:
+    """Return what flights share whose followers flew the same to the last digit, whatever is measured of them."""
+    return hashlib.sha256(json.dumps(summary.figures["followers"]).encode()).hexdigest()[:16]
 
 
 def _digest(directory: Path) -> str:

@@ -172,6 +172,19 @@ def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric
     return expectation.keeps(value, bound.below, bound.above)
 
 
+def seed_changes_nothing(study: Study, rows: Iterable[Row]) -> bool:
+    """Whether flights of several seeds are, with the same parameters, the same to the last digit: chance isn't in them.
+
+    That a figure is the same in all of them doesn't say so: no flight may have broken a limit, each by another margin.
+    """
+    found = dict[str, list[str | None]]()
+    for row in rows:
+        if row["exit"] <= 1:
+            found.setdefault(repr([row.get(name) for name in study.columns]), []).append(row.get("digest"))
+    repeated = study.seeds.count > 1 and any(len(each) > 1 for each in found.values())
+    return repeated and all(each[0] is not None and len(set(each)) == 1 for each in found.values())
+
+
 def concerns(wanted: Wanted, row: Row) -> bool:
     """Whether an expectation is of a flight: one whose parameters have the values that it names."""
     return all(row.get(name) == value for name, value in wanted.where.items())

@@ -19,8 +19,8 @@ from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study,
 from gcs_formation.studies.flight import Task
 from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
-COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words")
-"""Of flights.parquet, beside parameters and metrics."""
+COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words", "digest")
+"""Of a flight's row, beside parameters and metrics."""
 MANY = 100_000
 """Flights beyond which a study asks whether that many are meant."""
 EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
@@ -76,7 +76,7 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
     taken, search = {*COLUMNS, *study.measured}, study.bisect
     for name in study.parameters:
         if name in taken:
-            allowed = "another name, as the table has a column of this one"
+            allowed = "another name, as a flight's row has this one"
             yield read.problem(("parameters", name), f"found '{name}'", "seeds" if name == "seed" else allowed)
     if "seed" in study.set:
         yield read.problem(("set", "seed"), "found 'seed'", "seeds: {first: …, count: …}")

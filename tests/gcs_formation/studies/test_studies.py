@@ -243,13 +243,38 @@ def test_shares_are_judged_with_clopper_and_pearson_s_interval():
     assert binom.cdf(95, 100, high) == pytest.approx(0.025)
     assert clopper_pearson(10, 10, 0.95)[0] == pytest.approx(0.025**0.1)
     far_enough = {"metric": "min_separation_m", "above": 10, "share": 0.75, "where": {DELAY: 300}}
-    wanted = study(parameters={DELAY: {"range": [0, 300, 2]}}, expect=[far_enough]).expect[0]
+    planned = study(parameters={DELAY: {"range": [0, 300, 2]}}, expect=[far_enough])
+    wanted = planned.expect[0]
     rows = [{DELAY: delay, "min_separation_m": s, "exit": e} for delay, s, e in
             [(300, 11, 0), (300, 12, 1), (300, 13, 0), (300, 14, 3), (0, 1, 0)]]  # fmt: skip
-    verdict = judge(wanted, rows)
+    verdict = judge(planned, wanted, rows)
     assert (verdict.flights, verdict.kept, verdict.held) == (4, 3, True)
-    assert not judge(wanted, rows[:1] + rows[3:4]).held
-    assert not judge(wanted, []).held, "an expectation that concerns no flight isn't kept"
+    assert not judge(planned, wanted, rows[:1] + rows[3:4]).held
+    assert not judge(planned, wanted, []).held, "an expectation that concerns no flight isn't kept"
+
+
+def test_flights_in_which_the_seed_changes_nothing_have_no_interval():
+    """A limit that no flight broke says nothing of it: what else they flew may differ."""
+    keys: Any = {"parameters": {DELAY: [0, 300]}, "seeds": {"count": 3}, "metrics": ["violations"]}
+    planned = study(**keys, expect=[{"metric": "violations", "below": 1}])
+    flown = [{**row(each, violations=0), "digest": str(each.parameters[DELAY])} for each in Plan(planned).begin()]
+    verdict = judge(planned, planned.expect[0], flown)
+    assert "6 of 6 flights (no interval: the seed changes nothing in these flights); " in str(verdict)
+    assert (verdict.to_dict()["interval"], verdict.held) == (None, True)
+    for other in ({"digest": "different"}, {"digest": None}):
+        verdict = judge(planned, planned.expect[0], [*flown[:-1], {**flown[-1], **other}])
+        assert "6 of 6 flights (95% confidence: 54.07% to 100.00%); " in str(verdict)
+    once = study(**{**keys, "seeds": {"count": 1}, "design": "random", "samples": 6})
+    assert judge(once, planned.expect[0], flown).interval is not None
+
+
+def test_a_seed_changes_a_flight_through_losses_alone():
+    def flown(seed, loss):
+        planned = study(parameters={LOSS: [loss]}, metrics=["violations"], record="none")
+        return fly(Task(Planned(0, seed, {LOSS: loss}), planned, SCENARIO))["digest"]
+
+    assert flown(1, 0.0) == flown(2, 0.0)
+    assert flown(1, 0.3) != flown(2, 0.3)
 
 
 def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_time():

@@ -215,6 +215,10 @@ def test_where_nothing_is_left_to_chance_there_is_no_confidence_to_state():
         bands = [*distributions(flights).axes[0].collections, *exceedances(flights).axes[0].collections]
         assert len(bands) == 2 * by_chance
         assert bool(split_by(flights)) is by_chance
+    planned, rows = by_law()
+    for alike in (True, False):
+        same = [{**row, "digest": "same" if alike else row["seed"]} for row in rows]
+        assert flights_of(planned, same).by_chance is not alike
 
 
 def test_searches_stand_beside_the_margin_computed_for_their_loops():
