@@ -90,20 +90,33 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
 
 
 def _replaced(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield parameters that replace what one before them or `set` sets: flights wouldn't have these values."""
+    """Yield parameters that replace what one before them or `set` sets: flights wouldn't have these values.
+
+    Some cases of a parameter may: the flights of the others have what `set` says.
+    """
     search, sets = study.bisect, list[tuple[str, KeyPath, set[str]]]()
     for name, each in study.parameters.items():
         own = {key for case in each.cases.values() for key in case} if isinstance(each, Cases) else {name}
         sets.append((name, ("parameters", name), own))
     if search is not None and search.parameter not in study.parameters:
         sets.append((search.parameter, ("bisect", "parameter"), {search.parameter}))
-    varied = {key for _, _, own in sets for key in own}
-    sets.insert(0, ("set", ("set",), {key for key in study.set if key not in varied}))
+    each_case = [case for cases in study.cases.values() for case in cases.values()]
+    sometimes = {key for case in each_case for key in case} - _always(study)
+    sets.insert(0, ("set", ("set",), study.set.keys() - sometimes))
     for (earlier, _, before), (name, place, after) in combinations(sets, 2):
         gone = sorted(key for key in before if any(f"{key}.".startswith(f"{each}.") for each in after))
         if gone:
             found = f"found '{name}', which replaces {', '.join(gone)} of '{earlier}'"
             yield read.problem(place, found, "keys that none before it sets; what sets most of them stands first")
+
+
+def _always(study: Study) -> set[str]:
+    """Return the keys that every flight has from a parameter or the search."""
+    found = set(study.columns)
+    for cases in study.cases.values():
+        first, *others = cases.values()
+        found |= {key for key in first if all(key in other for other in others)}
+    return found
 
 
 def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:

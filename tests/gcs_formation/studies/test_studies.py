@@ -317,6 +317,15 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
             f"parameters.links.default: found 'links.default', which replaces {DELAY} of 'set'",
         ),
         (
+            {"set": {DELAY: 50}, "parameters": {DELAY: [0, 100]}},
+            f"parameters.{DELAY}: found '{DELAY}', which replaces {DELAY} of 'set'; allowed: keys that none before it",
+        ),
+        ({"set": {DELAY: 50}, "bisect": SEARCH}, f"bisect.parameter: found '{DELAY}', which replaces {DELAY} of 'set'"),
+        (
+            {"set": {DELAY: 50}, "parameters": {"link": {"cases": {"late": {DELAY: 100}, "later": {DELAY: 200}}}}},
+            f"parameters.link: found 'link', which replaces {DELAY} of 'set'",
+        ),
+        (
             {"parameters": {"link": {"cases": {"late": {DELAY: 100}}}, "other": {"cases": {"late": {DELAY: 50}}}}},
             f"parameters.other: found 'other', which replaces {DELAY} of 'link'",
         ),
@@ -342,6 +351,13 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
 def test_a_wrong_study_is_refused_in_words(keys, words):
     with pytest.raises(ScenarioError, match="(?s)" + re.escape(words)):
         prepare({"base": SCENARIO, **keys})
+
+
+def test_some_cases_may_replace_what_the_others_have_from_set():
+    cases: Any = {"cases": {"as set": {}, "late": {DELAY: 100}}}
+    planned, base = prepare({"base": SCENARIO, "set": {DELAY: 50}, "parameters": {"link": cases}})
+    scenarios = [Task(flight, planned, base).scenario() for flight in Plan(planned).begin()]
+    assert [each.links.default.delay_ms for each in scenarios] == [50, 100]
 
 
 def test_a_parameter_may_set_a_part_of_what_one_before_it_sets():
