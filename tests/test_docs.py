@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from formation_scenario.schema import scenario_reference, scenario_schema
+from gcs_formation.studies import Study
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -69,6 +70,11 @@ def test_the_reference_of_scenario_keys_and_their_schema_are_those_of_the_models
     schema = (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8")
     fresh = reference == scenario_reference() and json.loads(schema) == json.loads(json.dumps(scenario_schema()))
     assert fresh, f"docs/scenario.md and docs/scenario.schema.json are stale; write them again by: {reference[:250]}"
+
+
+def test_the_page_of_studies_says_how_many_samples_there_are_by_default():
+    (row,) = re.findall(r"^\| `samples` .*", (ROOT / "docs" / "studies.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert f"{Study().samples} by default" in row
 
 
 def noted_kinds(source):
