@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations, islice
@@ -12,7 +13,7 @@ from pydantic import ValidationError
 
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.error_messages import problems_of
-from formation_scenario.fields import did_you_mean
+from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
@@ -27,6 +28,8 @@ EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
 """Shares of a distribution at which it is tried: its median, and its ends."""
 TRIED_WITH = 3
 """Drawn samples with which a value is tried that can't be with the others' first values."""
+SCENARIO_ALONE, STUDY_ALONE = {"vehicles", "path"}, {"base", "random", "parameters"}
+"""Keys of every scenario that no study has, and of studies that no scenario has."""
 RULES = {
     "bound": ("found no bound", "below, above or both"),
     "ends": ("found a low that isn't below high", "a high that is more than low"),
@@ -44,6 +47,9 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
         read = Source(None, plain_mapping(source))
     else:
         read = read_file(source, "study")
+        if SCENARIO_ALONE & read.data.keys() and not STUDY_ALONE & read.data.keys():
+            flies = f"gcs-formation run {shlex.quote(str(source))} flies it"
+            raise refused("", "found a scenario", f"a study of it (`base`); {flies}", str(source))
         read.data.setdefault("name", source.stem)
     try:
         study = Study.model_validate(read.data)
@@ -150,9 +156,20 @@ def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
     """
     if isinstance(study.base, str):
         home = Path(read.file).parent if read.file else Path()
-        found = standalone(read_file(home / study.base)).data
+        try:
+            scenario = read_file(home / study.base)
+        except ScenarioError as error:
+            raise ScenarioError([_of_base(problem, read) for problem in error.problems]) from error
+        found = standalone(scenario).data
         return {"name": Path(study.base).stem} | found
     return standalone(Source(read.file, plain_mapping(study.base))).data
+
+
+def _of_base(problem: Problem, read: Source) -> Problem:
+    """Return what is wrong with the scenario's file: as far as it has no place in that, with the study's own."""
+    if problem.line is not None:
+        return problem
+    return read.problem(("base",), f"{problem.file}: {problem.found}", problem.allowed or "a scenario's file")
 
 
 def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Study, dict[Any, Plain]]:

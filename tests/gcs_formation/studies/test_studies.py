@@ -433,6 +433,32 @@ def test_a_wrong_key_is_named_with_its_place_in_the_study(tmp_path, lines, at):
     assert str(refused.value).startswith(f"{path}:{at}: ")
 
 
+def test_a_scenario_that_is_given_for_a_study_is_said_once_to_be_one_with_what_flies_it(tmp_path):
+    path = tmp_path / "a flight.yaml"
+    path.write_text(json.dumps(SCENARIO), encoding="utf-8")
+    with pytest.raises(ScenarioError) as refused:
+        prepare(path)
+    assert str(refused.value) == (
+        f"{path}: found a scenario; allowed: a study of it (`base`); gcs-formation run '{path}' flies it"
+    )
+
+
+def test_a_base_that_is_missing_is_named_with_its_place_in_the_study(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("name: nothing\nbase: nope.yaml\n", encoding="utf-8")
+    with pytest.raises(ScenarioError) as refused:
+        prepare(path)
+    missing = f"{tmp_path / 'nope.yaml'}: No such file or directory"
+    assert str(refused.value) == f"{path}:2:1: base: {missing}; allowed: a scenario's file"
+    path.write_text("base: nope.yaml\npath: {}\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="unknown key 'path'"):
+        prepare(path)
+    path.write_text("base: nope.yaml\n", encoding="utf-8")
+    (tmp_path / "nope.yaml").write_text("a: [", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"nope\.yaml:1:5: broken YAML"):
+        prepare(path)
+
+
 def test_the_schema_allows_what_the_loader_allows():
     validator = Draft202012Validator(study_schema())
     Draft202012Validator.check_schema(study_schema())
