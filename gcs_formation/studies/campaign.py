@@ -260,7 +260,7 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Study
     }
     if study.bisect is not None:
         figures["bisect"] = [
-            {"seed": first.seed, **first.parameters, study.bisect.parameter: None, **crossing._asdict()}
+            {"seed": first.seed, **{name: first.parameters[name] for name in study.parameters}, **crossing._asdict()}
             for first, crossing in plan.crossings()
         ]
     text = sample_table(study, rows, plan.crossings())

@@ -803,6 +803,8 @@ def test_a_search_that_finds_no_crossing_says_so(two, tmp_path, monkeypatch):
     )
     done = command("study", two, "--out", tmp_path / "out")
     assert "2 of 2 searches found no crossing" in done.output
+    found = json.loads((tmp_path / "out" / "study.json").read_text(encoding="utf-8"))["bisect"]
+    assert found == [{"seed": seed, "kept": 1000.0, "broken": None} for seed in (1, 2)]
 
 
 def test_ten_million_samples_are_counted_and_not_made(two, tmp_path, monkeypatch):

@@ -230,8 +230,8 @@ def test_searches_stand_beside_the_margin_computed_for_their_loops():
         for i, (law, delay) in enumerate(product(["pid", "consensus"], [0.0, 400.0, 410.0, 1000.0]))
     ]  # fmt: skip
     found = [
-        {"seed": 1, LAW: "pid", DELAY: None, "kept": 400.0, "broken": 410.0},
-        {"seed": 1, LAW: "consensus", DELAY: None, "kept": 1000.0, "broken": None},
+        {"seed": 1, LAW: "pid", "kept": 400.0, "broken": 410.0},
+        {"seed": 1, LAW: "consensus", "kept": 1000.0, "broken": None},
     ]
     assert planned.bisect is not None
     ends, loops = searched(flights_of(planned, rows), planned.bisect, found, rows).axes
