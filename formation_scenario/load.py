@@ -18,7 +18,7 @@ from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.resolve import resolve, with_models
-from formation_scenario.rules import inconsistencies
+from formation_scenario.rules import expectations, inconsistencies
 from formation_scenario.source import (
     MOST_DIGITS,
     Dumper,
@@ -135,7 +135,7 @@ def load_scenario(
     scenario, resolved = _typed(read)
     if scenario.law.gains == AUTO:
         scenario = designed(scenario, read.data.get("law"))
-    found = inconsistencies(scenario) or check(scenario)
+    found = [*(inconsistencies(scenario) or check(scenario)), *expectations(scenario)]
     if found:
         raise ScenarioError([resolved.problem(*each) for each in found])
     return scenario

@@ -267,11 +267,10 @@ RULES = (
     terrain,
     vehicle_rules.avoidance,
     fence,
-    expectations,
 )
 """Each yields what it finds, in the order of the scenario's keys."""
 
 
 def inconsistencies(scenario: Scenario) -> list[Finding]:
-    """Return every violation of a rule between keys."""
+    """Return every violation of a rule between keys of what is flown; `expectations` are looked at besides."""
     return [found for rule in RULES for found in rule(scenario)]

@@ -108,6 +108,19 @@ def test_the_whole_flight_may_be_said_and_stays_whole_where_a_written_scenario_i
     assert load_scenario(read_text(dump_scenario(wanted)).data, ["duration_s=150"]).expect[0].to_s == 150.0
 
 
+def test_what_is_expected_of_a_flight_hides_nothing_that_keeps_it_from_being_flown(refusal):
+    steep, late = (
+        "path.waypoints_m=[[0, 0, 100], [500, 0, 400]]",
+        "expect=[{metric: error_x_m.max, below: 1, from_s: 60}]",
+    )
+    (alone,) = refusal("path.waypoints_m=[[0, 0, 100], [500, 0, 100]]", late)
+    assert alone == "expect.0.from_s: found 60; less than 23.7 s, when the flight is over at the latest"
+    *path, expected = refusal(steep, late)
+    assert path == refusal(steep)
+    assert "climb" in path[0]
+    assert expected.startswith("expect.0.from_s: found 60; ")
+
+
 def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
     fleet = "vehicles=[{id: 1, role: leader}, {id: 2}, {id: 2, network: 2}]"
     assert refusal(fleet, "faults=[{at_s: 1, vehicles: [2], kind: crash}]") == [
