@@ -46,8 +46,9 @@ LINK_METRICS = {
     "measured_loss": "share of the vehicle's frames that never came, 0 to 1; of the whole flight",
     "frames_bad": "frames that came damaged; of the whole flight",
 }
+SEPARATION = "min_separation_m"
 RUN_METRICS = {
-    "min_separation_m": "least distance of any two vehicles over the window, m",
+    SEPARATION: "least distance of any two vehicles over the window, m",
     "min_clearance_m": "least height of any vehicle above the ground over the window, m",
     "violations": "how often the limits of `safety` were broken; of the whole flight",
     "late_ticks": "control ticks that began more than 10 ms late; of the whole flight",
@@ -61,6 +62,9 @@ RUN_METRICS = {
     "worst_loop_delay_s": "longest delay of any loop, s; of the whole flight",
     "margin_used": "largest share of a delay margin in use, 1 at the margin; of the whole flight",
 }
+LOOP_METRICS = ("delay_margin_s", "worst_loop_delay_s", "margin_used")
+OF_FOLLOWERS = (*FOLLOWER_METRICS, *LOOP_METRICS)
+"""What there is of followers, and of the loops that control them, alone."""
 METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
 """Metrics and what they are."""
 WINDOWED = (

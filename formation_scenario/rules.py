@@ -10,7 +10,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
-from formation_scenario.expectation import RUN_METRICS, WINDOWED, Expectation
+from formation_scenario.expectation import OF_FOLLOWERS, RUN_METRICS, SEPARATION, WINDOWED, Expectation
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
@@ -205,8 +205,20 @@ def faults(scenario: Scenario) -> Iterator[Finding]:
             yield (*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot"
 
 
+def measurable(scenario: Scenario) -> Iterator[Finding]:
+    """Yield expectations of nobody: of followers where there are none, of the distance of one that is alone."""
+    for index, entry in enumerate(scenario.expect):
+        path: KeyPath = ("expect", index, "metric")
+        if entry.metric in OF_FOLLOWERS and not scenario.followers:
+            found = f"found {entry.metric} of a formation without followers"
+            yield path, found, "one or more followers, or a figure that needs none"
+        elif entry.metric == SEPARATION and len(scenario.vehicles) == 1:
+            yield path, f"found {entry.metric} of one vehicle", "two or more vehicles, or a figure that needs one alone"
+
+
 def expectations(scenario: Scenario) -> Iterator[Finding]:
-    """Yield expectations without a bound, with a window that is empty or never flown, or that nothing could meet."""
+    """Yield expectations of nobody, without a bound, with a window that is empty or never flown, or that can't be met."""
+    yield from measurable(scenario)
     end_s = _latest_end_s(scenario)
     for index, entry in enumerate(scenario.expect):
         path: KeyPath = ("expect", index)

@@ -115,6 +115,7 @@ class FlownFlight:
             for who, at_s in times.items()
             if at_s is None or not at_s < before_s
         ]
+        self._require(bool(times), f"nobody followed who could settle before {before_s:g} s")
         self._require(not late, f"not settled before {before_s:g} s", late)
         return self
 
@@ -130,10 +131,11 @@ class FlownFlight:
         """Claim what exit status 0 says: what was judged of `expect` holds, and some was; no safety limit is broken."""
         __tracebackhide__ = True
         verdicts = self.summary.verdicts
-        judged = not verdicts or any(verdict.held is not None for verdict in verdicts)
-        self._require(judged, "no expectation was judged", verdicts)
         broken = [str(verdict) for verdict in verdicts if verdict.held is False]
         self._require(not broken and not self.summary.breaches, "not as expected", [*broken, *self.summary.breaches])
+        self._require(bool(verdicts), "no expectation was judged: the scenario has no expect")
+        judged = any(verdict.held is not None for verdict in verdicts)
+        self._require(judged, "no expectation was judged", verdicts)
         return self
 
     @property

@@ -121,6 +121,24 @@ def test_what_is_expected_of_a_flight_hides_nothing_that_keeps_it_from_being_flo
     assert expected.startswith("expect.0.from_s: found 60; ")
 
 
+@pytest.mark.parametrize("metric", ["settled_at_s", "error_x_m.max", "margin_used", "delay_margin_s"])
+def test_an_expectation_of_followers_needs_one(load, refusal, metric):
+    wanted = f"expect=[{{metric: {metric}, below: 5}}]"
+    assert refusal("vehicles={count: 1}", wanted) == [
+        f"expect.0.metric: found {metric} of a formation without followers; one or more followers, or a figure that "
+        "needs none"
+    ]
+    assert load("vehicles=[{id: 7}]", wanted).leader is None
+
+
+def test_an_expectation_of_distance_needs_two(load, refusal):
+    wanted = "expect=[{metric: violations, below: 1}, {metric: min_separation_m, above: 5}]"
+    assert refusal("vehicles={count: 1}", wanted) == [
+        "expect.1.metric: found min_separation_m of one vehicle; two or more vehicles, or a figure that needs one alone"
+    ]
+    assert load("vehicles={count: 2}", wanted)
+
+
 def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
     fleet = "vehicles=[{id: 1, role: leader}, {id: 2}, {id: 2, network: 2}]"
     assert refusal(fleet, "faults=[{at_s: 1, vehicles: [2], kind: crash}]") == [

@@ -154,3 +154,16 @@ def test_expectations_none_of_which_was_judged_arent_met(tmp_path):
     unjudged = Verdict(expectation, VehicleId(1, 2), None, reached=False, judged=False, reason="cut by --until")
     with pytest.raises(AssertionError, match="no expectation was judged"):
         replace(flight, summary=Summary(flight.figures, (unjudged,), ())).meets_its_expectations()
+
+
+def test_nobody_settles_where_nobody_follows(tmp_path):
+    flight = flown(tmp_path)
+    alone = replace(flight, summary=Summary({**flight.figures, "followers": {}}, (), ()))
+    with pytest.raises(AssertionError, match="nobody followed who could settle before 5 s"):
+        alone.settles(before_s=5)
+
+
+def test_expectations_that_a_scenario_doesnt_have_arent_met(tmp_path):
+    flight = flown(tmp_path)
+    with pytest.raises(AssertionError, match="no expectation was judged: the scenario has no expect\nseed 1"):
+        replace(flight, summary=Summary(flight.figures, (), ())).meets_its_expectations()
