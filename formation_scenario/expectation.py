@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Annotated
 
 from formation_scenario.fields import Keys, NonNegative, Number, OneOf, VehicleSelection, key
@@ -79,6 +81,9 @@ WINDOWED = (
     "min_clearance_m",
 )
 """Metrics over the window from `from_s` to `to_s`; the others are of the whole flight."""
+SHARE, ANY = (0.0, 1.0), (-math.inf, math.inf)
+RANGES = {"in_slot_share": SHARE, "measured_loss": SHARE, "min_clearance_m": ANY, "delay_margin_s": ANY}
+"""From where to where a figure can be; all others are 0 or more."""
 
 
 Metric = Annotated[str, OneOf(", ".join(METRICS), tuple(METRICS))]
@@ -93,6 +98,28 @@ def bounds_text(below: float | None, above: float | None) -> str:
     """Return bounds in words: "below 3 and above 2"."""
     bounds = {"below": below, "above": above}
     return " and ".join(f"{name} {bound:g}" for name, bound in bounds.items() if bound is not None)
+
+
+def range_text(metric: str) -> str:
+    """Return in words from where to where a figure can be."""
+    least, most = RANGES.get(metric, (0.0, math.inf))
+    if math.isinf(most):
+        return "any number" if math.isinf(least) else f"{least:g} or more"
+    return f"from {least:g} to {most:g}"
+
+
+def pointless(metric: str, below: float | None, above: float | None) -> Iterator[tuple[str, str, str]]:
+    """Yield bounds that a figure can't break, or can't keep: which, what was found and what is allowed.
+
+    One below a figure's least value is always broken, and seen to be.
+    """
+    least, most = RANGES.get(metric, (0.0, math.inf))
+    for name, bound in (("below", below), ("above", above)):
+        if bound is not None and not least <= bound <= most:
+            yield name, f"found {bound:g} for {metric}", range_text(metric)
+        elif name == "above" and bound == most:
+            found = f"found {bound:g} for {metric}, above which it never is"
+            yield name, found, f"{range_text(metric)}, {bound:g} itself excluded"
 
 
 class Expectation(Keys):

@@ -10,7 +10,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
-from formation_scenario.expectation import OF_FOLLOWERS, RUN_METRICS, SEPARATION, WINDOWED, Expectation
+from formation_scenario.expectation import OF_FOLLOWERS, RUN_METRICS, SEPARATION, WINDOWED, Expectation, pointless
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
@@ -216,9 +216,17 @@ def measurable(scenario: Scenario) -> Iterator[Finding]:
             yield path, f"found {entry.metric} of one vehicle", "two or more vehicles, or a figure that needs one alone"
 
 
+def ranges(scenario: Scenario) -> Iterator[Finding]:
+    """Yield bounds outside of what a figure can be."""
+    for index, entry in enumerate(scenario.expect):
+        for name, found, allowed in pointless(entry.metric, entry.below, entry.above):
+            yield ("expect", index, name), found, allowed
+
+
 def expectations(scenario: Scenario) -> Iterator[Finding]:
     """Yield expectations of nobody, without a bound, with a window that is empty or never flown, or that can't be met."""
     yield from measurable(scenario)
+    yield from ranges(scenario)
     end_s = _latest_end_s(scenario)
     for index, entry in enumerate(scenario.expect):
         path: KeyPath = ("expect", index)

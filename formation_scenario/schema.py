@@ -16,7 +16,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticUndefined
 
 from formation_scenario.error_messages import allowed, bare, is_group, members
-from formation_scenario.expectation import METRICS
+from formation_scenario.expectation import METRICS, range_text
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario
 from formation_scenario.resolve import MAY_BE_EMPTY, MODELS
@@ -31,10 +31,10 @@ METRICS_HEAD = """
 ## Metrics
 
 What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
-unless they are of the whole flight: those take no part of it.
+unless they are of the whole flight: those take no part of it. A bound outside of what a figure can be is refused.
 
-| metric | what it is |
-| --- | --- |"""
+| metric | what it is | can be |
+| --- | --- | --- |"""
 TABLE_HEAD = "| key | what it is | unit | default | allowed | example |\n| --- | --- | --- | --- | --- | --- |"
 UNITS_BY_SUFFIX = {
     "mps": "m/s",
@@ -136,7 +136,7 @@ def scenario_reference() -> str:
         parts += [_docstring(model), "", *(text for text in _examples(groups[0]) if text not in shown)]
         parts.append(_table(model, links))
         shown.update(_examples(groups[0]))
-    metrics = [f"| `{name}` | {meaning} |" for name, meaning in METRICS.items()]
+    metrics = [f"| `{name}` | {meaning} | {range_text(name)} |" for name, meaning in METRICS.items()]
     return "\n".join([*parts, METRICS_HEAD, *metrics]) + "\n"
 
 

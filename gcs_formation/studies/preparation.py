@@ -13,10 +13,11 @@ from pydantic import ValidationError
 
 from formation_scenario import Problem, ScenarioError
 from formation_scenario.error_messages import problems_of
+from formation_scenario.expectation import pointless
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
-from gcs_formation.studies import DRAWN, LISTED, Cases, Parameter, Range, Study, Value, levels_of
+from gcs_formation.studies import DRAWN, LISTED, Bisection, Cases, Parameter, Range, Study, Value, Wanted, levels_of
 from gcs_formation.studies.flight import Task
 from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
@@ -58,7 +59,7 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    if wrong := [*_together(study, read), *_replaced(study, read), *_nowhere(study, read)]:
+    if wrong := [*_together(study, read), *_replaced(study, read), *_nowhere(study, read), *_pointless(study, read)]:
         raise ScenarioError(wrong)
     home = Path(read.file).parent if read.file else Path()
     return study.model_copy(update=_with_absolute_files(study, home)), read
@@ -75,6 +76,15 @@ def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
             elif name in known and value not in known[name]:
                 found, allowed = f"found {name} = {value}", f"one that is flown: {', '.join(map(str, known[name]))}"
                 yield read.problem(("expect", i, "where"), found, allowed)
+
+
+def _pointless(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield bounds outside of what a figure can be."""
+    bounded: list[tuple[KeyPath, Wanted | Bisection]] = [(("expect", i), each) for i, each in enumerate(study.expect)]
+    bounded += [(("bisect",), study.bisect)] if study.bisect else []
+    for path, each in bounded:
+        for name, found, allowed in pointless(each.metric, each.below, each.above):
+            yield read.problem((*path, name), found, allowed)
 
 
 def _together(study: Study, read: Source) -> Iterator[Problem]:

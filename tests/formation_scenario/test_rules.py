@@ -139,6 +139,36 @@ def test_an_expectation_of_distance_needs_two(load, refusal):
     assert load("vehicles={count: 2}", wanted)
 
 
+@pytest.mark.parametrize(
+    ("bound", "line"),
+    [
+        ("metric: measured_loss, below: 5", "below: found 5 for measured_loss; from 0 to 1"),
+        ("metric: in_slot_share, below: 1.5", "below: found 1.5 for in_slot_share; from 0 to 1"),
+        ("metric: error_x_m.max, above: -1", "above: found -1 for error_x_m.max; 0 or more"),
+        (
+            "metric: measured_loss, above: 1",
+            "above: found 1 for measured_loss, above which it never is; from 0 to 1, 1 itself excluded",
+        ),
+    ],
+)
+def test_bounds_that_cannot_be_broken_or_kept_are_refused(refusal, bound, line):
+    assert refusal(f"expect=[{{{bound}}}]") == [f"expect.0.{line}"]
+
+
+@pytest.mark.parametrize(
+    "bound",
+    [
+        "metric: measured_loss, below: 1",
+        "metric: in_slot_share, above: 0",
+        "metric: min_clearance_m, above: -5",
+        "metric: delay_margin_s, below: -1",
+        "metric: violations, below: 1e6",
+    ],
+)
+def test_bounds_within_what_a_figure_can_be_are_taken(load, bound):
+    assert load(f"expect=[{{{bound}}}]").expect
+
+
 def test_an_id_on_two_networks_is_named_with_its_network(load, refusal):
     fleet = "vehicles=[{id: 1, role: leader}, {id: 2}, {id: 2, network: 2}]"
     assert refusal(fleet, "faults=[{at_s: 1, vehicles: [2], kind: crash}]") == [

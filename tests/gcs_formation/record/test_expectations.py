@@ -34,7 +34,7 @@ def verdict(cut_short: bool = False, crashed=(), faults=(), **expect) -> Verdict
 def test_a_window_that_was_flown_is_judged_whatever_ended_the_flight_after_it():
     for cut_short in (False, True):
         assert verdict(cut_short, to_s=FLOWN_S).held is True
-        assert verdict(cut_short, to_s=FLOWN_S, below=-1).held is False
+        assert verdict(cut_short, to_s=FLOWN_S, below=0).held is False
 
 
 def test_a_window_that_the_flight_s_own_end_cut_short_is_broken_with_the_time_to_which_it_was_flown():

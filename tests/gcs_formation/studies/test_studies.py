@@ -497,6 +497,18 @@ def values_of(directory):
             {"bisect": {**SEARCH, "low": 9, "high": 9}},
             "bisect: found a low that isn't below high; allowed: a high that",
         ),
+        (
+            {"expect": [{"metric": "measured_loss", "below": 5}]},
+            "expect.0.below: found 5 for measured_loss; allowed: from 0 to 1",
+        ),
+        (
+            {"expect": [{"metric": "broken_invariants", "above": -1}]},
+            "expect.0.above: found -1 for broken_invariants; allowed: 0 or more",
+        ),
+        (
+            {"bisect": {**SEARCH, "metric": "jitter_ms.p50", "above": -1}},
+            "bisect.above: found -1 for jitter_ms.p50; allowed: 0 or more",
+        ),
         ({"metrics": []}, "metrics: found []; allowed: a list of 1 or more figures"),
         ({"seeds": {"first": 2**63}}, f"seeds.first: found {2**63}; allowed: a whole number from 0 to 2^62"),
         (
