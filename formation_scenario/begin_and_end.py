@@ -134,6 +134,18 @@ def planned_end_s(scenario: Scenario) -> float:
     return scenario.duration_s if scenario.orders else min(scenario.duration_s, path_end_s(scenario))
 
 
+def planned_times_s(scenario: Scenario) -> dict[str, list[float]]:
+    """Return the mission times, s, for which a scenario plans something, by the keys of the lists that say what."""
+    return {
+        "formation.changes": [each.at_s for each in scenario.formation.changes],
+        "path.steps": [each.at_s for each in scenario.path.steps],
+        "links.changes": [each.at_s for each in scenario.links.changes],
+        "disturbances": [each.at_s for each in scenario.disturbances],
+        "orders": [each.at_s for each in scenario.orders],
+        "faults": [each.at_s for each in scenario.faults],
+    }
+
+
 def latest_end_s(scenario: Scenario) -> float:
     """Return the latest mission time, s, at which a flight may be over.
 

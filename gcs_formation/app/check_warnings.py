@@ -17,7 +17,7 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.begin_and_end import planned_end_s
+from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.feasibility import refused_orders, unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from formation_scenario.slot_assignment import columns
@@ -234,23 +234,23 @@ def doomed_orders(scenario: Scenario) -> Iterator[str]:
         yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
 
 
-def never_reached(scenario: Scenario) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change."""
-    end_s, whole_s = planned_end_s(scenario), scenario.duration_s
+def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str]:
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change.
+
+    A flight that is to end at mission time `until_s` isn't judged by windows that this cuts short.
+    """
+    planned_s, whole_s = planned_end_s(scenario), scenario.duration_s
+    end_s = min(planned_s, until_s)
     over = f"the flight is over at {end_s:.4g} s"
-    if end_s < whole_s:
+    if planned_s < min(whole_s, until_s):
         broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
-        yield f"duration_s: found {whole_s:g}; the path ends at {end_s:.4g} s{broken}"
+        yield f"duration_s: found {whole_s:g}; the path ends at {planned_s:.4g} s{broken}"
     for i, entry in enumerate(scenario.expect):
-        if entry.to_s > whole_s:
+        if entry.to_s > whole_s and until_s >= whole_s:
             yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
-    planned = {"formation.changes": scenario.formation.changes, "path.steps": scenario.path.steps}
-    planned |= {"links.changes": scenario.links.changes}
-    planned |= {key: getattr(scenario, key) for key in ("disturbances", "orders", "faults")}
-    times_s = {f"{key}.{i}.at_s": entry.at_s for key, entries in planned.items() for i, entry in enumerate(entries)}
-    times_s |= {f"expect.{i}.from_s": entry.from_s for i, entry in enumerate(scenario.expect)}
-    for key, at_s in times_s.items():
-        if at_s >= end_s:
-            yield f"{key}: found {at_s:g}; {over}"
+    times_s = {f"{key}.{{}}.at_s": each_s for key, each_s in planned_times_s(scenario).items()}
+    times_s |= {"expect.{}.from_s": [entry.from_s for entry in scenario.expect]}
+    for key, each_s in times_s.items():
+        yield from (f"{key.format(i)}: found {at_s:g}; {over}" for i, at_s in enumerate(each_s) if at_s >= end_s)
     if text := unfinished_change(scenario, end_s):
         yield text

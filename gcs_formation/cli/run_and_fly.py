@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import click
 
 from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say
 from formation_scenario import Scenario, ScenarioError
+from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text
@@ -132,6 +134,8 @@ def _done(
     with Interrupts() as interrupts:
         loaded = load(scenario, (*overrides, *seeded))
         options = _run_options(out or default_directory(loaded.name), given)
+        for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
+            click.echo(f"warning: {warning}", err=True)
         result = _flown(flown, loaded, options, interrupts, quiet=quiet)
         return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
 

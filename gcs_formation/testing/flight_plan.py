@@ -16,7 +16,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario, Vehicle, load_scenario
-from formation_scenario.begin_and_end import planned_end_s
+from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.load import settings
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -30,6 +30,15 @@ AXES = "xyz"
 MOST_NAMED = 8
 Against = Literal["emulators", "real endpoints"]
 Way = Literal["both", "uplink", "downlink"]
+WORDS = {
+    "formation.changes": "a change of the formation",
+    "path.steps": "a step of the path",
+    "links.changes": "a link that changes",
+    "disturbances": "a disturbance",
+    "orders": "an order",
+    "faults": "a fault",
+}
+"""What is planned for a time, by its key."""
 Vehicles = int | str | Sequence[int | str]
 """One vehicle's id (or "network:id"), several, or "all"."""
 
@@ -276,13 +285,13 @@ class Plan:
         Raises:
             ScenarioError: the scenario or what replaces its keys is wrong; nothing was started.
             RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
-            ValueError: a link would change only after the end.
+            ValueError: something that this plan adds to the scenario, or replaces, would come only after the end.
         """
         scenario = load_scenario(self.scenario, self.overrides(), option="")
         end_s = min(planned_end_s(scenario), math.inf if until is None else until)
-        for at_s in (change["at_s"] for change in self.link_changes if not _ends_outage(change)):
+        for what, at_s in self._added(scenario):
             if at_s >= end_s:
-                raise ValueError(f"found a link that changes at {at_s:g} s; the flight is over at {end_s:.4g} s")
+                raise ValueError(f"found {what} at {at_s:g} s; the flight is over at {end_s:.4g} s")
         numbered = (self.directory / f"flight-{number}" for number in count(1))
         directory = next(path for path in numbered if not path.exists())
         options = RunOptions(directory, self.clock, self.speedup, until)
@@ -299,6 +308,23 @@ class Plan:
             return self.settings
         own = load_scenario(self.scenario, self.settings, option="").links.model_dump(exclude_none=True)["changes"]
         return (*self.settings, *settings({"links.changes": [*own, *self.link_changes]}))
+
+    def _added(self, scenario: Scenario) -> Iterator[tuple[str, float]]:
+        """Yield what this plan, or the mapping that it is of, has happen, and when, s; what a file has may be later."""
+        links = scenario.links.changes
+        for key, times_s in planned_times_s(scenario).items():
+            for index, at_s in enumerate(times_s):
+                with_link = key == "links.changes" and index >= len(links) - len(self.link_changes)
+                outlasts = key == "links.changes" and _ends_outage(links[index].model_dump(exclude_none=True))
+                if (with_link or self._sets(f"{key}.{index}.")) and not outlasts:
+                    yield WORDS[key], at_s
+
+    def _sets(self, key: str) -> bool:
+        """Return whether a list's entry was written in the test: its key, or one above or below."""
+        if isinstance(self.scenario, Mapping):
+            return True
+        names = (f"{setting.partition('=')[0]}." for setting in self.settings)
+        return any(name.startswith(key) or key.startswith(name) for name in names)
 
     def command(self, directory: Path, until: float | None = None) -> str:
         """Return the command that flies the same once more, for a POSIX shell."""
@@ -319,7 +345,7 @@ class Plan:
 def _ends_outage(change: Mapping[str, Any]) -> bool:
     """Return whether a change does no more than to end an outage, which may as well go on to the flight's end."""
     what = {key: change[key] for key in change if key not in {"at_s", "vehicles"}}
-    return {"outage": False} in [what, *what.values()]
+    return what == {"outage": False} or all(each == {"outage": False} for each in what.values())
 
 
 def _shown(path: Path) -> str:

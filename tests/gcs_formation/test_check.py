@@ -237,6 +237,14 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     assert list(never_reached(longer)) == ["expect.0.to_s: found 150; the flight is over at 100 s, so this is broken"]
 
 
+def test_what_until_cuts_off_is_never_reached() -> None:
+    changes = {"changes": [{"at_s": 20, "delay_ms": 300}]}
+    expect = [{"metric": "late_ticks", "to_s": 150, "below": 1}]
+    scenario = load_scenario(PLAIN | {"links": changes, "duration_s": 600, "expect": expect})
+    assert list(never_reached(scenario, 10.0)) == ["links.changes.0.at_s: found 20; the flight is over at 10 s"]
+    assert [text.partition(":")[0] for text in never_reached(scenario, 140.0)] == ["duration_s"]
+
+
 @pytest.mark.parametrize(("wind_mps", "end_s"), [([0, 0, 0], 136.36), ([-2, 0, 0], 150.0), ([0, 9, 0], 149.45)])
 def test_the_path_ends_when_the_leader_has_flown_it_in_the_wind(wind_mps: list[float], end_s: float) -> None:
     """3000 m north at 22 m/s through the air; a wind of 9 m/s from the side leaves sqrt(22² - 9²)."""

@@ -33,3 +33,27 @@ def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -
     assert told.exit_code == Status.BAD_USAGE
     assert "speedup: found 10 under the virtual clock" in told.output
     assert not (tmp_path / "run").exists()
+
+
+@pytest.fixture
+def flown(tmp_path):
+    """Fly two vehicles under the virtual clock by the command line, and return what it said."""
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(
+        "duration_s: 12\nstart: {in_air: true}\nfinish: {loiter_s: 1}\nvehicles: {count: 2}\n"
+        "path: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n"
+    )
+    always = ("run", str(scenario), "--clock", "virtual", "--out", str(tmp_path / "run"))
+    return lambda *words: CliRunner().invoke(main, [*always, *words])
+
+
+def test_a_run_warns_of_what_never_comes(flown) -> None:
+    late = "links.changes=[{at_s: 9, delay_ms: 5}, {at_s: 100, delay_ms: 300}]"
+    for until, end_s, missed in (((), 12, (1,)), (("--until", "3", "--overwrite"), 3, (0, 1))):
+        told = flown("--set", late, *until)
+        said = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
+        times_s = (9, 100)
+        over = f"the flight is over at {end_s} s"
+        assert said == [f"warning: links.changes.{i}.at_s: found {times_s[i]}; {over}" for i in missed]
+        assert told.exit_code == 0
+    assert "warning" not in flown("--set", late, "--overwrite", "--quiet").stderr

@@ -96,6 +96,36 @@ def test_a_link_that_would_change_after_the_end_is_refused(plan, late, tmp_path)
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize(
+    ("late", "what"),
+    [
+        ({"links__changes": [{"at_s": 30, "delay_ms": 2000}]}, "a link that changes"),
+        ({"links__changes__0__at_s": 30}, "a link that changes"),
+        ({"links": {"changes": [{"at_s": 30, "loss": 1}]}}, "a link that changes"),
+        ({"faults": [{"at_s": 2, "kind": "restart"}, {"at_s": 30, "kind": "crash"}]}, "a fault"),
+        ({"disturbances": [{"at_s": 30, "velocity_mps": [1, 0, 0]}]}, "a disturbance"),
+        ({"orders": [{"at_s": 30, "order": "shape line"}]}, "an order"),
+        ({"formation__changes": [{"at_s": 30, "shape": "line"}]}, "a change of the formation"),
+        ({"path__steps": [{"at_s": 30, "for_s": 5}]}, "a step of the path"),
+    ],
+)
+def test_whatever_a_plan_adds_comes_before_the_end(plan, late, what, tmp_path):
+    with pytest.raises(ValueError, match=f"found {what} at 30 s; the flight is over at 20 s"):
+        plan.with_keys(**late).fly(until=20)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_what_a_test_s_own_mapping_plans_comes_before_the_end(plan, tmp_path):
+    keys = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+    with pytest.raises(ValueError, match="found a fault at 30 s; the flight is over at 20 s"):
+        Formation((), tmp_path)(keys | {"faults": [{"at_s": 30, "kind": "crash"}]}).fly(until=20)
+
+
+def test_a_link_that_gets_worse_as_its_outage_ends_is_no_mere_end(plan):
+    with pytest.raises(ValueError, match="found a link that changes at 7 s"):
+        plan.with_link(2, from_s=7, uplink={"outage": False}, downlink={"loss": 0.5}).fly(until=6)
+
+
 @pytest.mark.parametrize("way", ["both", "uplink"])
 def test_an_outage_may_outlast_the_flight(plan, way):
     assert plan.with_keys(start__in_air=True).with_outage(2, from_s=1, to_s=7, way=way).fly(until=2).link(2)
