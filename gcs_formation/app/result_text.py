@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from airlink.cli import counted
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
 from flight_model.slot import UNKNOWN
@@ -106,6 +107,13 @@ def result_line(summary: Summary) -> str:
         undone += "; not everyone was in its slot when the path began"
     outcome = f"expectations: {said}; safety: {figures['safety']['violations']} violations{undone}"
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
+
+
+def unjudged(summary: Summary) -> list[str]:
+    """Return the line that says how many expectations weren't judged, and why; none where all were."""
+    reasons = [verdict.reason for verdict in summary.verdicts if verdict.held is None]
+    counts = f"{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
+    return [f"{counts} ({'; '.join(dict.fromkeys(reasons))})"] if reasons else []
 
 
 def _wrapped(lines: Sequence[str], width: int | None) -> list[str]:

@@ -17,7 +17,7 @@ from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
-from gcs_formation.app.result_text import result_line, summary_text
+from gcs_formation.app.result_text import result_line, summary_text, unjudged
 from gcs_formation.app.run import fly as fly_scenario
 from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
@@ -183,7 +183,7 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         click.echo(summary_text(summary, options.out, width), err=as_json)
     if interrupts.count:
         return _interrupted(options)
-    for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches):
+    for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches, *unjudged(summary)):
         click.echo(broken, err=True)
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
 

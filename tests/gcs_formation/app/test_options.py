@@ -57,3 +57,11 @@ def test_a_run_warns_of_what_never_comes(flown) -> None:
         assert said == [f"warning: links.changes.{i}.at_s: found {times_s[i]}; {over}" for i in missed]
         assert told.exit_code == 0
     assert "warning" not in flown("--set", late, "--overwrite", "--quiet").stderr
+
+
+def test_what_was_not_judged_is_said_also_with_quiet(flown) -> None:
+    told = flown("--quiet", "--until", "2", "--set", "expect=[{metric: error_x_m.max, below: 1e-6, to_s: 9}]")
+    assert (told.exit_code, told.stdout) == (0, "")
+    assert told.stderr == "1 of 1 expectation not judged (flown to 2.0 s of 9 s)\n"
+    judged = flown("--quiet", "--overwrite", "--set", "expect=[{metric: error_x_m.max, below: 1, to_s: 2}]")
+    assert (judged.exit_code, judged.output) == (0, "")
