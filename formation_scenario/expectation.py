@@ -45,6 +45,8 @@ LINK_METRICS = {
     "measured_delay_ms.p99": "the same, 99th percentile",
     "jitter_ms.p50": "estimated jitter: median over the window, ms",
     "jitter_ms.p99": "the same, 99th percentile",
+    "injected_loss": "share of the datagrams to the ground that the scenario's links lost; of the whole flight",
+    "injected_loss_up": "the same of those to the vehicle",
     "measured_loss": "share of the vehicle's frames that never came, 0 to 1; of the whole flight",
     "frames_bad": "frames that came damaged; of the whole flight",
 }
@@ -82,7 +84,14 @@ WINDOWED = (
 )
 """Metrics over the window from `from_s` to `to_s`; the others are of the whole flight."""
 SHARE, ANY = (0.0, 1.0), (-math.inf, math.inf)
-RANGES = {"in_slot_share": SHARE, "measured_loss": SHARE, "min_clearance_m": ANY, "delay_margin_s": ANY}
+RANGES = {
+    "in_slot_share": SHARE,
+    "injected_loss": SHARE,
+    "injected_loss_up": SHARE,
+    "measured_loss": SHARE,
+    "min_clearance_m": ANY,
+    "delay_margin_s": ANY,
+}
 """From where to where a figure can be; all others are 0 or more."""
 
 

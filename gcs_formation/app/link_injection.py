@@ -74,10 +74,11 @@ def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
     return None if clear else ImpairedEngine(station, station.networks, both_ways, scenario.seed)
 
 
-def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float]:
-    """Return the mean delays up and down that a link had so far, s, 0 where nothing was sent, and the loss down."""
+def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float, float]:
+    """Return the mean delays up and down that a link had so far, s, 0 where nothing was sent, and the losses."""
     up, down = statistics
-    return up.mean_delay_s if up.delivered else 0.0, down.mean_delay_s if down.delivered else 0.0, down.loss
+    up_s, down_s = (way.mean_delay_s if way.delivered else 0.0 for way in statistics)
+    return up_s, down_s, up.loss, down.loss
 
 
 class InjectedDelays:

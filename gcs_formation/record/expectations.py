@@ -34,8 +34,8 @@ class LinkFigures:
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
-    injected: tuple[float, float, float] | None = None
-    """Realised mean delays up and down, s, and the share of the downlink's datagrams lost.
+    injected: tuple[float, float, float, float] | None = None
+    """Realised mean delays up and down, s, and the shares of the datagrams lost up and down.
 
     None where nothing is known of the link, as in `fly` behind something else.
     """

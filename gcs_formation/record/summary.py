@@ -93,9 +93,9 @@ def _follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask) -> dict[
 
 def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     _, up_ms, down_ms = link.delays_s.T * 1e3
-    mean_s, up_s, down_s, loss = (None,) * 4
+    mean_s, up_s, down_s, loss_up, loss = (None,) * 5
     if link.injected is not None:
-        up_s, down_s, loss = link.injected
+        up_s, down_s, loss_up, loss = link.injected
         mean_s = (up_s + down_s) / 2
     ways_s = {"delay": mean_s, "up": up_s, "down": down_s}
     return {
@@ -105,6 +105,7 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "measured_down_ms": figures.percentiles(down_ms, 50)["p50"],
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),
         "injected_loss": loss,
+        "injected_loss_up": loss_up,
         "measured_loss": link.measured_loss,
         "frames_in": link.frames_in,
         "frames_out": link.frames_out,

@@ -32,6 +32,7 @@ UNKNOWN_IN_LINKS = (
     "injected_up_ms",
     "injected_down_ms",
     "injected_loss",
+    "injected_loss_up",
     "measured_loss",
     "frames_in",
     "frames_out",

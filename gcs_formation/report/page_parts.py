@@ -201,7 +201,7 @@ def links(summary: Mapping[str, Any]) -> str:
     """Return the counts of every link."""
     heads = [
         "Vehicle", "injected up, ms", "down, ms", "measured one way p50, ms", "p99, ms", "up p50, ms", "down p50, ms",
-        "injected loss", "measured loss",
+        "injected loss up", "down", "measured loss",
         "frames in", "out", "bad",
     ]  # fmt: skip
     rows = [
@@ -210,7 +210,7 @@ def links(summary: Mapping[str, Any]) -> str:
             *(number(link[key], 1) for key in ("injected_up_ms", "injected_down_ms")),
             *(number(link["measured_delay_ms"][key], 1) for key in ("p50", "p99")),
             *(number(link[key], 1) for key in ("measured_up_ms", "measured_down_ms")),
-            *(_share(link[key]) for key in ("injected_loss", "measured_loss")),
+            *(_share(link.get(key)) for key in ("injected_loss_up", "injected_loss", "measured_loss")),
             *(_count(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
         ]
         for name, link in summary["links"].items()

@@ -115,6 +115,18 @@ def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
         )
 
 
+def test_the_loss_on_the_way_up_is_told_and_bounded_by_itself(plan):
+    wanted = [{"metric": name, "followers": [2], "below": 0.1} for name in ("injected_loss_up", "injected_loss")]
+    flown = plan(duration_s=15, vehicles={"count": 2}, expect=wanted).with_link(2, uplink={"loss": 0.3}).fly()
+    link = flown.link(2)
+    assert link["injected_loss_up"] == pytest.approx(0.3, abs=0.06)
+    assert (link["injected_loss"], flown.link(1)["injected_loss_up"]) == (0.0, 0.0)
+    assert [(each["value"], each["held"]) for each in flown.figures["expect"]] == [
+        (link["injected_loss_up"], False),
+        (0.0, True),
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mean_burst", [None, 5])
 def test_the_measured_loss_is_the_realised_one(plan, mean_burst):

@@ -33,6 +33,6 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     network.attach(session.engine)
     network.run(session.attend)
     link = session.conclude(None).to_dict()["links"]["2"]
-    assert (link["injected_delay_ms"], link["injected_loss"]) == (delay, delay)
+    assert (link["injected_delay_ms"], link["injected_loss"], link["injected_loss_up"]) == (delay, delay, delay)
     injected_s = read_parquet(tmp_path / TIMESERIES)["injected_delay_s"]
     assert np.isnan(injected_s).all() if delay is None else not injected_s.any()

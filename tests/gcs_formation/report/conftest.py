@@ -276,6 +276,7 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
         "measured_up_ms": None,
         "measured_down_ms": None,
         "injected_loss": 0.0,
+        "injected_loss_up": 0.0,
         "measured_loss": 0.001,
         "frames_in": 5000,
         "frames_out": 2600,
