@@ -224,7 +224,7 @@ def ranges(scenario: Scenario) -> Iterator[Finding]:
 
 
 def expectations(scenario: Scenario) -> Iterator[Finding]:
-    """Yield expectations of nobody, without a bound, with a window that is empty or never flown, or that can't be met."""
+    """Yield expectations of nobody, without a bound, with a window that is never flown, or that can't be met."""
     yield from measurable(scenario)
     yield from ranges(scenario)
     end_s = _latest_end_s(scenario)
