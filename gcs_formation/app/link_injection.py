@@ -53,6 +53,20 @@ def _planned(scenario: Scenario) -> Iterator[tuple[float, VehicleId, str, bool]]
             yield from ((at_s, vehicle.vehicle_id, fault.kind, ends) for at_s, ends in fault.moments())
 
 
+def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> float:
+    """Return the mission time from which a planned fault had silenced a vehicle when the flight ended; else infinity.
+
+    `ended_s` is when that was, NaN before the path.
+    """
+    ends_s = math.inf
+    for fault in scenario.faults:
+        chosen = any(each.vehicle_id == vehicle for each in scenario.selected(fault.vehicles))
+        over = fault.until_s is not None and fault.until_s <= ended_s
+        if chosen and fault.kind in {"crash", "freeze"} and fault.at_s <= ended_s and not over:
+            ends_s = min(ends_s, fault.at_s)
+    return ends_s
+
+
 def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
     """Return the station wrapped in the scenario's links, None if these never impair anything.
 

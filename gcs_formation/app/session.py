@@ -10,14 +10,14 @@ import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.cli import counted
-from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, seconds_between
+from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import Engine
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import column_ids
-from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected
+from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected, planned_end_s
 from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
@@ -129,6 +129,7 @@ class Session:
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at = Stopwatch(), self.station.flight.since
         self._shown_s = 0.0
+        self._left_at: Instant | None = None
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
@@ -156,7 +157,10 @@ class Session:
         if wall_s - self._shown_s > PROGRESS_S:
             self._shown_s = wall_s
             self.progress.show(self.station)
-        return self.station.flight.ended or left
+        if not (self.station.flight.ended or left):
+            return False
+        self._left_at = self._left_at or self.clock.now()
+        return True
 
     def _confirming(self) -> Confirmation:
         def decline(reason: str) -> None:
@@ -225,8 +229,18 @@ class Session:
             part.unlink()
         return summary
 
+    def _heard_until(self, identity: VehicleId) -> Instant:
+        """Return until when a vehicle would have been heard over a link without loss: its planned end, or the flight's.
+
+        The time that is spent on ending doesn't count.
+        """
+        flight, end = self.station.flight, self._left_at or self.clock.now()
+        ends_s = planned_end_s(self.scenario, identity, flight.mission_time_s(end))
+        return end if math.isinf(ends_s) or flight.path_began is None else min(end, after(flight.path_began, ends_s))
+
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
+        vehicle.end_silence(self._heard_until(identity))
         began = self.station.flight.path_began
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4).copy()

@@ -38,13 +38,58 @@ def probable_run(loss: float, probability: float) -> float:
     return math.log(probability) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
 
 
+class Mark:
+    """What had been counted of a vehicle's frames by an instant."""
+
+    __slots__ = ("answers", "asked", "at", "received", "sent")
+
+    def __init__(self, at: Instant, received: i64, sent: i64, answers: i64, asked: i64) -> None:
+        """Take the instant, frames received and sent, answers among them, and how many of those were asked for."""
+        self.at, self.received, self.sent, self.answers, self.asked = at, received, sent, answers, asked
+
+
+@dataclass
+class Silence:
+    """What tells how many frames were lost in a silence that is over."""
+
+    seconds: float
+    gap: int
+    """How many are missing by the numbers of the frames before and after it, which come round."""
+    own: float
+    """How many the vehicle would have sent by itself."""
+    answers: float
+    """How many it would have answered besides, if it heard what it was asked."""
+    run: float
+    """How many the link loses in a row anyway."""
+
+    def missed(self, seconds: float) -> int:
+        """Return how many were lost if the vehicle sent for so long.
+
+        It is the count that fits the numbers and, nearest, what the vehicle sent with or without answers. Where the
+        numbers go on from where they stopped and neither fits, it hung and sent nothing.
+        """
+        if seconds < 0.0:  # it has restarted
+            return 0
+        share = min(1.0, seconds / self.seconds)
+        own, every = share * self.own, share * (self.own + self.answers)
+        missed, off = self._nearest(own)
+        other, other_off = self._nearest(every)
+        if other_off < off:
+            missed, off = other, other_off
+        return self.gap if self.gap <= self.run and off > RATE_SHARE * every else missed
+
+    def _nearest(self, expected: float) -> tuple[int, float]:
+        """Return the count nearest to an expected one that fits the numbers, and how far off that it is."""
+        count = self.gap + MODULUS * max(0, rounded((expected - self.gap) / MODULUS))
+        return count, abs(count - expected)
+
+
 class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
     A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
-    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it. Where they
-    go on from where they stopped, but for what the link loses in a row anyway, and the rate doesn't say that they came
-    round, the sender hung and sent nothing.
+    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it. Answers
+    aren't sent while the vehicle hears nothing, so its own messages and its answers have a rate each.
     """
 
     def __init__(self) -> None:
@@ -54,8 +99,16 @@ class SequenceTracker:
         self.repeated: i64 = 0
         self.missed: i64 = 0
         """Frames that were lost in silences, besides `lost`: they say nothing of how the link loses those that pass."""
-        self._since, self._next = (Instant(0), 0), (Instant(0), 0)
-        """An instant and how many frames had been sent by then, from which their rate is counted, and the next such."""
+        self.answers: i64 = 0
+        """Frames received that answer us."""
+        self.asked: i64 = 0
+        """Messages sent to the vehicle that it answers."""
+        self.silence: Silence | None = None
+        """The last one, until the vehicle's clock has told for how long it sent."""
+        self._since = self._next = Mark(Instant(0), 0, 0, 0, 0)
+        """From which rates are counted, and the next such."""
+        self._own_hz = 0.0
+        """At what rate the vehicle sent by itself before the last silence."""
         self._newest: i64 = ANY
         self._expected: i64 = ANY
         """The number of the next frame if none is missing."""
@@ -67,9 +120,9 @@ class SequenceTracker:
 
         Return whether it shows that more frames were lost than was known, or fewer.
         """
-        if self.received % MODULUS == 0:
-            self._since, self._next = self._next, (now, self.received + self.lost)
-        silent = now - heard >= STALE_AFTER_NS
+        silent = now - heard >= STALE_AFTER_NS and self._newest != ANY
+        if self.received % MODULUS == 0 and not silent:
+            self._since, self._next = self._next, self._mark(now)
         if sequence == self._expected and not silent:
             self.received += 1
             self._newest = sequence
@@ -98,6 +151,7 @@ class SequenceTracker:
     def restart(self) -> None:
         """Forget the last number, because the sender has restarted."""
         self._newest = self._expected = ANY
+        self.silence = None
         self._missing.clear()
 
     @property
@@ -112,22 +166,52 @@ class SequenceTracker:
         lost = self.lost + self.missed
         return float(lost) / float(self.received + lost) if lost else 0.0
 
+    def break_off(self, heard: Instant, until: Instant) -> None:
+        """Count what was lost in a silence that never ended: what the vehicle sent by itself from one to the other."""
+        self.missed += rounded(self._own_rate_hz(heard) * seconds_between(heard, until))
+
+    def sent_for(self, seconds: float) -> None:
+        """Take for how long the vehicle sent in the last silence by its own clock: less where its frames come later."""
+        silence, self.silence = self.silence, None
+        if silence is not None:
+            self.missed += silence.missed(seconds) - silence.missed(silence.seconds)
+
     def _observe_after_silence(self, sequence: i64, now: Instant, heard: Instant) -> bool:
         """Take the first number after a silence: what was missed isn't late."""
-        since, sent = self._since if self._since[0] else self._next
-        come: int = self.received + self.lost - sent
-        usual = come * (now - heard) / max(heard - since, STALE_AFTER_NS)
         gap: int = (sequence - self._newest - 1) % MODULUS
-        lost = gap + MODULUS * max(0, rounded((usual - gap) / MODULUS))
-        hung = gap <= probable_run(self.loss, RARELY) and abs(usual - lost) > RATE_SHARE * usual
-        missed = gap if hung else lost
+        silent_s = seconds_between(heard, now)
+        own = self._own_rate_hz(heard) * silent_s
+        silence = Silence(silent_s, gap, own, self._answers_due(), probable_run(self.loss, RARELY))
+        missed = silence.missed(silent_s)
+        self.silence = silence
         self.missed += missed
         self.received += 1
         self._newest = sequence
-        self._since = self._next = now, self.received + self.lost
+        self._since = self._next = self._mark(now)
         self._missing.clear()
         self._expect()
         return missed > 0
+
+    def _own_rate_hz(self, heard: Instant) -> float:
+        """Return at what rate the vehicle sent by itself until it was last heard; for want of frames, before that."""
+        since = self._since if self._since.at else self._next
+        if heard - since.at >= STALE_AFTER_NS or not self._own_hz:
+            received: i64 = max(1, self.received - since.received)
+            own_share = 1.0 - float(self.answers - since.answers) / float(received)
+            sent: i64 = self.received + self.lost - since.sent
+            self._own_hz = own_share * float(sent) * NANOSECONDS / max(heard - since.at, STALE_AFTER_NS)
+        return self._own_hz
+
+    def _answers_due(self) -> float:
+        """Return how many answers haven't come to what the vehicle has been asked, as far as it answers everything."""
+        since, until = self._since, self._next
+        passes = 1.0 - self.loss
+        asked, answers = float(until.asked - since.asked), float(until.answers - since.answers)
+        answered = answers / (passes * asked) if since.at and asked else 1.0
+        return max(0.0, answered * float(self.asked - until.asked) - float(self.answers - until.answers) / passes)
+
+    def _mark(self, now: Instant) -> Mark:
+        return Mark(now, self.received, self.received + self.lost, self.answers, self.asked)
 
     def _observe_late(self, sequence: i64) -> bool:
         late = sequence in self._missing

@@ -23,7 +23,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.gnss_clock import GnssClock, StampMap
-from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
+from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, EffectWatch, StartUpStep
@@ -39,6 +39,8 @@ LOSSY_S: Final = 10.0
 """For how long after a loss a link counts as one that loses."""
 MAX_PROBES: Final = 256
 """Unanswered probes that are kept: a minute of them."""
+JITTERS: Final = 10.0
+"""So many times its jitter a link without loss is never silent."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
@@ -186,6 +188,16 @@ class Vehicle:
         """For how long frames have come from it since its newest answer, s."""
         return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, self.connection.last_heard))
 
+    def end_silence(self, at: Instant) -> None:
+        """Count as lost what hasn't come by an instant, after which nothing will: if it flew, beyond jitter's silences.
+
+        One that was on the ground may have been switched off.
+        """
+        heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
+        usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
+        if seconds_between(heard, at) >= usual_s and self.autopilot.is_airborne(self.telemetry):
+            self.sequence.break_off(heard, at)
+
     @property
     def airborne(self) -> bool:
         """Whether it flies, by its last telemetry; False once its link is lost."""
@@ -250,6 +262,7 @@ class Vehicle:
                 channel = self._channel(message.command)
                 if channel is not None:
                     channel.sent(message, at, round_trip_s)
+                    self.sequence.asked += 1
         return messages
 
     def _channel(self, command: int) -> SetpointChannel | None:
@@ -270,6 +283,7 @@ class Vehicle:
 
     def probe(self, now: Instant) -> Message:
         """Return a TIMESYNC request; its stamp, kept here, tells our answers from others'."""
+        self.sequence.asked += 1
         self._probes.append(now)
         if len(self._probes) > MAX_PROBES:
             self._probes.pop(0)
@@ -281,6 +295,9 @@ class Vehicle:
         self._answered = now
 
     def _take_position(self, message: GlobalPositionInt, now: Instant, timed: bool) -> None:
+        motion, sequence = self.telemetry.motion, self.sequence
+        if motion is not None and sequence.silence is not None:
+            sequence.sent_for(message.time_boot_s - motion.stamp_s)
         self.telemetry.take_position(message)
         if timed:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
@@ -307,6 +324,8 @@ class Vehicle:
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
         sent = Instant(answer.ts1_ns)
+        if answer.tc1_ns:
+            self.sequence.answers += 1
         if not answer.tc1_ns or not self._asked(sent):
             return
         self._answered = now
@@ -349,6 +368,7 @@ class Vehicle:
         self.start_up = StartUp(self.autopilot.start_up(self.rates_hz), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
+        self.sequence.answers += 1
         if ack.target_system not in (0, STATION_SYSTEM):
             return
         self._answered = now

@@ -96,3 +96,45 @@ def test_a_vehicle_that_hangs_loses_nothing_by_that(silent_s, loss):
             tracker.observe(number % MODULUS, now, heard)
             heard, came, last = now, came + 1, number
     assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1), abs=1e-3)
+
+
+def heard_for(tracker, seconds):
+    """Give frames from instant 1 on, 64 a second of which every third is an answer; return when the last came."""
+    heard = Instant(1)
+    for number in range(seconds * 64):
+        now = after(Instant(1), number / 64)
+        if number % 3 == 0:
+            tracker.asked += 1
+            tracker.answers += 1
+        tracker.observe(number % MODULUS, now, heard)
+        heard = now
+    return heard
+
+
+@pytest.mark.parametrize("answers", [0, 320])
+def test_a_silence_has_lost_what_is_sent_unasked_and_answers_or_none(answers):
+    """15 s: 640 by itself and 320 answers; numbers alone can't tell 640 from 896."""
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    tracker.asked += 320
+    tracker.observe((20 * 64 + 640 + answers) % MODULUS, after(heard, 15.0), heard)
+    assert tracker.missed == 640 + answers
+
+
+@pytest.mark.parametrize(("sent_s", "missed"), [(0.1, 0), (8.0, 512), (9.0, 512), (-30.0, 0)])
+def test_a_vehicle_s_clock_tells_whether_it_sent_in_a_silence(sent_s, missed):
+    """Numbers go on where they stopped: all frames came later, or two rounds of them were lost; or it has restarted."""
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    tracker.asked += 171
+    tracker.observe(20 * 64 % MODULUS, after(heard, 8.0), heard)
+    tracker.sent_for(sent_s)
+    assert tracker.missed == missed
+
+
+def test_what_a_silence_without_an_end_lost_is_what_was_sent_unasked_before():
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    tracker.break_off(heard, after(heard, 30.0))
+    assert tracker.missed == pytest.approx(30 * 64 * 2 / 3, rel=0.01)
+    assert tracker.loss == 0.0

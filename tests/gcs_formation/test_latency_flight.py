@@ -140,6 +140,47 @@ def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
     assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=0.002)
 
 
+BOTH, DOWN = {"outage": True}, {"downlink": {"outage": True}}
+
+
+@pytest.mark.parametrize(("way", "outage_s"), [(BOTH, 6), (BOTH, 20), (DOWN, 6), (DOWN, 20)])
+def test_a_loss_is_measured_whether_or_not_the_vehicle_hears_us_meanwhile(plan, way, outage_s):
+    """Where it doesn't it sends no answers: a third less, which is more than numbers take to come round."""
+    over = {key: {"outage": False} if isinstance(value, dict) else False for key, value in way.items()}
+    link = (
+        plan(vehicles={"count": 2})
+        .with_link(2, from_s=5, **way)
+        .with_link(2, from_s=5 + outage_s, **over)
+        .fly()
+        .link(2)
+    )
+    assert link["injected_loss"] > 0.05
+    assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=2e-4)
+
+
+def test_a_vehicle_that_hangs_behind_a_lossy_link_loses_nothing_by_that(plan):
+    hangs = [{"kind": "freeze", "vehicles": [2], "at_s": 5, "until_s": 15}]
+    link = plan(seed=5, vehicles={"count": 2}, faults=hangs).with_link(loss=0.05).fly().link(2)
+    assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=1e-3)
+
+
+def test_what_comes_8_s_later_all_at_once_is_no_loss(plan):
+    assert plan(vehicles={"count": 2}).with_link(2, from_s=5, delay_ms=8000).fly().link(2)["measured_loss"] == 0.0
+
+
+@pytest.mark.parametrize("way", [BOTH, DOWN])
+def test_a_link_that_dies_for_good_has_lost_what_the_vehicle_sends_by_itself(plan, way):
+    link = plan(vehicles={"count": 2}).with_link(2, from_s=5, **way).fly().link(2)
+    assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=0.04)
+    assert link["measured_loss"] > 0.55
+
+
+@pytest.mark.parametrize("kind", ["crash", "freeze"])
+def test_a_vehicle_that_is_to_fall_silent_has_a_link_without_loss(plan, kind):
+    faults = [{"kind": kind, "vehicles": [2], "at_s": 5}]
+    assert plan(vehicles={"count": 2}, faults=faults).fly().link(2)["measured_loss"] == 0.0
+
+
 @pytest.mark.slow
 def test_the_record_has_injected_delay_and_jitter_tick_by_tick(plan):
     """Of 60 s at 10 Hz the mean jitter is known to 4 %; it's that of the way down alone."""
