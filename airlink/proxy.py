@@ -17,7 +17,7 @@ from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
 from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
-from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, select_for
+from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, resolved, select_for
 
 MAX_REMOTES: Final = 256
 """Sockets towards the target. The remote silent longest is forgotten first, so strangers can't use up all sockets."""
@@ -82,7 +82,7 @@ class Proxy:
             EndpointError: the target is that socket itself, so that every datagram would go round for ever.
         """
         self._target = target
-        self._target_address = _resolved(target)
+        self._target_address = resolved(target).address
         self._relay = relay
         self._clock = RealClock()
         self._remotes: dict[Address, int] = {}
@@ -197,10 +197,3 @@ def _is_ours(host: str) -> bool:
         except OSError:
             return False
     return True
-
-
-def _resolved(endpoint: Endpoint) -> Address:
-    try:
-        return Address(socket.gethostbyname(endpoint.address.host), endpoint.address.port)
-    except OSError as error:
-        raise PortError(f"cannot send to {endpoint}: {error.strerror}") from error

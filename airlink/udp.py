@@ -68,6 +68,21 @@ def open_socket(endpoint: Endpoint, from_port: int = 0) -> socket.socket:
     return opened
 
 
+def resolved(endpoint: Endpoint) -> Endpoint:
+    """Return a `udpout` endpoint by its host's number, as which it answers; another as it is.
+
+    Raises:
+        PortError: the host isn't known.
+    """
+    address = endpoint.address
+    if endpoint.kind == "udpin":
+        return endpoint
+    try:
+        return Endpoint(endpoint.kind, Address(socket.gethostbyname(address.host), address.port))
+    except OSError as error:
+        raise PortError(f"cannot send to {endpoint}: {error.strerror}") from error
+
+
 def _bind(opened: socket.socket, port: int) -> None:
     try:
         opened.bind(("", port))

@@ -20,11 +20,11 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.cli import looking_seldom
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
-from airlink.endpoint import PortError
+from airlink.endpoint import Endpoint, PortError
 from airlink.engine import MemoryNetwork
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
-from airlink.udp import UdpDriver
+from airlink.udp import UdpDriver, resolved
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, slot_schedule
@@ -193,6 +193,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
         session.recorder.event(Event(clock.now(), RECORDING, text))
     try:
+        resolve_peers(session)
         with UdpDriver(session.engine, clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
                 details = {"endpoint": endpoint, "port": port}
@@ -202,6 +203,14 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
     return session
+
+
+def resolve_peers(session: Session) -> None:
+    """Have vehicles that are sent to by the names of their hosts known by the numbers that their answers come from."""
+    for vehicle in session.station.vehicles.values():
+        link = vehicle.connection
+        if link.peer is not None:
+            link.peer = resolved(Endpoint("udpout", link.peer)).address
 
 
 def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resumption, float]:

@@ -15,7 +15,7 @@ import click
 from airlink.cli import SECONDS, Number, Status, WholeNumber, fail
 from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
-from airlink.udp import UdpDriver
+from airlink.udp import UdpDriver, resolved
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import StartState
 from formation_scenario.fields import MAX_SYSTEM_ID
@@ -75,7 +75,8 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
     recording = TruthWriter(truth, len(config.vehicles)) if truth else None
     with recording or nullcontext():
         begun = clock.now()
-        fleet = Fleet(replace(config, utc_at_0_us=clock.utc_at_0_us), begun, recording)
+        vehicles = tuple(replace(each, endpoint=resolved(each.endpoint)) for each in config.vehicles)
+        fleet = Fleet(replace(config, vehicles=vehicles, utc_at_0_us=clock.utc_at_0_us), begun, recording)
 
         def over() -> bool:
             late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
@@ -83,7 +84,7 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
 
         with UdpDriver(fleet, clock) as driver:
             if not quiet:
-                click.echo("\n".join(map(_line, fleet.config.vehicles)))
+                click.echo("\n".join(map(_line, config.vehicles)))
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
 

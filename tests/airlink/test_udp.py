@@ -7,7 +7,7 @@ import pytest
 from airlink.clock import RealClock, after
 from airlink.endpoint import Address, PortError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.udp import Inbox, UdpDriver, open_socket, select_for
+from airlink.udp import Inbox, UdpDriver, open_socket, resolved, select_for
 from tests.airlink.engines import PlainEngine
 
 
@@ -118,3 +118,10 @@ def test_after_the_process_was_stopped_what_came_meanwhile_goes_before_the_timer
         selector.register(here, selectors.EVENT_READ)
         there.send(b"x")
         assert [key.fileobj for key, _ in select_for(selector, 0.01)] == [here]
+
+
+def test_a_peer_is_known_by_the_number_of_its_host_and_a_name_on_which_we_listen_stays():
+    assert str(resolved(parse_endpoint("udpout:localhost:9"))) == "udpout:127.0.0.1:9"
+    assert str(resolved(parse_endpoint("udpin:localhost:9"))) == "udpin:localhost:9"
+    with pytest.raises(PortError, match=r"cannot send to udpout:nowhere\.invalid:9"):
+        resolved(parse_endpoint("udpout:nowhere.invalid:9"))

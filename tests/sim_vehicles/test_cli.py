@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from airlink.frame import FrameWriter
+from airlink.messages.system import Timesync
 from sim_vehicles.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -126,3 +128,26 @@ def test_it_speaks_over_udp_and_ends_on_a_signal_without_a_word(number, status):
             _, said = process.communicate(timeout=LIMIT_S)
     assert first[0] == 0xFD
     assert (process.returncode, said) == (status, b"")
+
+
+def test_a_ground_station_by_the_name_of_its_host_is_one_peer_with_one_row_of_numbers(tmp_path):
+    path = tmp_path / "named.yaml"
+    with listener() as ground:
+        path.write_text(
+            "schema: 1\nname: named\nduration_s: 10\nvehicles:\n"
+            f'  - {{id: 1, role: leader, endpoint: "udpin:localhost:{ground.getsockname()[1]}"}}\n'
+            "path: {speed_mps: 22, waypoints_m: [[0, 0, 100], [500, 0, 100]]}\n"
+        )
+        command = [sys.executable, "-m", "sim_vehicles", str(path), "--speedup", "10"]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as process:
+            first, vehicle = ground.recvfrom(300)
+            ground.sendto(FrameWriter(255, 190).encode(Timesync(0, 1)), vehicle)
+            frames = [first]
+            while frames[-1][7:10] != bytes([111, 0, 0]):
+                frames.append(ground.recv(300))
+            process.terminate()
+            greeting, _ = process.communicate(timeout=LIMIT_S)
+    assert [frame[4] for frame in frames] == [number % 256 for number in range(len(frames))]
+    assert len(frames) > 1
+    assert greeting.decode().startswith("vehicle 1 sends to localhost:")

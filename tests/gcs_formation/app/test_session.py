@@ -12,6 +12,7 @@ from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.run import resolve_peers
 from gcs_formation.app.session import Session
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
@@ -36,3 +37,12 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     assert (link["injected_delay_ms"], link["injected_loss"], link["injected_loss_up"]) == (delay, delay, delay)
     injected_s = read_parquet(tmp_path / TIMESERIES)["injected_delay_s"]
     assert np.isnan(injected_s).all() if delay is None else not injected_s.any()
+
+
+def test_a_vehicle_that_is_sent_to_by_name_is_known_by_the_number_that_it_answers_from(tmp_path: Path) -> None:
+    planned = load_scenario(scenario(duration_s=1, vehicles={"count": 2, "endpoint": "udpout:localhost:9"}))
+    session = Session(planned, RunOptions(tmp_path), VirtualClock(), Progress(), Interrupts(), emulated=False)
+    resolve_peers(session)
+    session.recorder.close()
+    peers = {str(vehicle.connection.peer) for vehicle in session.station.vehicles.values()}
+    assert peers == {"127.0.0.1:9"}
