@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ steps of heading faster than anybody follows."""
 LEGS = 12
 """Waypoints of the straight path."""
 HEIGHT_CM = 14.0
+LEAST_ERROR = 1e-9
+"""A model's own flight has no error, and nothing flies that better."""
 UNITS = ("m/s", "rad", "m")
 
 
@@ -139,7 +142,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
     if not begin.hovers and begin.prompt_share == 1.0:
         airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
         errors["airframe"] = _rms(longest, by_airframe)
-        if bool(np.mean(errors["airframe"] / errors["equation (7)"]) < 1.0):
+        if is_nearer(errors["airframe"], errors["equation (7)"]):
             flown["airframe"] = by_airframe
             model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0])))
     figure = file.with_suffix(".png")
@@ -168,7 +171,7 @@ def report(found: Mapping[str, Any]) -> str:
     lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
     for name, each in found["lags"].items():
         unit = "" if name == "prompt_share" else "s"
-        lines.append(f"  {name:<12} {each['value']:6.2f} {unit:<2} ± {each['sigma']:.2f}")
+        lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
     lines.append("errors of its predictions, and what they explain of the change:")
     for name, unit in zip(CHANNELS, UNITS, strict=True):
         lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
@@ -181,6 +184,17 @@ def report(found: Mapping[str, Any]) -> str:
         lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
     lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
+
+
+def is_nearer(errors: Array, others: Array) -> bool:
+    """Return whether errors of speed, heading and height are smaller than others, on an average of their ratios."""
+    return bool(np.mean(errors / np.maximum(others, LEAST_ERROR)) < 1.0)
+
+
+def measured(value: float, sigma: float) -> str:
+    """Return a value with two significant digits of its standard deviation, and no more of its own."""
+    digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0.0 else 3
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
 def _begin(believed: Scenario | None, system: int) -> VehicleModel:

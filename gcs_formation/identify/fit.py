@@ -21,7 +21,7 @@ from flight_model.frequency_response import airframe_responses
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.recording import STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Of the predictions that equation (7) is fitted by: as long as what the law feeds forward takes to arrive."""
@@ -30,7 +30,11 @@ STRIDE = 5
 RESOLUTION = np.array([0.05, 0.005, 0.1])
 """Residuals of airspeed (m/s), heading (rad) and height (m) are weighed by these."""
 CORRELATED_S = 2.0
-"""Residuals this far apart count as independent."""
+"""Residuals this far apart count as independent in the search."""
+BLOCK_S = 20.0
+"""Stretches this long count as independent in the deviations: few predictions reach over a border."""
+WAIT_SIGMA_S = CYCLE_S / math.sqrt(12.0)
+"""How well it is known when setpoints acted: anywhere within a cycle of the vehicle's, and alike in a whole flight."""
 UNKNOWN = 0.5
 """Standard deviation of a lag's logarithm before anything was flown."""
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
@@ -55,7 +59,7 @@ LEAST_LAG_S = 0.2
 
 
 class Estimate(NamedTuple):
-    """One parameter and its standard deviation."""
+    """One parameter and its standard deviation: by the scatter between stretches, and by when setpoints acted."""
 
     value: float
     sigma: float
@@ -86,16 +90,21 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     start = np.log([getattr(begin, name) for name in names_fitted])
     windows = [_Windows.of(each) for each in recordings]
 
-    def errors_by(values: Array) -> Array:
-        aims = values.size > len(LAGS)
-        cut = [_Windows.of(_aimed(each, begin, *values[4:])) for each in recordings] if aims else windows
+    def errors_by(values: Array, later_s: float = 0.0) -> Array:
+        cut, aims = windows, values.size > len(LAGS)
+        if aims or later_s:
+            flown = [replace(each, commanded=_acting(each.commanded, later_s)) for each in recordings]
+            cut = [_Windows.of(_aimed(each, begin, *values[4:]) if aims else each) for each in flown]
         return np.concatenate([each.errors(values[:4], begin) for each in cut], axis=2)
 
     def errors_of(tried: Sequence[Array]) -> Array:
         return np.stack([_weighed(errors_by(np.exp(each))) for each in tried])
 
     repeated = HORIZON_S / STEP_S * CORRELATED_S / (STRIDE * STEP_S)
-    logs, covariance = _nearest(start, errors_of, np.full(start.size, UNKNOWN), repeated)
+    spreads = np.full(start.size, UNKNOWN)
+    logs = _nearest(start, errors_of, spreads, repeated)
+    late = _weighed(errors_by(np.exp(logs), WAIT_SIGMA_S))
+    covariance = _covariance(logs, errors_of, spreads, late, _blocks(windows))
     lags = np.exp(logs)
     lags[2:4] = np.sort(lags[2:4])
     lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
@@ -152,13 +161,13 @@ class _Windows:
     @classmethod
     def of(cls, recording: Recording) -> _Windows:
         """Cut a recording; the link's delay is taken out of when setpoints acted."""
-        points, late = round(HORIZON_S / STEP_S), round(recording.delay_s / STEP_S)
+        points, late = round(HORIZON_S / STEP_S), math.ceil(recording.delay_s / STEP_S)
         begins: Indices = np.arange(late, recording.seen.shape[1] - points, STRIDE, dtype=np.intp)
         steps: Indices = np.arange(points, dtype=np.intp)[:, None]
         airspeed, heading, height, climb = recording.seen[:, begins]
         none = np.zeros_like(airspeed)
         state = FlightStates(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
-        commanded = recording.commanded[:, begins + steps - late].transpose(1, 0, 2)
+        commanded = _acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
@@ -178,6 +187,25 @@ class _Windows:
         return self.seen - begin[:, None]
 
 
+def _acting(commanded: Array, late_s: float) -> Array:
+    """Return setpoints (3, K) as they act, `late_s` after they were sent."""
+    whole, part = divmod(late_s / STEP_S, 1.0)
+    points: Indices = np.arange(commanded.shape[1], dtype=np.intp) - int(whole)
+    newer, older = np.maximum(points, 0), np.maximum(points - 1, 0)
+    return (1.0 - part) * commanded[:, newer] + part * commanded[:, older]
+
+
+def _blocks(windows: Sequence[_Windows]) -> Indices:
+    """Return the stretch of `BLOCK_S` that each weighed error of predictions is of, (M,)."""
+    points, block = round(HORIZON_S / STEP_S), round(BLOCK_S / (STRIDE * STEP_S))
+    found, first = list[Indices](), 0
+    for each in windows:
+        of = first + np.arange(each.commanded.shape[2], dtype=np.intp) // block
+        found.append(of)
+        first = int(of[-1]) + 1
+    return np.tile(np.concatenate(found), 3 * points)
+
+
 def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
     constants = np.array([*lags, *limits.autopilot().values()[len(LAGS) :]])
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
@@ -188,10 +216,8 @@ def _weighed(errors: Array) -> Array:
     return (errors.reshape(3, -1) / RESOLUTION[:, None]).ravel()
 
 
-def _nearest(
-    start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float
-) -> tuple[Array, Array]:
-    """Return the logarithms of P parameters that come nearest to what was measured, and their covariance (P, P).
+def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float) -> Array:
+    """Return the logarithms (P,) of the parameters that come nearest to what was measured.
 
     Gauss-Newton with errors beyond one resolution weighed by their size, held by a normal prior about `start`.
 
@@ -201,20 +227,49 @@ def _nearest(
         spreads: (P,) standard deviations before anything was flown.
         repeated: how many errors tell what one does.
     """
-    logs, count = start, len(start)
+    logs = start
     prior: Array = np.diag(spreads**-2.0)
-    covariance: Array = np.diag(spreads**2.0)
     for _ in range(ITERATIONS):
-        errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(count))])
-        error: Array = errors[0]
-        slopes: Array = (errors[1:] - error) / NUDGE
-        weights = 1.0 / np.maximum(np.abs(error), 1.0)
+        error, slopes, weights = _linear(logs, errors_of)
         worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
         weighed = slopes * weights**2 * worth
-        covariance = np.linalg.inv(weighed @ slopes.T + prior).astype(np.float64)
-        step: Array = covariance @ (weighed @ error + prior @ (logs - start))
+        gain = weighed @ error + prior @ (logs - start)
+        step: Array = np.linalg.solve(weighed @ slopes.T + prior, gain)
         logs = (logs - np.clip(step, -STEP_MAX, STEP_MAX)).astype(np.float64)
-    return logs, covariance
+    return logs
+
+
+def _linear(logs: Array, errors_of: Callable[[Sequence[Array]], Array]) -> tuple[Array, Array, Array]:
+    """Return the weighed errors (M,) there, their slopes (P, M) and what each error counts, (M,)."""
+    errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(len(logs)))])
+    error: Array = errors[0]
+    return error, (errors[1:] - error) / NUDGE, 1.0 / np.maximum(np.abs(error), 1.0)
+
+
+def _covariance(
+    logs: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, late: Array, blocks: Indices
+) -> Array:
+    """Return the covariance (P, P) of the logarithms found.
+
+    Within a block errors are correlated as they like: what counts is the scatter of what blocks pull at (Liang and
+    Zeger, "Longitudinal data analysis using generalized linear models", 1986). By Huber's weights: the search's own
+    fall off so fast that large errors, which scatter most, would pull at nothing.
+
+    Args:
+        logs: (P,) where the search ended.
+        errors_of: as in the search.
+        spreads: (P,) standard deviations before anything was flown, beyond which nothing is uncertain.
+        late: (M,) the errors if setpoints acted one standard deviation of `WAIT_SIGMA_S` later.
+        blocks: (M,) the number of each error's block.
+    """
+    error, slopes, weights = _linear(logs, errors_of)
+    weighed, count = slopes * weights, int(blocks[-1]) + 1
+    inverse = np.linalg.inv(weighed @ slopes.T + LEAST_VARIANCE * np.diag(spreads**-2.0))
+    pulls = np.stack([np.bincount(blocks, each, count) for each in weighed * error])
+    moved = inverse @ (weighed @ (late - error))
+    found = count / max(count - 1, 1) * (inverse @ pulls @ pulls.T @ inverse) + np.outer(moved, moved)
+    known = np.linalg.inv(found + LEAST_VARIANCE * np.eye(len(logs))) + np.diag(spreads**-2.0)
+    return np.linalg.inv(known).astype(np.float64)
 
 
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
@@ -223,11 +278,11 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     airspeed, heading, height, climb = recording.seen[:, :1]
-    none, step_s, late = np.zeros(1), np.full(1, STEP_S), round(recording.delay_s / STEP_S)
+    none, step_s, acting = np.zeros(1), np.full(1, STEP_S), _acting(recording.commanded, recording.delay_s)
     state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), list[Array]()
     for point in range(recording.seen.shape[1]):
         flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
-        state = advance(state, recording.commanded[:, max(point - late, 0), None], step_s, columns)
+        state = advance(state, acting[:, point, None], step_s, columns)
     return np.array(flown).T
 
 
@@ -242,7 +297,7 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
         flown = (_flown_by(recording, _with(begin, each), turn_rate_max_rps) for each in tried)
         return np.stack([_weighed(each - recording.seen[:3]) for each in flown])
 
-    logs, _ = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
+    logs = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
     best = _with(begin, logs)
     return best, _flown_by(recording, best, turn_rate_max_rps)
 
@@ -270,12 +325,10 @@ def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps:
     p = AirframeParameters.of(airframe.parameters())
     airspeed, heading, height, climb = recording.seen[:, 0].tolist()
     aircraft = energy.Aircraft(height, climb, airspeed, heading)
-    late = round((recording.delay_s + p.dead_time_s) / STEP_S)
     energy.trim(aircraft, p)
-    setpoints, flown = recording.commanded.T.tolist(), list[tuple[float, float, float]]()
-    for point in range(len(setpoints)):
+    acting, flown = _acting(recording.commanded, recording.delay_s + p.dead_time_s), list[tuple[float, float, float]]()
+    for speed, direction, up in acting.T.tolist():
         flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
-        speed, direction, up = setpoints[max(point - late, 0)]
         bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
         commanded = energy.Commanded(speed, math.inf, direction, bank, up)
         energy.control(aircraft, commanded, p)

@@ -29,6 +29,8 @@ UNTOLD_S = 2.5 * REPEAT_S
 """So does a setpoint older than this: one that doesn't change is told each `REPEAT_S` and a tick, and may be lost."""
 SETTLING_S = 15.0
 """What comes of a take-off, before the setpoints alone steer, isn't learnt from."""
+CYCLE_S = 0.02
+"""Of a fixed wing's main loop (50 Hz, ArduPlane's SCHED_LOOP_RATE), for whose next turn a setpoint waits."""
 MOVES_MPS = 1.0
 """What flies more slowly has no course to learn from."""
 LEAST_S = 30.0
@@ -70,7 +72,7 @@ class Recording:
     seen: Array
     """(4, K) airspeed (m/s), heading (rad, not wrapped), height (m above sea level) and climb (m/s)."""
     commanded: Array
-    """(3, K) setpoints of speed, heading and height that had been sent by then."""
+    """(3, K) setpoints of speed, heading and height as taken: the mean over the step that begins there."""
     delay_s: float = 0.0
     """Of the link, both ways: that much of what is late isn't the vehicle's."""
     names: tuple[str, ...] = SEEN
@@ -118,8 +120,8 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
         raise RecordError(f"{log}: {error.strerror or error}") from error
     except ValueError as error:
         raise RecordError(f"{log}: found {error}; allowed: a log as ArduPilot writes it") from error
-    delays = delays_s or {}
-    found = [_gridded(system, each, delays.get(system, 0.0)) for system, each in sorted(vehicles.items())]
+    delays, wait_s = delays_s or {}, 0.0 if log.suffix.lower() == DATAFLASH else CYCLE_S / 2
+    found = [_gridded(system, each, delays.get(system, 0.0), wait_s) for system, each in sorted(vehicles.items())]
     kept = [each for each in found if each is not None]
     if not kept:
         wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
@@ -189,8 +191,8 @@ def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLo
         samples.add(at_s, {"speed": math.hypot(north, east), "heading": math.atan2(east, north), "height": height_m})
 
 
-def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None:
-    """Return the longest stretch in which all is there; None where it is too short."""
+def _gridded(system: int, samples: _Samples, delay_s: float, wait_s: float) -> Recording | None:
+    """Return the longest stretch in which all is there, setpoints taken `wait_s` late; None where it is too short."""
     names = samples.seen
     if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *names)):
         return None
@@ -201,11 +203,10 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
         return None
     for angle in ("heading", names[1]):
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
-    newest = {name: _newest(each, at_s) for name, each in every.items()}
-    commanded = np.array([newest[name][:, 1] for name in CHANNELS])
+    commanded = np.array([_held(every[name], at_s - wait_s) for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
     limits_s = {name: UNTOLD_S if name in CHANNELS else SILENT_S for name in every}
-    fresh = np.all([at_s - each[:, 0] < limits_s[name] for name, each in newest.items()], axis=0)
+    fresh = np.all([at_s - _newest_s(each, at_s) < limits_s[name] for name, each in every.items()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if names == HOVERING_SEEN:
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
@@ -217,9 +218,18 @@ def _gridded(system: int, samples: _Samples, delay_s: float) -> Recording | None
     return Recording(system, seen, commanded, delay_s, names)
 
 
-def _newest(samples: Array, at_s: Array) -> Array:
-    """Return the newest time and value (K, 2) at each moment (K,)."""
-    return samples[np.maximum(np.searchsorted(samples[:, 0], at_s, side="right") - 1, 0)]
+def _newest_s(samples: Array, at_s: Array) -> Array:
+    """Return the time of the newest sample at each moment, (K,)."""
+    return samples[np.maximum(np.searchsorted(samples[:, 0], at_s, side="right") - 1, 0), 0]
+
+
+def _held(samples: Array, at_s: Array) -> Array:
+    """Return the mean over the step after each moment (K,) of a value that is held until the next sample."""
+    ends_s = np.append(samples[1:, 0], max(samples[-1, 0], at_s[-1]) + 2 * STEP_S)
+    first = samples[0, 1]
+    summed = np.concatenate(([0.0], np.cumsum((samples[:, 1] - first) * (ends_s - samples[:, 0]))))
+    begin, end = (np.interp(each, np.append(samples[:, 0], ends_s[-1]), summed) for each in (at_s, at_s + STEP_S))
+    return first + (end - begin) / STEP_S
 
 
 def _longest(flags: Array) -> slice:

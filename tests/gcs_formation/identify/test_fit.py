@@ -8,9 +8,10 @@ import pytest
 from flight_model import energy
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.fit import LAGS, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.command import is_nearer, measured
+from gcs_formation.identify.fit import LAGS, WAIT_SIGMA_S, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.fit import _flown_by as flown_by_airframe
-from gcs_formation.identify.recording import STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)
 POINTS = 900
@@ -60,6 +61,44 @@ def test_the_links_delay_isnt_taken_for_the_vehicles():
     late = recording(np.roll(true.seen, 5, axis=1), true.commanded, 0.5)
     late.seen[:, :5] = true.seen[:, :1]
     assert fit([late], VehicleModel()).estimates["tau_v_s"].value == pytest.approx(TRUE.tau_v_s, rel=0.1)
+
+
+@pytest.mark.parametrize("late_s", [-CYCLE_S / 2, CYCLE_S / 2])
+def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(late_s):
+    seen = flown(TRUE, stepped()).seen
+    found = fit([recording(seen, flown(TRUE, stepped()).commanded, 0.1 + late_s)], TRUE).estimates
+    punctual = fit([recording(seen, stepped(), 0.1)], TRUE).estimates
+    for name in LAGS:
+        assert abs(found[name].value - punctual[name].value) < 2.0 * found[name].sigma
+    for name in ("tau_v_s", "tau_psi_s"):
+        assert found[name].sigma > 0.7 * WAIT_SIGMA_S
+        assert abs(found[name].value - punctual[name].value) == pytest.approx(abs(late_s), rel=0.6)
+
+
+def test_the_deviations_cover_errors_that_last():
+    """It aims 5 cm/s beside its setpoint for 3 s or so, which each prediction that begins meanwhile finds again."""
+    kept, misses, commanded = math.exp(-STEP_S / 3.0), [], np.tile(stepped(), 3)
+    for seed in range(6):
+        noise, aimed = np.random.default_rng(seed).standard_normal(commanded.shape[1]), commanded.copy()
+        beside = 0.0
+        for point, each in enumerate(noise.tolist()):
+            beside = kept * beside + math.sqrt(1.0 - kept**2) * 0.05 * each
+            aimed[0, point] += beside
+        found = fit([recording(flown(TRUE, aimed).seen, commanded)], TRUE).estimates["tau_v_s"]
+        misses.append((found.value - TRUE.tau_v_s) / found.sigma)
+    assert np.sqrt(np.mean(np.square(misses))) < 1.5
+
+
+def test_a_deviation_is_printed_with_two_digits():
+    assert measured(4.0102, 0.0063) == "4.0102 ± 0.0063"
+    assert measured(1.5108, 0.0213) == "1.511 ± 0.021"
+    assert measured(25.3, 12.4) == "25 ± 12"
+    assert measured(4.0, 0.0) == "4.000 ± 0.000"
+
+
+def test_nothing_flies_nearer_than_without_an_error():
+    assert not is_nearer(np.array([0.3, 0.004, 0.8]), np.zeros(3))
+    assert is_nearer(np.array([0.1, 0.01, 0.1]), np.array([0.3, 0.01, 0.8]))
 
 
 def test_what_was_hardly_moved_is_said():

@@ -17,7 +17,7 @@ from formation_scenario.formation import Step, added
 from gcs_formation.cli.run_and_fly import identify
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.command import identification_scenario
-from gcs_formation.identify.recording import SETTLING_S, STEP_S, recordings
+from gcs_formation.identify.recording import SETTLING_S, STEP_S, _held, recordings
 from gcs_formation.record.run_directory import TlogWriter
 
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
@@ -51,6 +51,11 @@ def test_a_log_gives_what_was_told_and_seen(tmp_path):
     assert np.ptp(np.diff(found.seen[1])) < 1e-3
     assert found.seen[1, -1] - found.seen[1, 0] == pytest.approx(0.1 * (found.duration_s - STEP_S), abs=0.02)
     assert np.abs(found.commanded[1] - found.seen[1]).max() < 0.03
+
+
+def test_a_setpoint_told_within_a_step_counts_for_what_is_left_of_it():
+    told = np.array([[0.0, 1.0], [0.53, 3.0], [2.0, 3.0]])
+    assert _held(told, np.array([-0.05, 0.4, 0.5, 0.6, 2.0])) == pytest.approx([1.0, 1.0, 2.4, 3.0, 3.0])
 
 
 def test_setpoints_that_are_told_again_each_second_or_so_break_no_recording(tmp_path):
