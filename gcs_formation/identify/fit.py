@@ -234,7 +234,7 @@ def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spread
         worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
         weighed = slopes * weights**2 * worth
         gain = weighed @ error + prior @ (logs - start)
-        step: Array = np.linalg.solve(weighed @ slopes.T + prior, gain)
+        step = np.linalg.solve(weighed @ slopes.T + prior, gain).astype(np.float64)
         logs = (logs - np.clip(step, -STEP_MAX, STEP_MAX)).astype(np.float64)
     return logs
 
