@@ -216,6 +216,9 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
         believed = load(source, overrides)
         recorded = run_dir or default_directory(f"{believed.name}-identify")
         emulated = all(each.autopilot == "emulator" for each in believed.vehicles)
+        if emulated and given["speedup"] != 1.0:
+            found = f"found {given['speedup']:g} of emulated vehicles alone, which fly as fast as the processor allows"
+            fail(f"--speedup: {found}; allowed: none, or with vehicles at the scenario's endpoints")
         options = _run_options(recorded, {"clock": "virtual" if emulated else "real", **given})
         with Interrupts() as interrupts:
             _flown(_fly_steps, believed, options, interrupts, quiet=quiet)

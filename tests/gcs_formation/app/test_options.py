@@ -26,12 +26,13 @@ def test_what_the_command_line_refuses_is_refused_from_python_too(wrong) -> None
 
 
 def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -> None:
-    """Emulated vehicles fly their steps under the virtual clock, which no speed-up makes faster."""
+    """Emulated vehicles fly their steps at once; what is allowed there is no option of another command."""
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text("vehicles: {count: 2}\npath: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n")
     told = CliRunner().invoke(main, ["identify", str(scenario), "--speedup", "10", "--run-dir", str(tmp_path / "run")])
     assert told.exit_code == Status.BAD_USAGE
-    assert "speedup: found 10 under the virtual clock" in told.output
+    assert "--speedup: found 10 of emulated vehicles alone, which fly as fast" in told.output
+    assert "the real clock" not in told.output
     assert not (tmp_path / "run").exists()
 
 
