@@ -33,6 +33,11 @@ def __getattr__(name: str) -> object:
     return getattr(import_module(_HOME[name]), name)
 
 
+def __dir__() -> list[str]:
+    """Return what is here already and what is imported on first use."""
+    return sorted({*globals(), *_HOME})
+
+
 __all__ = [
     "Answer",
     "NothingRunningError",

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from airlink.cli import default_directory
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.load import settings
 from formation_scenario.orders import Answer, parse_order
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
@@ -20,6 +21,9 @@ from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.summary import Summary as RecordedSummary
+
+OPTIONS = ("clock", "speedup", "until", "out", "overwrite")
+"""What `run` takes beside keys of scenarios."""
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]
 
@@ -40,6 +44,16 @@ class Summary(RecordedSummary):
         from gcs_formation.report.page import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
 
         return write_report(self.run_dir)
+
+    def __repr__(self) -> str:
+        """Return what came of the run in a line; `to_dict()` has the figures."""
+        found, parts = self.to_dict(), [str(self.run_dir), "held" if self.held else "not held"]
+        parts.append(f"{found['duration_s']:.1f} s")
+        for follower, each in found["followers"].items():
+            rms = [each[f"error_{axis}_m"]["rms"] for axis in "xyz"]
+            told = " / ".join("-" if value is None else f"{value:.2f}" for value in rms)
+            parts.append(f"{follower}: {told} m RMS")
+        return f"Summary({', '.join(parts)})"
 
 
 def run(
@@ -71,6 +85,7 @@ def run(
     """
     if out == "":
         raise ValueError("out: found ''; allowed: a directory")
+    _require_known(overrides)
     loaded = load_scenario(scenario, settings(overrides), option="")
     directory = default_directory(loaded.name) if out is None else Path(out)
     options = RunOptions(directory, clock, speedup, until, overwrite)
@@ -79,6 +94,17 @@ def run(
     if interrupts.count:
         raise KeyboardInterrupt
     return Summary(summary.figures, summary.verdicts, summary.breaches, directory)
+
+
+def _require_known(overrides: Mapping[str, Any]) -> None:
+    """Refuse a keyword that is neither an option of `run` nor begins with a key of scenarios."""
+    keys = [field.alias or name for name, field in Scenario.model_fields.items()]
+    for name in overrides:
+        first = name.replace("__", ".").split(".")[0]
+        if first not in keys:
+            near = did_you_mean(first, [*OPTIONS, *keys])
+            options = f"an option of run ({', '.join(OPTIONS)}), or a key: {', '.join(keys)}"
+            raise refused(name, f"found an unknown key '{first}'", f"{options}{near}")
 
 
 def study(

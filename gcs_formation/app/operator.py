@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import os
 import select
 import signal
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args
@@ -62,13 +63,18 @@ class RunOptions:
         """Refuse values that the command line refuses as well."""
         if self.clock not in get_args(ClockName):
             raise ValueError(f"clock: found {self.clock!r}; allowed: {', '.join(get_args(ClockName))}")
-        if not 0.01 <= self.speedup <= 1000.0:
+        if not _is_number(self.speedup, 0.01, 1000.0):
             raise ValueError(f"speedup: found {self.speedup!r}; allowed: a number from 0.01 to 1000")
         if self.clock == "virtual" and self.speedup != 1.0:
             found = f"found {self.speedup:g} under the virtual clock, which is as fast as the processor allows"
             raise ValueError(f"speedup: {found}; allowed: none, or the real clock")
-        if self.until_s is not None and not 0.0 <= self.until_s < math.inf:
+        if self.until_s is not None and not _is_number(self.until_s, 0.0, sys.float_info.max):
             raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")
+
+
+def _is_number(found: object, least: float, most: float) -> bool:
+    """Return whether what a script gave is a number within bounds."""
+    return isinstance(found, Real) and least <= float(found) <= most
 
 
 class Interrupts:

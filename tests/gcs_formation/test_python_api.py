@@ -67,3 +67,31 @@ def test_a_wrong_key_is_named_as_it_was_given_and_not_as_an_option_of_the_comman
 def test_an_empty_directory_name_is_none() -> None:
     with pytest.raises(ValueError, match="out: found ''; allowed: a directory"):
         gcs_formation.run(scenario(), out="")
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"until": "x"}, "until: found 'x'; allowed: a number >= 0"),
+        ({"speedup": None}, "speedup: found None; allowed: a number from 0.01 to 1000"),
+    ],
+)
+def test_an_option_that_is_no_number_is_refused(tmp_path: Path, keys: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        gcs_formation.run(scenario(), clock="virtual", out=tmp_path / "run", **keys)
+
+
+def test_a_mistyped_option_is_told_the_nearest_option_or_key() -> None:
+    for name, near in (("untl", "until"), ("clok", "clock"), ("law_", "law")):
+        with pytest.raises(gcs_formation.ScenarioError, match=rf"clock, speedup, until, .*did you mean '{near}'"):
+            gcs_formation.run(scenario(), **{name: 3})
+
+
+def test_what_is_imported_on_first_use_is_listed() -> None:
+    assert set(gcs_formation.__all__) <= set(dir(gcs_formation))
+
+
+def test_a_summary_is_shown_in_a_line(tmp_path: Path) -> None:
+    each = {f"error_{axis}_m": {"rms": rms} for axis, rms in zip("xyz", (0.123, 0.2, None), strict=True)}
+    shown = gcs_formation.Summary({"duration_s": 9.96, "followers": {"2": each}}, (), (), tmp_path)
+    assert repr(shown) == f"Summary({tmp_path}, held, 10.0 s, 2: 0.12 / 0.20 / - m RMS)"
