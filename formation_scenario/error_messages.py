@@ -40,7 +40,7 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     if error in UNKNOWN_KEY:
         parent = _expected(model, loc[:-1])
         keys = _keys(parent.type) if is_group(parent.type) else []
-        near = did_you_mean(str(loc[-1]), keys)
+        near = did_you_mean(str(loc[-1]), keys) or _deeper(parent.type, loc[-1], (*above, *parent.path))
         path = (*above, *parent.path, loc[-1])
         return source.problem(path, f"found an unknown key '{loc[-1]}'", ", ".join(keys) + near)
     if MAPPING_KEY in loc:
@@ -67,6 +67,18 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
 
 def _keys(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _deeper(group: object, name: Key, above: KeyPath) -> str:
+    """Return " (did you mean 'x.y'?)" for a key of this name within a group's own groups, "" when there is none."""
+    if not is_group(group):
+        return ""
+    inner = {key: bare(_inner(group, key))[0] for key in _keys(group)}
+    groups = {key: each for key, each in inner.items() if is_group(each)}
+    found = next((dotted((*above, key, name)) for key, each in groups.items() if name in _keys(each)), "")
+    if found:
+        return f" (did you mean '{found}'?)"
+    return next((near for key, each in groups.items() if (near := _deeper(each, name, (*above, key)))), "")
 
 
 def _value_at(data: Plain, path: KeyPath) -> Plain:

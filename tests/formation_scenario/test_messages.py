@@ -1,4 +1,5 @@
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -162,3 +163,10 @@ def test_a_list_whose_only_item_is_wrong_is_not_called_empty():
     with pytest.raises(ScenarioError) as refused:
         load_scenario({"vehicles": [{"id": 0}], "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
     assert [problem.key for problem in refused.value.problems] == ["vehicles.0.id"]
+
+
+def test_a_key_of_a_group_within_is_named_where_it_is():
+    with pytest.raises(ScenarioError, match=r"unknown key 'delay_ms'.*did you mean 'links\.default\.delay_ms'\?"):
+        load_scenario(yaml.safe_load(BASE), ["links.delay_ms=300"])
+    with pytest.raises(ScenarioError, match=r"did you mean 'law\.fuzzy\.tables'\?"):
+        load_scenario(yaml.safe_load(BASE), ["law.tables=printed"])
