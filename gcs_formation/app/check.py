@@ -59,7 +59,7 @@ def check_text(scenario: Scenario) -> str:
     law_text = _consensus_text if law_kind(scenario).mutual else _followers_text
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
-    stood = ", ".join(f"{loop} {margin_s:.3f}" for loop, margin_s in mismatch_margins_s(scenario).items())
+    stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
     lags_off, mismatch_lags_off_s = lag_margins(scenario)
     if stood:
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
@@ -114,6 +114,8 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
 def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
     """Return what each predicted loop stands where lags aren't the model's, about the longest configured delay.
 
+    A loop that is unstable without any delay stands nothing.
+
     The first is the share of itself by which every lag may be off, the second the mismatch of the delay with every lag
     up to `LAGS_OFF` off, s. Without prediction there is none.
     """
@@ -124,6 +126,9 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
         for loop in loops:
             off[axis] = min(lag_margin(loop, delay_s), off.get(axis, np.inf))
             mismatch_s[axis] = min(mismatch_margin_with_lags_off(loop, delay_s), mismatch_s.get(axis, np.inf))
+    unstable = [axis for axis, margin_s in law_margins(scenario).small_signal.items() if margin_s <= 0.0]
+    off |= {axis: 0.0 for axis in unstable if axis in off}
+    mismatch_s |= {axis: min(0.0, mismatch_s[axis]) for axis in unstable if axis in mismatch_s}
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
@@ -146,7 +151,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
             enough_hz = f"law.rate_hz of {math.ceil(50.0 / (NEAR * margin_s)) / 100.0:g} or more"
             yield f"loop {loop}: setpoints are held for {share}; no prediction makes up for that, {enough_hz} does"
     for loop, share in lags_off.items():
-        if share < LAGS_OFF:
+        if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
             stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
             yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
@@ -157,7 +162,12 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
-    for found in (check_warnings.slots_of_no_shape, check_warnings.too_old, check_warnings.refused_rate):
+    for found in (
+        check_warnings.slots_of_no_shape,
+        check_warnings.bursts_of_nothing,
+        check_warnings.too_old,
+        check_warnings.refused_rate,
+    ):
         if text := found(scenario):
             yield text
     yield from check_warnings.never_reached(scenario)
@@ -172,7 +182,7 @@ def _followers_text(scenario: Scenario) -> Iterator[str]:
     yield f"# communication graph: star; {leader} is heard by {followers}"
     yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
     for vehicle, each in follower_margins(scenario).items():
-        axes = ", ".join(f"{axis} {each.small_signal[axis]:.3f} / {each.worst[axis]:.3f}" for axis in "xyz")
+        axes = ", ".join(f"{axis} {_seconds(each.small_signal[axis])} / {_seconds(each.worst[axis])}" for axis in "xyz")
         yield f"#   vehicle {vehicle}: {axes}"
 
 
@@ -184,7 +194,7 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
         yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
     along_s, across_s = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
-    yield f"#   {min(along_s, across_s):.3f}: along {along_s:.3f}, across {across_s:.3f}"
+    yield f"#   {_seconds(min(along_s, across_s))}: along {_seconds(along_s)}, across {_seconds(across_s)}"
 
 
 def _design_text(scenario: Scenario) -> Iterator[str]:
@@ -203,9 +213,14 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
         )
 
 
+def _seconds(margin_s: float) -> str:
+    """Return a margin as it is printed; what is a hair below 0 is 0."""
+    return f"{round(margin_s, 3) + 0.0:.3f}"
+
+
 def _listed(margins: Mapping[str, float], form: str) -> str:
     return ", ".join(f"{loop} {margin:{form}}" for loop, margin in margins.items())
 
 
 def _finite(margins: Mapping[str, float]) -> dict[str, float | None]:
-    return {loop: float(value) if np.isfinite(value) else None for loop, value in margins.items()}
+    return {loop: float(value) + 0.0 if np.isfinite(value) else None for loop, value in margins.items()}

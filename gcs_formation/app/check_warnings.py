@@ -223,6 +223,17 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
     return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
 
 
+def bursts_of_nothing(scenario: Scenario) -> str | None:
+    """Return that losses are said to come in bursts where nothing is lost; None where they aren't."""
+    for vehicle in scenario.vehicles:
+        for ways in zip(*(step[1:] for step in scenario.link_steps(vehicle)), strict=True):
+            bursts = [way.mean_burst for way in ways if way.mean_burst is not None]
+            if bursts and not any(way.loss > 0.0 for way in ways):
+                link = f"mean_burst: found {bursts[0]:g} with a loss of 0 (vehicle {vehicle.vehicle_id})"
+                return f"links: {link}, which does nothing; loss says how much is lost"
+    return None
+
+
 def doomed_orders(scenario: Scenario) -> Iterator[str]:
     """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
     from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415 - most scenarios have no orders

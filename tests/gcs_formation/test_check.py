@@ -16,7 +16,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.model import graph_adjacency
-from gcs_formation.app.check import check_report
+from gcs_formation.app.check import _seconds, check_report
 from gcs_formation.app.check_warnings import (
     Assembly,
     assembly,
@@ -364,3 +364,23 @@ def test_slots_that_no_shape_of_the_flight_has_are_warned_of() -> None:
     assert found == "formation.slots_m: found slots; shape line has its own, only custom has these"
     for formation in ({"shape": "custom"}, {"changes": [{"at_s": 20, "shape": "custom"}]}):
         assert slots_of_no_shape(load_scenario(keys | {"formation": slots_m | formation})) is None
+
+
+def test_bursts_of_no_loss_are_warned_of() -> None:
+    keys = {"vehicles": {"count": 3}, "path": PLAIN["path"], "links": {"default": {"mean_burst": 5}}}
+    (told,) = [text for text in check_report(load_scenario(keys))["warnings"] if "mean_burst" in text]
+    assert told.startswith("links: mean_burst: found 5 with a loss of 0 (vehicle 1), which does nothing")
+    later = load_scenario(keys, ["links.changes=[{at_s: 9, vehicles: all, loss: 0.1}]"])
+    assert not [text for text in check_report(later)["warnings"] if "mean_burst" in text]
+
+
+def test_a_loop_that_is_unstable_without_delay_stands_nothing_else() -> None:
+    keys = {"vehicles": {"count": 3}, "path": PLAIN["path"]}
+    told = check_report(load_scenario(keys, ["law.fuzzy.base=0", "law.fuzzy.span=0"]))
+    assert "loop x is unstable without any delay" in told["warnings"]
+    assert (told["lag_margin"]["x"], told["mismatch_margin_lags_off_s"]["x"]) == (0.0, 0.0)
+    assert not [text for text in told["warnings"] if text.startswith("loop x: at")]
+
+
+def test_a_margin_of_nothing_has_no_sign() -> None:
+    assert (_seconds(-0.0001), _seconds(-0.5)) == ("0.000", "-0.500")
