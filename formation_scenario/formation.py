@@ -144,7 +144,12 @@ class Consensus(Keys):
     k1: NonNegative = key(0.1, "gain on positions, 1/s²", 0.05)
     k2: NonNegative = key(0.6, "gain on velocities, 1/s", 0.5)
     k3: NonNegative = key(0.25, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
-    graph: Graph = key("star", "who hears whom: a name, or weights [p][q] > 0 where vehicle p hears q", "ring")
+    graph: Graph = key(
+        "star",
+        "who hears whom: a name, each undirected (in a star all hear the leader, and it all), or weights [p][q] > 0 "
+        "where vehicle p hears q",
+        "ring",
+    )
 
 
 class Law(Keys):
