@@ -155,7 +155,7 @@ def _follower_groups(figures: dict[str, Any]) -> list[Group]:
     return [
         Group(("vehicle", "max x", "y", "z"), largest, keep=4),
         Group(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
-        Group(("settled s",), [(_number(follower["settled_at_s"], 1),) for follower in shown.values()], keep=3),
+        Group(("settled s",), [(_settled(follower),) for follower in shown.values()], keep=3),
         Group(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
         Group(("up", "down"), ways, keep=0),
     ]
@@ -175,6 +175,12 @@ def _safety(figures: dict[str, Any]) -> str:
         f"{_number(safety['min_clearance_m'], 1)} m, {safety['violations']} violations; "
         f"{control['late_ticks']} of {control['ticks']} ticks late"
     )
+
+
+def _settled(follower: dict[str, Any]) -> str:
+    """Return when a follower settled, and when it left its slot again."""
+    settled, left_s = _number(follower["settled_at_s"], 1), follower["left_at_s"]
+    return settled if left_s is None else f"{settled}, left {left_s:.1f}"
 
 
 def _number(value: float | None, digits: int = 2) -> str:

@@ -149,6 +149,8 @@ def _settled(followers: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     ]
     largest, name, axis = max(steady, default=(None, "", ""))
     last = f"the last at {max(settled):.1f} s" if settled else "never within 0.5 m for 10 s"
+    left = [follower["left_at_s"] for follower in followers.values() if follower["left_at_s"] is not None]
+    last += f"; {len(left)} left again, the first at {min(left):.1f} s" if left else ""
     whose = f"vehicle {name}, axis {axis}" if name else "none settled"
     return [
         ("Settled", f"{len(settled)} of {len(times)}", last),

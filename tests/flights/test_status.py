@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 import gcs_formation
 from gcs_formation.app.progress import progress_parts
-from gcs_formation.app.result_text import status_page, summary_text
+from gcs_formation.app.result_text import _settled, status_page, summary_text
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
@@ -40,3 +42,8 @@ def test_the_result_says_what_was_flown_and_what_came_before_and_fits(tmp_path: 
         lines = summary_text(summary, Path("run"), width).splitlines()
         assert max(map(len, lines)) <= width
         assert any(line.split()[:2] == ["vehicle", "max"] for line in lines)
+
+
+@pytest.mark.parametrize(("left_s", "told"), [(None, "0.1"), (53.14, "0.1, left 53.1")])
+def test_the_result_says_when_one_that_had_settled_left_its_slot(left_s: float | None, told: str) -> None:
+    assert _settled({"settled_at_s": 0.1, "left_at_s": left_s}) == told

@@ -161,3 +161,11 @@ def test_a_run_that_never_settled_says_so(make_run):
     text = cards(load_run(make_run(flown_s=3.0)))
     assert "0 of 3" in text
     assert "never within 0.5 m for 10 s" in text
+
+
+def test_those_that_settled_and_left_are_counted(make_run):
+    run = load_run(make_run(flown_s=3.0))
+    first, second, _ = run.summary["followers"].values()
+    first |= {"settled_at_s": 0.1, "left_at_s": 53.14}
+    second |= {"settled_at_s": 0.3, "left_at_s": 60.0}
+    assert "the last at 0.3 s; 2 left again, the first at 53.1 s" in cards(run)
