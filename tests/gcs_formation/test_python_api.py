@@ -83,8 +83,9 @@ def test_an_option_that_is_no_number_is_refused(tmp_path: Path, keys: dict[str, 
 
 def test_a_mistyped_option_is_told_the_nearest_option_or_key() -> None:
     for name, near in (("untl", "until"), ("clok", "clock"), ("law_", "law")):
+        mistyped: dict[str, Any] = {name: 3}
         with pytest.raises(gcs_formation.ScenarioError, match=rf"clock, speedup, until, .*did you mean '{near}'"):
-            gcs_formation.run(scenario(), **{name: 3})
+            gcs_formation.run(scenario(), **mistyped)
 
 
 def test_what_is_imported_on_first_use_is_listed() -> None:
