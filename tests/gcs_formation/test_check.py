@@ -239,10 +239,15 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
 
 def test_what_until_cuts_off_is_never_reached() -> None:
     changes = {"changes": [{"at_s": 20, "delay_ms": 300}]}
-    expect = [{"metric": "late_ticks", "to_s": 150, "below": 1}]
-    scenario = load_scenario(PLAIN | {"links": changes, "duration_s": 600, "expect": expect})
+    keys = PLAIN | {"links": changes, "expect": [{"metric": "error_x_m.max", "to_s": 150, "below": 1}]}
+    scenario = load_scenario(keys | {"duration_s": 100})
     assert list(never_reached(scenario, 10.0)) == ["links.changes.0.at_s: found 20; the flight is over at 10 s"]
-    assert [text.partition(":")[0] for text in never_reached(scenario, 140.0)] == ["duration_s"]
+    assert [text.partition(":")[0] for text in never_reached(scenario, 140.0)] == ["expect.0.to_s"]
+    to_the_end = load_scenario(keys | {"duration_s": 600})
+    assert [list(never_reached(to_the_end, until_s)) for until_s in (130.0, 140.0)] == [
+        [],
+        ["duration_s: found 600; the path ends at 136.4 s; windows of expect that reach beyond are broken"],
+    ]
 
 
 @pytest.mark.parametrize(("wind_mps", "end_s"), [([0, 0, 0], 136.36), ([-2, 0, 0], 150.0), ([0, 9, 0], 149.45)])
