@@ -46,7 +46,7 @@ LINK_METRICS = {
     "jitter_ms.p50": "estimated jitter: median over the window, ms",
     "jitter_ms.p99": "the same, 99th percentile",
     "injected_loss": "share of the datagrams to the ground that the scenario's links lost; of the whole flight",
-    "injected_loss_up": "the same of those to the vehicle",
+    "injected_loss_up": "the same of those to the vehicle; of the whole flight",
     "measured_loss": "share of the vehicle's frames that never came, 0 to 1; of the whole flight",
     "frames_bad": "frames that came damaged; of the whole flight",
 }
