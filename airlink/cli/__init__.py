@@ -17,7 +17,7 @@ from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 import click
 
@@ -226,9 +226,28 @@ class Status(IntEnum):
     INTERRUPTED = 130
 
 
+def drop(stream: TextIO | None) -> None:
+    """Drop what couldn't be written to a stream, and all further words.
+
+    Otherwise Python would fail to write them once more as it ends, and choose the status.
+    """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    if stream is not None:
+        os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def tell(text: str, *, err: bool = False) -> None:
+    """Print what came of a command, which came whether or not that can be written."""
+    try:
+        click.echo(text, err=err)
+    except OSError:
+        drop(sys.__stderr__ if err else sys.__stdout__)
+
+
 def say(text: str, status: Status) -> Status:
-    """Print a message to standard error; return the status."""
-    click.echo(text, err=True)
+    """Print a message to standard error; return the status, whether or not anybody takes the message."""
+    tell(text, err=True)
     return status
 
 
@@ -241,17 +260,19 @@ def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
 def heard() -> Generator[None]:
     """Within, exit where what is said can't be written (a full disk, a pipe whose reader has gone).
 
-    What is left of it is dropped; otherwise Python would fail to write it once more as it ends, and choose the status.
+    Bad usage keeps its status all the same.
     """
     try:
         yield
-    except OSError as error:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
+    except click.ClickException as error:
         try:
-            say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+            error.show()
         except OSError:
-            os.dup2(nowhere, sys.__stderr__.fileno() if sys.__stderr__ else nowhere)
-        os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else nowhere)
+            drop(sys.__stderr__)
+        sys.exit(error.exit_code)
+    except OSError as error:
+        say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+        drop(sys.__stdout__)
         sys.exit(Status.COULD_NOT_GO_ON)
 
 

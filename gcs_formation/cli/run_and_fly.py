@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say
+from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say, tell
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
@@ -135,7 +135,7 @@ def _done(
         loaded = load(scenario, (*overrides, *seeded))
         options = _run_options(out or default_directory(loaded.name), given)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
-            click.echo(f"warning: {warning}", err=True)
+            tell(f"warning: {warning}", err=True)
         result = _flown(flown, loaded, options, interrupts, quiet=quiet)
         return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
 
@@ -179,12 +179,12 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         stream = sys.stderr if as_json else sys.stdout
         width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
         if sys.stderr is not None and not sys.stderr.isatty():
-            click.echo(result_line(summary), err=True)
-        click.echo(summary_text(summary, options.out, width), err=as_json)
+            tell(result_line(summary), err=True)
+        tell(summary_text(summary, options.out, width), err=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches, *unjudged(summary)):
-        click.echo(broken, err=True)
+        tell(broken, err=True)
     return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import click
 
-from airlink.cli import SECONDS, Number, Status, WholeNumber, fail
+from airlink.cli import SECONDS, Number, Status, WholeNumber, drop, fail
 from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver, resolved
@@ -84,9 +85,16 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
 
         with UdpDriver(fleet, clock) as driver:
             if not quiet:
-                click.echo("\n".join(map(_line, config.vehicles)))
+                _greet(config.vehicles)
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
+
+
+def _greet(vehicles: Iterable[VehicleConfig]) -> None:
+    try:
+        click.echo("\n".join(map(_line, vehicles)))
+    except BrokenPipeError:  # whoever read this has gone; the vehicles fly for others
+        drop(sys.__stdout__)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:

@@ -38,6 +38,36 @@ def test_a_reader_that_has_gone_is_none_either() -> None:
     assert done.stderr == "cannot go on: [Errno 32] Broken pipe\n"
 
 
+@pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("command", [[*STATION, "run", "nonexist.yaml"], [*STATION, "runn"], [*STATION, "run", "--x"]])
+def test_bad_usage_is_bad_usage_where_nobody_can_be_told(command) -> None:
+    with FULL.open("w") as full:
+        assert subprocess.run(command, stderr=full, check=False, timeout=60).returncode == Status.BAD_USAGE
+
+
+@pytest.mark.parametrize(("below_m", "status"), [(1e-5, Status.EXPECTATION_BROKEN), (1e3, Status.FINE)])
+def test_a_finished_flight_keeps_its_status_where_nobody_takes_its_words(tmp_path, below_m, status) -> None:
+    path = tmp_path / "short.yaml"
+    path.write_text(
+        "{schema: 1, name: short, duration_s: 2, start: {in_air: true, run_in_s: 5}, vehicles: {count: 2},"
+        " path: {speed_mps: 22, waypoints_m: [[0, 0, 100], [500, 0, 100]]},"
+        f" expect: [{{metric: error_x_m.max, below: {below_m}}}]}}"
+    )
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [*STATION, "run", str(path), "--clock", "virtual", "--out", str(tmp_path / "run")]
+    with os.fdopen(writing, "w") as pipe:
+        assert subprocess.run(command, stdout=pipe, stderr=pipe, check=False, timeout=60).returncode == status
+
+
+def test_vehicles_fly_on_where_nobody_reads_their_greeting() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as pipe:
+        done = ended([*VEHICLES, "--count", "1", "--until", "0.1"], pipe)
+    assert (done.returncode, done.stderr) == (Status.FINE, "")
+
+
 def test_a_name_that_isnt_utf_8_is_refused_before_anything_is_flown() -> None:
     assert refusal(Path(os.fsdecode(b"runs/\xff")), overwrite=True) == (
         "found 'runs/\\udcff'; allowed: a name whose bytes are UTF-8"
