@@ -12,7 +12,7 @@ MAX_PORT = 65535
 ANY_HOST = "0.0.0.0"
 LOOPBACK = "127.0.0.1"
 _HOST = re.compile(r"([A-Za-z0-9_-]{1,63}\.)*[A-Za-z0-9_-]{1,63}")
-SYNTAX = "udpin:HOST:PORT, udpout:HOST:PORT or udp:HOST:PORT"
+SYNTAX = "udpin:HOST:PORT, udpout:HOST:PORT or udp:HOST:PORT, with HOST a name or an IPv4 number"
 
 
 class AirlinkError(Exception):
@@ -99,7 +99,8 @@ def parse_endpoint(text: str) -> Endpoint:
     if kind not in {"udp", "udpin", "udpout"}:
         raise EndpointError(f"connection string '{text}': found '{kind}'; allowed: {SYNTAX}")
     if not _HOST.fullmatch(host) or not (port_text.isascii() and port_text.isdigit()):
-        raise EndpointError(f"connection string '{text}': host and port not found; allowed: {SYNTAX}")
+        why = ", IPv6 isn't supported" if ":" in host else ""
+        raise EndpointError(f"connection string '{text}': host and port not found{why}; allowed: {SYNTAX}")
     port = int(port_text)
     if not 1 <= port <= MAX_PORT:
         raise EndpointError(f"connection string '{text}': found port {port}; allowed: 1 to {MAX_PORT}")
