@@ -89,7 +89,7 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     session = _open(scenario, options, clock, progress, interrupts)
     try:
         with UdpDriver(session.engine, clock) as driver, _emulators(options, clock) as emulators, session.listening():
-            driver.run(partial(_over, session, emulators))
+            driver.run(partial(over, session, emulators))
     except PortError as error:
         session.recorder.close()
         raise RunAbortedError(str(error)) from error
@@ -119,7 +119,10 @@ def _emulators(options: RunOptions, clock: RealClock) -> Generator[subprocess.Po
     command += ["--truth", str(options.out / TRUTH)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
     # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True)
+    if process.stdout is not None:
+        os.set_blocking(process.stdout.fileno(), False)
     try:
         yield process
     finally:
@@ -131,9 +134,14 @@ def _emulators(options: RunOptions, clock: RealClock) -> Generator[subprocess.Po
             process.communicate()
 
 
-def _over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
+def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
     """Attend to a flight, which fails if its vehicles' process has ended; return whether it is over."""
     course = session.station.course
+    if emulators.stdout is not None:
+        session.begin_to_wait()
+        if emulators.stdout.read(1) is not None:  # they are up, or have ended
+            emulators.stdout.close()
+            emulators.stdout = None
     if course.failure is None and emulators.poll() is not None and not session.station.flight.ended:
         said = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""
         said = said or f"exit status {emulators.returncode}"

@@ -38,6 +38,8 @@ from gcs_formation.station import Station
 
 MOST_DIGITS = 5
 PROGRESS_S = 0.25
+HURRY = 10.0
+"""Many times real time: then 30 s are fewer than 3 of the machine's."""
 """Wall time between updates of the progress, s."""
 
 
@@ -162,6 +164,10 @@ class Session:
         self._left_at = self._left_at or self.clock.now()
         return True
 
+    def begin_to_wait(self) -> None:
+        """Give vehicles all the time to answer from now on: they weren't up before."""
+        self.station.flight.since = self.clock.now()
+
     def _confirming(self) -> Confirmation:
         def decline(reason: str) -> None:
             self.station.course.fail(reason, self.clock.now())
@@ -178,13 +184,18 @@ class Session:
         self.recorder.close()
         if self.station.course.failure is not None:
             text = self.station.course.failure
-            raise RecordingError(text) if text == self.recorder.failure else RunAbortedError(text)
+            raise RecordingError(text) if text == self.recorder.failure else RunAbortedError(text + self._hurry())
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         try:
             return self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
+
+    def _hurry(self) -> str:
+        """Return what may be to blame for a failure where no machine keeps up for certain, "" elsewhere."""
+        speedup = self.options.speedup
+        return f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > HURRY else ""
 
     def _answer(self, text: str) -> Answer:
         """Return the answer to a line of `tell`: a page on the flight, or what came of an order."""

@@ -16,7 +16,7 @@ from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
-from gcs_formation.link.link_health import TALKING
+from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.mission.ending import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.vertical_separation import Opening, stays
@@ -148,7 +148,8 @@ class Course:
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
-        cause = cause if self._may_command() else BEFORE_COMMANDS.get(cause, cause)
+        if not self._may_command() or (cause is Cause.FAILURE and self._nobody_heard()):
+            cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
         if cause is Cause.PATH_BEGUN:
@@ -160,6 +161,9 @@ class Course:
             self._dispatch.clear()
             self._ending.leave(now)
         return True
+
+    def _nobody_heard(self) -> bool:
+        return all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
 
     def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
         """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""

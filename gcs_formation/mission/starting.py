@@ -205,7 +205,7 @@ class Starting:
         return all(vehicle.member is Member.FLYING for vehicle in needed)
 
     def _wait_for(self, silent: list[Vehicle], now: Instant) -> None:
-        waited_s = seconds_between(Instant(0), now)
+        waited_s = seconds_between(self._flight.since, now)
         if self._flight.phase is Phase.CONNECTING and waited_s > CONNECT_LIMIT_S:
             who = ", ".join(str(vehicle.identity) for vehicle in silent)
             where = ", ".join(dict.fromkeys(str(self._endpoints[vehicle.connection.socket]) for vehicle in silent))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -85,14 +84,16 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
 
         with UdpDriver(fleet, clock) as driver:
             if not quiet:
-                _greet(config.vehicles)
+                _greet("\n".join(map(_line, config.vehicles)))
+            elif parent_pid is not None:
+                _greet("ready")
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
 
 
-def _greet(vehicles: Iterable[VehicleConfig]) -> None:
+def _greet(text: str) -> None:
     try:
-        click.echo("\n".join(map(_line, vehicles)))
+        click.echo(text)
     except BrokenPipeError:  # whoever read this has gone; the vehicles fly for others
         drop(sys.__stdout__)
 

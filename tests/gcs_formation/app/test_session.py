@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from airlink.clock import VirtualClock
+from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import resolve_peers
+from gcs_formation.app.run import over, resolve_peers
 from gcs_formation.app.session import Session
+from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
+from tests.processes import wait_for
 
 
 @pytest.mark.parametrize(("emulated", "delay"), [(True, 0.0), (False, None)])
@@ -46,3 +50,40 @@ def test_a_vehicle_that_is_sent_to_by_name_is_known_by_the_number_that_it_answer
     session.recorder.close()
     peers = {str(vehicle.connection.peer) for vehicle in session.station.vehicles.values()}
     assert peers == {"127.0.0.1:9"}
+
+
+@pytest.mark.parametrize(
+    ("speedup", "words"), [(5.0, r"in 30 s$"), (200.0, r"in 30 s \(with --speedup 200, which .*\)$")]
+)
+def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
+    speedup: float, words: str, tmp_path: Path
+) -> None:
+    planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
+    options = RunOptions(tmp_path, speedup=speedup)
+    session = Session(planned, options, clock, Progress(), Interrupts(), emulated=True)
+    network = MemoryNetwork(clock)
+    network.attach(session.engine)
+    network.run(session.attend)
+    with pytest.raises(RunAbortedError, match=words):
+        session.conclude(None)
+    assert "nobody was commanded" in (tmp_path / "events.jsonl").read_text()
+    assert "loiter" not in (tmp_path / "events.jsonl").read_text()
+
+
+def test_vehicles_are_waited_for_from_when_their_process_says_that_it_is_up(tmp_path: Path) -> None:
+    planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
+    session = Session(planned, RunOptions(tmp_path), clock, Progress(), Interrupts(), emulated=True)
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as emulators:
+        assert emulators.stdin is not None
+        assert emulators.stdout is not None
+        os.set_blocking(emulators.stdout.fileno(), False)
+        clock.move_to(after(Instant(0), 100.0))
+        assert not over(session, emulators)
+        assert session.station.flight.since == clock.now()
+        emulators.stdin.write(b"ready\n")
+        emulators.stdin.flush()
+        wait_for(lambda: over(session, emulators) or emulators.stdout is None)
+        clock.move_to(after(Instant(0), 120.0))
+        over(session, emulators)
+        assert session.station.flight.since == after(Instant(0), 100.0)
+    session.recorder.close()

@@ -137,6 +137,15 @@ def test_who_never_answers_is_named_with_where_it_should_be_heard_after_30_s() -
     assert ground.given_up == ["no vehicle 2 answered at udpin:127.0.0.1:14560 in 30 s"]
 
 
+def test_the_wait_begins_when_vehicles_may_be_up() -> None:
+    ground = Ground()
+    ground.flight.since = after(Instant(0), 200.0)
+    ground.advance(200.0 + CONNECT_LIMIT_S - 0.1)
+    assert ground.given_up == []
+    ground.advance(200.0 + CONNECT_LIMIT_S + 0.1)
+    assert ground.given_up == ["no vehicle 1, 2 answered at udpin:127.0.0.1:14550, udpin:127.0.0.1:14560 in 30 s"]
+
+
 def test_one_that_falls_silent_again_in_flight_is_waited_for_without_an_end() -> None:
     ground = Ground(Phase.FLYING)
     ground.hear(1)
