@@ -189,7 +189,7 @@ def did_you_mean(word: str, choices: Iterable[str]) -> str:
 
     A choice that is the word with a unit (`speed_mps` for `speed`) takes precedence.
     """
-    known = list(choices)
+    known = [choice for choice in choices if choice != word]  # a number, where the word is a text of its digits
     with_unit = [choice for choice in known if choice.startswith(f"{word}_")]
     near = with_unit or difflib.get_close_matches(word, known, n=1)
     return f" (did you mean '{near[0]}'?)" if near else ""

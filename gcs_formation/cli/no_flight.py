@@ -133,7 +133,7 @@ def schema(study: bool, markdown: bool) -> None:
     click.echo(text, nl=False)
 
 
-@click.command(epilog=TELL_USAGE)
+@click.command(epilog=TELL_USAGE, context_settings={"ignore_unknown_options": True})  # "-3" is a number
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.argument("order", nargs=-1, required=True)
 def tell(run_dir: Path, order: tuple[str, ...]) -> None:

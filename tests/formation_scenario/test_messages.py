@@ -33,6 +33,10 @@ def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_pat
     )
 
 
+def test_a_text_of_a_number_s_digits_is_not_asked_whether_it_meant_itself(tmp_path):
+    assert message(tmp_path, "schema: '1'\n") == "a.yaml:3:1: schema: found '1'; allowed: 1"
+
+
 WRONG = [
     (
         "sede: 3\n",

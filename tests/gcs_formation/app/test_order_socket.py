@@ -9,9 +9,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from formation_scenario.orders import Answer
 from gcs_formation.app.order_socket import MOST_BYTES, MOST_CALLERS, OrderSocket, tell
+from gcs_formation.cli import main
 from gcs_formation.errors import NothingRunningError
 
 
@@ -106,3 +108,13 @@ def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) 
         callers[1].sendall(b"shape line\n")
         orders.poll()
         assert b"heard shape line" in callers[1].recv(MOST_BYTES)
+
+
+@pytest.mark.parametrize(
+    ("order", "status", "said"),
+    [("spacing -3", 2, "found '-3'; allowed: a number of m"), ("heading -30", 3, "no flight answers")],
+)
+def test_an_order_with_a_number_below_0_is_read_as_an_order(order: str, status: int, said: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(main, ["tell", str(tmp_path), *order.split()])
+    assert done.exit_code == status
+    assert said in done.stderr
