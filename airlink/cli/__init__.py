@@ -14,6 +14,7 @@ from datetime import datetime
 from difflib import get_close_matches
 from enum import IntEnum
 from importlib import import_module
+from io import TextIOWrapper
 from itertools import chain, count
 from pathlib import Path
 from types import FrameType
@@ -26,6 +27,8 @@ from airlink import clock
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RUN = "run.yaml"
 """The file that makes a directory that of a run."""
+LONGEST_NAME = 200
+"""Bytes of a scenario's name in that of its directory; file systems allow 255 in all."""
 OBJECTS = 100_000
 """Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
 COMPILED = not str(clock.__file__).endswith(".py")
@@ -44,6 +47,9 @@ def start(module: str) -> None:
     gc.set_threshold(OBJECTS)
     atexit.register(gc.freeze)
     calculate_in_one_thread()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")  # of a terminal that has no dashes, say
     import_module(module).main()
 
 
@@ -205,8 +211,9 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
 
 
 def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced."""
-    stem = f"{name.replace(os.sep, '-')}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced, a long one is cut."""
+    short = name.replace(os.sep, "-").encode()[:LONGEST_NAME].decode(errors="ignore")
+    stem = f"{short}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
     return next(path for path in paths if not path.exists())
 

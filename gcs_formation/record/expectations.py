@@ -177,14 +177,14 @@ def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: Vehi
 
 
 def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> float | None:
-    """Return when a follower was down, or without a leader, for the rest of the window; None if it never was.
+    """Return from when on a follower was down, or without a leader, to the end of the window; None if it never was.
 
     Where another vehicle has taken over meanwhile, that the first one was lost isn't why this one is.
     """
-    window = flight.window(wanted.from_s, wanted.to_s)
-    missed = flight.missed(vehicle, window)
-    if missed <= 1:
+    if flight.missed(vehicle, flight.window(wanted.from_s, wanted.to_s)) <= 1:
         return None
+    window = flight.window(0.0, wanted.to_s)
+    missed = flight.missed(vehicle, window)
     led = ~flight.leaderless(window)[-missed:]
     return float(flight.mission_time_s[window][-missed:][led.argmax()])
 

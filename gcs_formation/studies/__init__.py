@@ -168,7 +168,7 @@ class Study(Keys):
         "grid: every combination; one_at_a_time: the first value of each, and each varied alone; "
         "random, latin_hypercube, sobol: `samples` points (scipy.stats.qmc)",
     )
-    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = key(100, "for the last three")
+    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = key(100, "for the last three; a grid goes without")
     seeds: Seeds = Seeds()
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1), Allowed("a list of 1 or more figures")] = key(
         ("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),

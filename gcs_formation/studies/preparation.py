@@ -99,8 +99,6 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
     if search is not None and search.parameter in study.parameters:
         allowed = "a parameter that isn't among `parameters`"
         yield read.problem(("bisect", "parameter"), f"found '{search.parameter}'", allowed)
-    if "samples" in read.data and study.design not in DRAWN:
-        yield read.problem(("samples",), f"found {study.samples} for design: {study.design}", f"for {', '.join(DRAWN)}")
     if study.from_s is not None and study.to_s is not None and study.from_s >= study.to_s:
         yield read.problem(("to_s",), f"found {study.from_s:g} to {study.to_s:g} s", "a time after from_s")
 

@@ -45,6 +45,16 @@ def test_bad_usage_is_bad_usage_where_nobody_can_be_told(command) -> None:
         assert subprocess.run(command, stderr=full, check=False, timeout=60).returncode == Status.BAD_USAGE
 
 
+def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_path) -> None:
+    """A table's dash isn't in Latin-1."""
+    path = tmp_path / "short.yaml"
+    path.write_text("{name: dash –, vehicles: {count: 2}, path: {waypoints_m: [[0, 0, 100], [500, 0, 100]]}}", "utf-8")
+    latin = os.environ | {"PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run([*STATION, "check", str(path)], env=latin, capture_output=True, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (Status.FINE, b"")
+    assert b"dash \\u2013" in done.stdout
+
+
 @pytest.mark.parametrize(("below_m", "status"), [(1e-5, Status.EXPECTATION_BROKEN), (1e3, Status.FINE)])
 def test_a_finished_flight_keeps_its_status_where_nobody_takes_its_words(tmp_path, below_m, status) -> None:
     path = tmp_path / "short.yaml"

@@ -101,6 +101,7 @@ def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_
         found = verdict(crashed=crashed, to_s=FLOWN_S, **each)
         assert (found.held, found.judged, found.reached) == (False, True, False)
         assert found.reason == "lost at 4.1 s"
+    assert verdict(crashed=crashed, from_s=6, to_s=9).reason == "lost at 4.1 s", "also before the window"
     assert verdict(crashed=crashed, to_s=CRASH_S).held is True
     assert verdict(cut_short=True, crashed=crashed, to_s=90).held is False
 

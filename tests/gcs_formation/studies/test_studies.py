@@ -70,6 +70,10 @@ def test_a_grid_is_every_combination_with_every_seed():
     assert {each.parameters[LOSS] for each in flights} == {0.0, 0.05, 0.1}
 
 
+def test_a_grid_goes_without_samples():
+    assert count_samples(study(parameters={DELAY: [0, 100]}, design="grid", samples=50)) == 2
+
+
 def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path, monkeypatch):
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "mine.yaml").write_text("model: {tau_v_s: 2.5}")
@@ -296,7 +300,6 @@ def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_
         ({"parameters": {LOSS: [2.0, 3.0]}}, "a number from 0 to 1"),
         ({"metrics": ["error_q_m.max"]}, "error_x_m.max"),
         ({"design": "grd"}, "grid, one_at_a_time"),
-        ({"samples": 50}, "samples: found 50 for design: grid; allowed: for random, latin_hypercube, sobol"),
         ({"parameters": {"seed": [1, 2]}}, "parameters.seed: found 'seed'; allowed: seeds"),
         ({"parameters": {"flight": {"cases": {"a": {}}}}}, "parameters.flight: found 'flight'; allowed: another name"),
         (
