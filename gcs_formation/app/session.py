@@ -38,9 +38,9 @@ from gcs_formation.station import Station
 
 MOST_DIGITS = 5
 PROGRESS_S = 0.25
+"""Wall time between updates of the progress, s."""
 HURRY = 10.0
 """Many times real time: then 30 s are fewer than 3 of the machine's."""
-"""Wall time between updates of the progress, s."""
 
 
 class TimedStation(Station):
