@@ -95,8 +95,7 @@ class Vehicle:
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
         self.begins_anew, self._by_course = False, autopilot.flies_courses
-        """Whether its clock has restarted: whoever heeds that sets it back; whether it loses height though it is told
-        to climb, by `fleet.conformance`; whether it is told courses over ground."""
+        """Whether its clock has restarted: whoever heeds that sets it back; whether it is told courses over ground."""
         self._answered: Instant | None = None
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
