@@ -166,7 +166,7 @@ class Session:
 
     def begin_to_wait(self) -> None:
         """Give vehicles all the time to answer from now on: they weren't up before."""
-        self.station.flight.since = self.clock.now()
+        self.station.flight.resume(self.clock.now(), None)
 
     def _confirming(self) -> Confirmation:
         def decline(reason: str) -> None:
