@@ -120,6 +120,8 @@ class AutopilotModel:
 
     def reach(self, slowest_mps: float, fastest_mps: float) -> None:
         """Have another range of airspeeds from now on."""
+        if (slowest_mps, fastest_mps) == (self.speed_min_mps, self.speed_max_mps):
+            return
         self.speed_min_mps, self.speed_max_mps, self._held = slowest_mps, fastest_mps, None
 
     def _hold(self, time_s: float) -> AutopilotModel:

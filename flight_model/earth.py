@@ -1,7 +1,7 @@
-"""The Earth: WGS-84's ellipsoid, rotation and normal gravity, and places against an origin.
+"""The Earth: WGS-84's ellipsoid, rotation and normal gravity, places against an origin, and the density of its air.
 
 Source: NIMA TR8350.2 (WGS-84); Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation
-Systems (2013), section 2.4.
+Systems (2013), section 2.4; ICAO Doc 7488 (standard atmosphere).
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ SEMI_MAJOR_M: Final = 6_378_137.0
 ECCENTRICITY_SQUARED: Final = 6.694379990141317e-3
 INVERSION_STEPS: Final = 4
 """Each step reduces the error by the ratio of the distance to the Earth's radius."""
+LAPSE_PER_M: Final = 0.0065 / 288.15
+"""Share of the standard atmosphere's temperature at sea level that is lost a metre, in the troposphere."""
+DENSITY_POWER: Final = 9.80665 / (287.05287 * 0.0065) - 1.0
+"""Of the ratio of temperatures, for that of densities there."""
+TROPOPAUSE_M: Final = 11_000.0
 
 
 @overload
@@ -49,6 +54,15 @@ def radii_m(lat_rad: float | Array) -> tuple[float | Array, float | Array]:
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
     across_m = SEMI_MAJOR_M / squeeze**0.5
     return across_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, across_m
+
+
+def true_by_equivalent_airspeed(above_sea_m: float) -> float:
+    """Return the ratio of true airspeed to equivalent airspeed in the standard atmosphere, up to the tropopause.
+
+    Equivalent airspeed has at sea level the dynamic pressure that there is at this height.
+    """
+    colder: float = 1.0 - LAPSE_PER_M * min(above_sea_m, TROPOPAUSE_M)
+    return math.pow(colder, -0.5 * DENSITY_POWER)
 
 
 @dataclass(frozen=True)

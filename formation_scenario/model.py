@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from flight_model.arrays import Array
-from flight_model.earth import GeodeticOrigin
+from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from flight_model.path import SplinePath
 from flight_model.path_over_terrain import Bounds
 from formation_scenario.expectation import Expectation
@@ -34,7 +34,7 @@ from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
-from formation_scenario.vehicles import Vehicle
+from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), Allowed("a whole number from 0 to 2^63 - 1")]
@@ -264,6 +264,15 @@ class Scenario(Keys):
         lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
         speed_mps = self.path.speed_mps + self.wind.speed_mps
         return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
+
+    def speeds_mps(self, vehicle: Vehicle) -> tuple[float, float]:
+        """Return the least and the highest true airspeed of a vehicle at the field.
+
+        Limits are what its sensor reads, where it flies by that: in thin air it must fly faster not to stall.
+        """
+        model = vehicle.model
+        thin = true_by_equivalent_airspeed(self.origin.alt_m) if reads_equivalent_airspeed(vehicle) else 1.0
+        return model.speed_min_mps * max(1.0, thin), model.speed_max_mps * min(1.0, thin)
 
     @property
     def leader(self) -> Vehicle | None:

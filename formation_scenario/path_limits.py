@@ -93,9 +93,11 @@ def _speed(scenario: Scenario) -> Iterator[Finding]:
     """Yield the path's speed if some vehicle can't fly it, the leader first."""
     speed = scenario.path.speed_mps
     for vehicle in (each for each in columns(scenario) if each is not None):
-        if not vehicle.model.speed_min_mps <= speed <= vehicle.model.speed_max_mps:
+        slowest, fastest = scenario.speeds_mps(vehicle)
+        if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
-            allowed = f"{_speeds(vehicle.model)}, {who} {vehicle.vehicle_id}'s limits"
+            thin = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
+            allowed = f"{slowest:.4g} to {fastest:.4g} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
             yield ("path", "speed_mps"), f"found {speed:g} m/s", allowed
             return
 

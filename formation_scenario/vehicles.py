@@ -89,6 +89,9 @@ class EnergyAirframe(Keys):
     airspeed_noise_mps: NonNegative = key(
         0.06, "standard deviation of the sensor's white noise, before its lag, m/s", 0.2
     )
+    airspeed_scale: Annotated[Positive, Field(ge=0.7, le=1.4)] = key(
+        1.0, "what the sensor reads by equivalent airspeed, as its calibration has it", 0.95
+    )
     dead_time_s: Annotated[NonNegative, Field(le=2.0)] = key(
         0.1, "from a setpoint's arrival until the autopilot heeds it, s", 0.2
     )
@@ -225,6 +228,16 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 def family_of(vehicle: VehicleCommon) -> Family:
     """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
     return spoken(vehicle.autopilot, vehicle.model)
+
+
+def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
+    """Return whether an aircraft tells, and is told, equivalent airspeed: every one but that of equation (7) does.
+
+    Multirotors go by their velocity over ground.
+    """
+    model = vehicle.model
+    real = vehicle.autopilot != "emulator" or model.firmware == "px4" or model.airframe is not None
+    return real and not model.hovers
 
 
 def spoken(named: Autopilot, model: VehicleModel) -> Family:

@@ -6,13 +6,31 @@ from dataclasses import dataclass, field
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
-from flight_model.earth import GeodeticOrigin
-from formation_scenario import Scenario, start_states
+from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
+from formation_scenario import Scenario, Vehicle, start_states
 from formation_scenario.begin_and_end import StartState
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.surroundings import Disturbance, Fault
-from formation_scenario.vehicles import Family, VehicleModel, family_of
+from formation_scenario.vehicles import Family, VehicleModel, family_of, reads_equivalent_airspeed
+
+
+@dataclass(frozen=True)
+class Pitot:
+    """An airspeed sensor, which autopilots fly by."""
+
+    field_m: float
+    """Height of the origin above sea level."""
+    scale: float = 1.0
+    """What it reads by equivalent airspeed."""
+
+    def reading(self, true_mps: float, height_m: float) -> float:
+        """Return what it reads at a true airspeed, at a height above the origin."""
+        return self.scale * true_mps / true_by_equivalent_airspeed(self.field_m + height_m)
+
+    def true(self, reading_mps: float, height_m: float) -> float:
+        """Return the true airspeed at which it reads so much, at a height above the origin."""
+        return reading_mps * true_by_equivalent_airspeed(self.field_m + height_m) / self.scale
 
 
 @dataclass(frozen=True)
@@ -26,6 +44,8 @@ class VehicleConfig:
     model: VehicleModel = field(default_factory=VehicleModel)
     family: Family | None = None
     """As which autopilot it speaks; None: as an emulator of its model."""
+    pitot: Pitot | None = None
+    """None: it tells true airspeeds, and is told them."""
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
     """Relative rate by which its clock runs faster than true time."""
@@ -72,6 +92,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             start=start,
             model=vehicle.true_model or vehicle.model,
             family=family_of(vehicle),
+            pitot=_pitot(vehicle, scenario),
             clock_offset_s=vehicle.clock.offset_s,
             clock_drift=vehicle.clock.drift_ppm * 1e-6,
             utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,
@@ -88,6 +109,12 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
     )
+
+
+def _pitot(vehicle: Vehicle, scenario: Scenario) -> Pitot | None:
+    airframe = (vehicle.true_model or vehicle.model).airframe
+    scale = 1.0 if airframe is None else airframe.airspeed_scale
+    return Pitot(scenario.origin.alt_m, scale) if reads_equivalent_airspeed(vehicle) else None
 
 
 def _selected(scenario: Scenario, selection: VehicleSelection) -> frozenset[VehicleId]:

@@ -48,9 +48,7 @@ def little_left(scenario: Scenario) -> Iterator[str]:
     wanted_mps = gusts_mps(scenario)
     orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in enumerate(scenario.orders)}
     for key, speed in {"path.speed_mps": scenario.path.speed_mps, **orders}.items():
-        if speed is None or not all(
-            each.model.speed_min_mps <= speed <= each.model.speed_max_mps for each in scenario.vehicles
-        ):
+        if speed is None or not all(low <= speed <= high for low, high in map(scenario.speeds_mps, scenario.vehicles)):
             continue
         sides = zip(*(_left(scenario, points, step, speed) for step in steps), strict=True)
         for left_mps, found in (min((found for each in side for found in each), default=PLENTY) for side in sides):

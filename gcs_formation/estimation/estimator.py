@@ -67,6 +67,7 @@ class Sample:
 
     __slots__ = (
         "airspeed_mps",
+        "airspeed_ratio",
         "by_course",
         "climb_mps",
         "east_m",
@@ -91,10 +92,12 @@ class Sample:
         heading_rad: float,
         *,
         by_course: bool = False,
+        airspeed_ratio: float = 1.0,
     ) -> None:
         """Take the instant, the place, the velocity over ground, and the motion in the air.
 
         `by_course`: the vehicle is told courses over ground, and turns against the wind by itself.
+        `airspeed_ratio`: the airspeed by what its sensor read.
         """
         self.stamp = stamp
         self.north_m = north_m
@@ -106,6 +109,7 @@ class Sample:
         self.airspeed_mps = airspeed_mps
         self.heading_rad = heading_rad
         self.by_course = by_course
+        self.airspeed_ratio = airspeed_ratio
 
     def values(self, least_mps: float) -> Values:
         """Return what was measured, in the order of the constructor's arguments; the airspeed no less than a limit."""
@@ -148,6 +152,7 @@ class VehicleFilter:
         """Of the state."""
         self.wind_radps = wind_radps
         """The most that the wind's estimate follows anything but gusts."""
+        self._airspeed_ratio = 1.0
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
@@ -156,6 +161,19 @@ class VehicleFilter:
         """Set the state."""
         self.state, self.stamp = state, stamp
         self._along.linearise(state)
+
+    def read_by(self, ratio: float) -> None:
+        """Have airspeeds be `ratio` times what is read: over ground it moves as before, so the wind is another."""
+        if ratio == self._airspeed_ratio:
+            return
+        if self.state is not None:
+            state = self.state.copy()
+            faster_mps = (ratio / self._airspeed_ratio - 1.0) * state.airspeed_mps
+            state.airspeed_mps += faster_mps
+            state.wind_north_mps -= faster_mps * math.cos(state.heading_rad)
+            state.wind_east_mps -= faster_mps * math.sin(state.heading_rad)
+            self.place(state, self.stamp)
+        self._airspeed_ratio = ratio
 
     def begin(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
@@ -341,6 +359,7 @@ class StateEstimator:
         """
         for column, sample in samples.items():
             each, stamp, model = self.filters[column], int(sample.stamp), models[column]
+            each.read_by(sample.airspeed_ratio)
             values = sample.values(_least_mps(model))
             if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
                 each.begin(values, stamp)

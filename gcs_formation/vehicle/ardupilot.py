@@ -177,7 +177,14 @@ class ArduPlane(ArduPilot):
                 lambda _: True,
             ),
             *envelope_checks(
-                model, path, "AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG", ("refused", "refused")
+                model,
+                path,
+                self.airspeed_to_tell(path.speed_mps),
+                "AIRSPEED_MIN",
+                "AIRSPEED_MAX",
+                "AIRSPEED_CRUISE",
+                "ROLL_LIMIT_DEG",
+                ("refused", "refused"),
             ),
         )
 
@@ -192,8 +199,8 @@ class ArduPlane(ArduPilot):
     def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of no place
         """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
         speed, heading, altitude = known
-        speed_mps, above_sea_m = setpoint.speed_mps, setpoint.height_m + self.origin.alt_m
-        heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), speed_mps * self.turn_rate_max_rps
+        speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m
+        heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), setpoint.speed_mps * self.turn_rate_max_rps
         found = list[Message]()
         if speed is None or abs(speed_mps - speed.param2) > RESOLUTION:
             found.append(self._guided(SPEED, AIRSPEED, speed_mps, 0.0))

@@ -17,6 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 
@@ -155,6 +156,8 @@ class Autopilot(ABC):
     """Whether a fixed wing is told courses over ground instead of headings."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
+    airspeed_scale: AirspeedScale | None = None
+    """Of one that tells, and is told, what its sensor reads; others' airspeeds are true ones."""
 
     def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
         """Address `system`; places and heights count from the scenario's `origin`."""
@@ -257,7 +260,15 @@ class Autopilot(ABC):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """The least and the highest airspeed that it can be had to fly now; None where they are its model's."""
-        return None
+        return None if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
+
+    def true_airspeed(self, told_mps: float) -> float:
+        """Return the true airspeed, m/s, of one that it tells."""
+        return told_mps if self.airspeed_scale is None else self.airspeed_scale.true(told_mps)
+
+    def airspeed_to_tell(self, true_mps: float) -> float:
+        """Return what it must be told to fly a true airspeed, m/s."""
+        return true_mps if self.airspeed_scale is None else self.airspeed_scale.reading(true_mps)
 
     @abstractmethod
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:

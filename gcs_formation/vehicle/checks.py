@@ -28,6 +28,8 @@ TRIES = 24
 either way one in a thousand isn't read."""
 TRIM_OFF_MPS = 1.0
 """By how much the trim airspeed may differ from the path's."""
+SAME_MPS = 0.05
+"""Differences of airspeeds below which nobody is told of the air's density."""
 AT_ONCE = 4
 """Requests sent in one go: autopilots answer them from a short queue."""
 HOME_OFF_M = 30.0
@@ -70,13 +72,21 @@ def lowest_m(path: PathPlan) -> float:
 
 
 def envelope_checks(
-    model: VehicleModel, path: PathPlan, least: str, most: str, trim: str, bank: str, beyond: tuple[str, str]
+    model: VehicleModel,
+    path: PathPlan,
+    told_mps: float,
+    least: str,
+    most: str,
+    trim: str,
+    bank: str,
+    beyond: tuple[str, str],
 ) -> list[Check]:
     """Return the checks that a fixed wing can fly at the speeds and turn as fast as is asked of it.
 
     Args:
         model: whose limits its setpoints keep.
         path: what the formation flies.
+        told_mps: what one is told for the path's true airspeed, m/s: it and parameters are of the sensor's readings.
         least: name of the parameter with the lowest airspeed, m/s.
         most: with the highest one.
         trim: with the airspeed of level flight.
@@ -84,24 +94,27 @@ def envelope_checks(
         beyond: what becomes of setpoints below the lowest and above the highest airspeed.
     """
     slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.speed_mps
+    cruises = f"{told_mps:.3g} m/s, what a calibrated sensor reads at path.speed_mps in the field's air"
+    if abs(told_mps - speed) < SAME_MPS:
+        cruises = f"{speed:g} m/s, path.speed_mps"
     bank_deg = math.degrees(math.atan(speed * model.turn_rate_max_rps / GRAVITY_MPS2))
     return [
         Check(
             (least,),
             f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
             lambda value: value <= slowest,
-            lambda value: value > speed,
+            lambda value: value > told_mps,
         ),
         Check(
             (most,),
             f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
             lambda value: value >= fastest,
-            lambda value: value < speed,
+            lambda value: value < told_mps,
         ),
         Check(
             (trim,),
-            f"{speed:g} m/s, path.speed_mps, to which throttle and pitch are trimmed",
-            lambda value: abs(value - speed) <= TRIM_OFF_MPS,
+            f"{cruises}, to which throttle and pitch are trimmed",
+            lambda value: abs(value - told_mps) <= TRIM_OFF_MPS,
         ),
         Check(
             (bank,),

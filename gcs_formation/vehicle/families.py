@@ -6,7 +6,8 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
-from formation_scenario.vehicles import Family, family_of
+from formation_scenario.vehicles import Family, family_of, reads_equivalent_airspeed
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
@@ -26,6 +27,8 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     """Return the family's class for a vehicle of the scenario."""
     model = vehicle.model
     autopilot = FAMILIES[family_of(vehicle)](vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps)
+    if reads_equivalent_airspeed(vehicle):
+        autopilot.airspeed_scale = AirspeedScale(scenario.origin.alt_m, model.speed_min_mps, model.speed_max_mps)
     share, rest_s, period_s = model.prompt_share, model.rest_s, 1.0 / scenario.law.rate_hz
     if share < 1.0 and isinstance(autopilot, ArduCopter | Px4Copter):
         autopilot.velocity_lead = VelocityLead(share, rest_s, model.speed_max_mps, period_s)

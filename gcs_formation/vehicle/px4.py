@@ -214,7 +214,16 @@ class Px4Plane(Px4):
         ways = "raised to it", "lowered to it"
         return (
             heartbeats_lost("circles where the last setpoint led"),
-            *envelope_checks(model, path, "FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM", "FW_R_LIM", ways),
+            *envelope_checks(
+                model,
+                path,
+                self.airspeed_to_tell(path.speed_mps),
+                "FW_AIRSPD_MIN",
+                "FW_AIRSPD_MAX",
+                "FW_AIRSPD_TRIM",
+                "FW_R_LIM",
+                ways,
+            ),
             Check(
                 ("NAV_LOITER_RAD",),
                 f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
@@ -225,7 +234,11 @@ class Px4Plane(Px4):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """What is left of a change to its integrator is flown in a minute, not now."""
-        return None if self.speed_lead is None else self.speed_lead.within_reach_mps
+        limits, lead = super().speeds_mps, self.speed_lead
+        if lead is None or limits is None:
+            return limits if lead is None else lead.within_reach_mps
+        slowest_mps, fastest_mps = lead.within_reach_mps
+        return max(slowest_mps, limits[0]), min(fastest_mps, limits[1])
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
@@ -240,7 +253,7 @@ class Px4Plane(Px4):
         speed_mps, lead = setpoint.speed_mps, self.speed_lead
         if lead is not None:
             speed_mps = lead.lead(speed_mps, where.airspeed_mps)
-        return (self._reposition(north_m, east_m, setpoint.height_m, speed_mps),)
+        return (self._reposition(north_m, east_m, setpoint.height_m, self.airspeed_to_tell(speed_mps)),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD, then the place and height.

@@ -226,7 +226,9 @@ class Vehicle:
         if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
             self.telemetry.implausible += 1
             return None
-        airspeed_mps, heading_rad = seen.airspeed_mps, attitude.yaw_rad + attitude.yawspeed_radps * apart_s
+        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
+        self._learn_airspeed(motion, heading_rad)
+        airspeed_mps = self.airspeed_mps
         if seen.stands:
             airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
         return Sample(
@@ -240,7 +242,21 @@ class Vehicle:
             airspeed_mps,
             heading_rad,
             by_course=self._by_course,
+            airspeed_ratio=self.autopilot.true_airspeed(1.0),
         )
+
+    @property
+    def airspeed_mps(self) -> float:
+        """Its newest true airspeed; NaN before it has told one."""
+        return self.autopilot.true_airspeed(self.telemetry.airspeed_mps)
+
+    def _learn_airspeed(self, motion: ReportedMotion, heading_rad: float) -> None:
+        scale = self.autopilot.airspeed_scale
+        if scale is None or not self.autopilot.is_airborne(self.telemetry):
+            return
+        velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
+        above_sea_m = motion.height_m + self.autopilot.origin.alt_m
+        scale.learn(motion.stamp_s, above_sea_m, velocity_mps, self.telemetry.airspeed_mps, heading_rad)
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.

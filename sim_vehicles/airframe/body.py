@@ -16,7 +16,7 @@ from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering
 from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.config import VehicleConfig
+from sim_vehicles.config import Pitot, VehicleConfig
 
 LEAST_SHARE = 0.2
 """A drawn parameter is at least this share of its mean."""
@@ -122,6 +122,7 @@ class Body:
         "_energy",
         "_filled",
         "_motion",
+        "_pitot",
         "_prompt",
         "_rest_mps",
         "air_down_mps",
@@ -156,6 +157,7 @@ class Body:
         self.height_commanded_m: float = start.height_m
         self.turn_rate_radps: float = 0.0
         self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
+        self._pitot: Pitot | None = config.pitot
         self._prompt: float = config.model.prompt_share
         self._filled: float = LOOP_S / config.model.rest_s
         self._rest_mps: float = start.airspeed_mps
@@ -268,6 +270,8 @@ class Body:
             self.speed_commanded_mps, self.heading_commanded_rad = 0.0, state.heading_rad
         else:
             self.speed_commanded_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
+            if self._pitot is not None:
+                self.speed_commanded_mps = self._pitot.true(self.speed_commanded_mps, state.height_m)
             self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
         self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 

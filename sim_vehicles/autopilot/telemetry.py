@@ -185,8 +185,15 @@ def nav_controller_output(v: Vehicle) -> Message:
     """Return NAV_CONTROLLER_OUTPUT: what it steers for, and what it lacks of it."""
     motion = v.sensed
     nose, target = signed(motion.heading_rad), signed(motion.heading_setpoint_rad)
-    high, fast = motion.height_setpoint_m - motion.height_m, motion.airspeed_setpoint_mps - motion.airspeed_mps
+    high = motion.height_setpoint_m - motion.height_m
+    fast = _read(v, motion.airspeed_setpoint_mps - motion.airspeed_mps)
     return NavControllerOutput(_bank(motion), 0.0, nose, target, 0.0, high, fast, 0.0)
+
+
+def _read(v: Vehicle, true_mps: float) -> float:
+    """Return what its sensor reads at an airspeed."""
+    pitot = v.config.pitot
+    return true_mps if pitot is None else pitot.reading(true_mps, v.sensed.height_m)
 
 
 def vfr_hud(v: Vehicle) -> Message:
@@ -196,7 +203,7 @@ def vfr_hud(v: Vehicle) -> Message:
     altitude = v.fleet.origin.alt_m + motion.height_m
     heading = motion.heading_rad % math.tau
     throttle = CRUISE_THROTTLE_PERCENT if v.pilot.airborne else 0
-    return VfrHud(motion.airspeed_mps, speed, heading, throttle, altitude, -motion.velocity_down_mps)
+    return VfrHud(_read(v, motion.airspeed_mps), speed, heading, throttle, altitude, -motion.velocity_down_mps)
 
 
 def wind(v: Vehicle) -> Message:

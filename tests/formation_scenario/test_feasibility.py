@@ -95,6 +95,16 @@ def test_the_speed_of_the_path_must_suit_the_leader(refusal):
     assert line == "path.speed_mps: found 27 m/s; 16 to 26 m/s, vehicle 4's limits"
 
 
+def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusal, load):
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 14 m/s are read at 16.25."""
+    planes = ["vehicles={count: 2, model: arduplane}", "path.speed_mps=16"]
+    assert load(*planes).path.speed_mps == 16.0
+    (line,) = refusal(*planes, "origin.alt_m=3000")
+    assert line == (
+        "path.speed_mps: found 16 m/s; 16.25 to 29 m/s, leader 1's limits, in air as thin as at origin.alt_m"
+    )
+
+
 @pytest.mark.parametrize(
     ("wind_mps", "line"),
     [

@@ -69,6 +69,8 @@ class ArduPilot:
     """Its RC input is at UDP port 5501 + 10 times this: away from a simulation that somebody else runs."""
     apart_deg: float
     parameters: Mapping[str, float]
+    field_m: float = 0.0
+    """Height of the field above sea level."""
 
     @contextmanager
     def simulated(
@@ -79,7 +81,7 @@ class ArduPilot:
         lines = [f"{key} {value}" for key, value in {**self.parameters, **parameters, "MAV_SYSID": number}.items()]
         (directory / "set.parm").write_text("\n".join(lines) + "\n")
         latitude_deg, longitude_deg = ORIGIN_DEG
-        home = f"{latitude_deg},{longitude_deg + (number - 1) * self.apart_deg},0,0"
+        home = f"{latitude_deg},{longitude_deg + (number - 1) * self.apart_deg},{self.field_m:g},0"
         command = [os.environ[self.variable], "--model", self.model, "--speedup", str(speedup), "--home", home]
         command += [f"-I{self.first_instance + number}", "--defaults", "set.parm"]
         command += ["--serial0", f"udpclient:127.0.0.1:{port}", "--serial1", "none:0", "--serial2", "none:0"]

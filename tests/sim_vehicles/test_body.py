@@ -10,7 +10,7 @@ from flight_model.autopilot_model import advance
 from formation_scenario.begin_and_end import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.config import VehicleConfig
+from sim_vehicles.config import Pitot, VehicleConfig
 
 LOOP_S = 0.02
 
@@ -47,6 +47,19 @@ def test_without_an_airframe_a_vehicle_flies_by_equation_7():
     for values in flown[1:]:
         advance(expected, made.model, 24.0, 1.0, 110.0, LOOP_S)
         assert values.tolist() == list(expected.values())
+
+
+def test_what_flies_by_its_sensor_flies_faster_in_thin_air_and_where_the_sensor_reads_low():
+    """At 3100 m air has 0.735 of its density at sea level (ICAO Doc 7488)."""
+    for scale, expected_mps in ((1.0, 22.0 / math.sqrt(0.7346)), (0.9, 22.0 / 0.9 / math.sqrt(0.7346))):
+        pitot = Pitot(3000.0, scale)
+        made = Body(
+            VehicleConfig(VehicleId(1, 1), ENDPOINT, START, VehicleModel(speed_max_mps=40), pitot=pitot), (0, 0, 0), 1
+        )
+        made.steering.stopped, made.steering.airborne = False, True
+        fly(reported(made, speed=22.0), 60.0)
+        assert made.state.airspeed_mps == pytest.approx(expected_mps, rel=1e-3)
+        assert pitot.reading(made.state.airspeed_mps, 100.0) == pytest.approx(22.0, rel=1e-3)
 
 
 def test_the_velocity_over_ground_is_through_the_air_plus_what_carries_it():

@@ -9,6 +9,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages.telemetry import Attitude
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import APART_LIMIT_S, Vehicle
@@ -57,6 +58,16 @@ def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, lat
     turns(vehicle, 1.0, STAMP_S)
     sample = vehicle.new_sample(Instant(round(late_s * NANOSECONDS)))
     assert (sample is not None) is taken
+
+
+def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> None:
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488); what stands there shows no scale."""
+    vehicle.telemetry.armed = False
+    vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
+    turns(vehicle, 1.0, STAMP_S)
+    sample = vehicle.new_sample(NOW)
+    assert sample is not None
+    assert sample.airspeed_mps == vehicle.airspeed_mps == pytest.approx(22.0 / math.sqrt(0.7422), rel=1e-3)
 
 
 def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:

@@ -14,6 +14,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
@@ -58,6 +59,22 @@ class Told:
         """Hear a frame, the next one but those that were lost."""
         self._number += 1 + lost
         self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
+
+
+@pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])
+def test_an_aircraft_is_told_what_its_sensor_reads_at_the_true_airspeed(kind):
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s are read as 18.95."""
+    told = Told(kind)
+    told.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
+    for true_mps, reading_mps in ((22.0, 22.0 * math.sqrt(0.7422)), (15.0, 14.0), (40.0, 29.0)):
+        messages = told.vehicle.new_setpoints(Setpoint(true_mps, 0.3, 200.0), SOMEWHERE, told.now)
+        by_speed = SPEED if kind is ArduPlane else m.MAV_CMD_DO_REPOSITION
+        (told_mps,) = (
+            each.param2 if kind is ArduPlane else each.param1
+            for each in messages
+            if isinstance(each, CommandInt) and each.command == by_speed
+        )
+        assert told_mps == pytest.approx(reading_mps, rel=1e-3)
 
 
 def test_what_is_acknowledged_is_repeated_after_a_second():
