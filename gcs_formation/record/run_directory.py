@@ -17,6 +17,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import frame_length
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
+from gcs_formation.phases import UNCOMMANDED
 from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
@@ -98,6 +99,7 @@ class RunDirectory:
     ) -> None:
         """Create the directory and its files; with `overwrite` in place of an earlier run's, without `frames` no log.
 
+        A run that ended before it commanded anybody is replaced in any case: whoever mends its cause tries again.
         With `resume` an unfinished run's record goes on; nothing of it is lost but what was cut off at its end.
 
         Raises:
@@ -105,7 +107,7 @@ class RunDirectory:
         """
         self.path = path
         try:
-            refused = None if resume else refusal(path, overwrite=overwrite)
+            refused = None if resume else refusal(path, overwrite=overwrite or _commanded_nobody(path))
             if refused is not None:
                 raise RecordError(refused)
             path.mkdir(parents=True, exist_ok=True)
@@ -192,6 +194,18 @@ class RunDirectory:
 
     def _give_up(self, error: OSError) -> None:
         self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"
+
+
+def _commanded_nobody(path: Path) -> bool:
+    """Return whether a run that was recorded there ended, without a summary, before it commanded anybody."""
+    if (path / SUMMARY).exists() or not (path / EVENTS).is_file():
+        return False
+    try:
+        events = [json.loads(line) for line in (path / EVENTS).read_bytes().splitlines()]
+        causes = [event["cause"] for event in events if event["kind"] == "phase"]
+    except (ValueError, KeyError, TypeError):
+        return False  # cut off, or somebody else's
+    return len(causes) == 1 and causes[0] in [cause.value for cause in UNCOMMANDED]
 
 
 def _clear(path: Path) -> None:

@@ -2,9 +2,12 @@ from pathlib import Path
 
 import pytest
 
+from airlink.clock import Instant
 from formation_scenario import load_scenario
 from gcs_formation.errors import RecordError
+from gcs_formation.phases import Cause
 from gcs_formation.record.run_directory import RunDirectory
+from gcs_formation.recorder import Event
 
 SCENARIO = load_scenario({"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
 
@@ -36,6 +39,31 @@ def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_told_other
         with pytest.raises(RecordError, match=r"found files in .*, and no run\.yaml"):
             record(other, overwrite=overwrite)
     assert [file.name for file in other.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("causes", "replaced"),
+    [
+        ([], False),
+        ([Cause.NOT_BEGUN], True),
+        ([Cause.REHEARSED], True),
+        ([Cause.CALLED_OFF], True),
+        ([Cause.FAILURE], False),
+        ([Cause.LEADER_READY, Cause.NOT_BEGUN], False),
+    ],
+)
+def test_a_run_that_ended_before_it_commanded_anybody_is_replaced(
+    tmp_path: Path, causes: list[Cause], replaced: bool
+) -> None:
+    first = record(tmp_path, overwrite=False)
+    for cause in causes:
+        first.event(Event(Instant(1), "phase", "failed", None, {"cause": cause.value}))
+    first.close()
+    if replaced:
+        record(tmp_path, overwrite=False).close()
+        assert "phase" not in (tmp_path / "events.jsonl").read_text()
+    with pytest.raises(RecordError, match="found an earlier run"):
+        record(tmp_path, overwrite=False)
 
 
 def test_an_earlier_runs_report_goes_with_its_record(tmp_path: Path) -> None:
