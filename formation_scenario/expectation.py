@@ -135,7 +135,9 @@ class Expectation(Keys):
     """A bound on one figure of the summary, for some followers and over a window of time."""
 
     metric: Metric = key(..., "a figure of summary.json: see Metrics", "error_x_m.max")
-    followers: VehicleSelection = key("all", "all, or a list of ids; for figures of one follower or one link", [2, 3])
+    followers: VehicleSelection = key(
+        "all", "all, or a list of ids; for figures of one follower, or of one link, which the leader has too", [2, 3]
+    )
     from_s: NonNegative = key(0.0, "start of the window, s; 0 for figures of the whole flight", 70)
     to_s: NonNegative = key(
         ..., "end of the window, s; not before duration_s for figures of the whole flight", 120, derived="duration_s"

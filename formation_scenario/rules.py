@@ -10,7 +10,15 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.begin_and_end import latest_end_s
-from formation_scenario.expectation import OF_FOLLOWERS, RUN_METRICS, SEPARATION, WINDOWED, Expectation, pointless
+from formation_scenario.expectation import (
+    LINK_METRICS,
+    OF_FOLLOWERS,
+    RUN_METRICS,
+    SEPARATION,
+    WINDOWED,
+    Expectation,
+    pointless,
+)
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.links import (
     ALLOWED,
@@ -172,7 +180,8 @@ def references(scenario: Scenario) -> Iterator[Finding]:
         for index, entry in enumerate(entries):
             yield from _unknown(entry.vehicles, scenario.vehicles, (*path, index, "vehicles"))
     for index, entry in enumerate(scenario.expect):
-        yield from _unknown(entry.followers, scenario.followers, ("expect", index, "followers"))
+        chosen = scenario.vehicles if entry.metric in LINK_METRICS else scenario.followers
+        yield from _unknown(entry.followers, chosen, ("expect", index, "followers"))
 
 
 def _unknown(selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath) -> Iterator[Finding]:

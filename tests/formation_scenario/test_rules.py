@@ -131,6 +131,16 @@ def test_an_expectation_of_followers_needs_one(load, refusal, metric):
     assert load("vehicles=[{id: 7}]", wanted).leader is None
 
 
+def test_the_leaders_link_can_be_named_and_its_errors_cannot(load, refusal):
+    assert load("expect=[{metric: measured_loss, followers: [1], below: 0.1}]").expect[0].followers == (1,)
+    assert refusal("expect=[{metric: error_x_m.max, followers: [1], below: 1}]") == [
+        "expect.0.followers.0: found 1; 2, 3, 4"
+    ]
+    assert refusal("expect=[{metric: measured_loss, followers: [5], below: 0.1}]") == [
+        "expect.0.followers.0: found 5; 1, 2, 3, 4"
+    ]
+
+
 def test_an_expectation_of_distance_needs_two(load, refusal):
     wanted = "expect=[{metric: violations, below: 1}, {metric: min_separation_m, above: 5}]"
     assert refusal("vehicles={count: 1}", wanted) == [
