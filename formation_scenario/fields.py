@@ -93,6 +93,11 @@ def _as_number(value: object) -> object:
     return int(value) if isinstance(value, str) and value.isascii() and value.isdecimal() and len(value) < 4 else value
 
 
+def whole(value: object) -> object:
+    """Return a whole number as one, however it is written: the JSON schema takes 3.0 for one, and so do editors."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
 def _printable(value: object) -> object:
     if not (isinstance(value, str) and 1 <= len(value) <= MAX_NAME_LENGTH and value.isprintable()):
         raise PydanticCustomError("name", "not a name")
@@ -107,6 +112,8 @@ Distance = Annotated[NonNegative, Field(le=MAX_NEAR_M)]
 Speed = Annotated[Number, Field(ge=1e-3, le=1e3)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
 Rate = Annotated[Number, Field(ge=0.5, le=1000.0)]
+WHOLE = BeforeValidator(whole)
+"""Beside a strict int."""
 Flag = StrictBool
 Text = StrictStr
 Name = Annotated[
@@ -118,14 +125,15 @@ Name = Annotated[
 SystemId = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
+    WHOLE,
     Allowed(f"a whole number from 1 to {MAX_SYSTEM_ID} (for more vehicles give some another `network`)"),
 ]
-NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK)]
+NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK), WHOLE]
 Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
 Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]
 Offset: TypeAlias = Annotated[tuple[Near, Near, Near], Allowed(f"a list of 3 numbers, up to ±{MAX_NEAR_M:g}")]
 VehicleRef: TypeAlias = Annotated[
-    Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID), BeforeValidator(_as_number)]
+    Annotated[int, Field(strict=True, ge=1, le=MAX_SYSTEM_ID), WHOLE, BeforeValidator(_as_number)]
     | Annotated[str, Field(strict=True, pattern=r"^[1-9][0-9]{0,3}:[1-9][0-9]{0,2}$")],
     Allowed("a vehicle's id, or 'network:id'"),
 ]

@@ -15,6 +15,7 @@ from flight_model.path import SplinePath
 from flight_model.path_over_terrain import Bounds
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
+    WHOLE,
     Allowed,
     Distance,
     Flag,
@@ -37,7 +38,7 @@ from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
-Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), Allowed("a whole number from 0 to 2^63 - 1")]
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
 Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, Tag
 
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Positive, Rate, key, one_of
+from formation_scenario.fields import WHOLE, Allowed, Keys, NonNegative, Number, Positive, Rate, key, one_of
 
 SOURCES = "where its telemetry comes from: the true state, the true state with noise, or inertial navigation"
 
@@ -109,7 +109,7 @@ class InertialNavigation(Keys):
         "with the keys' root mean square as standard deviation",
     )
     airspeed_sigma_mps: NonNegative = key(0.2, "standard deviation of the measured airspeed, m/s")
-    alignment_s: Annotated[int, Field(strict=True, ge=10, le=7200)] = key(
+    alignment_s: Annotated[int, Field(strict=True, ge=10, le=7200), WHOLE] = key(
         900, "how long the vehicle stands and aligns, s", 600
     )
     flight_start: Literal["exact", "aligned"] = key(

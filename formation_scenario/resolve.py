@@ -14,7 +14,17 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from formation_scenario.error_messages import problems_of
-from formation_scenario.fields import MAX_NUMBER, MAX_SYSTEM_ID, Keys, Name, Number, ScenarioError, did_you_mean, key
+from formation_scenario.fields import (
+    MAX_NUMBER,
+    MAX_SYSTEM_ID,
+    Keys,
+    Name,
+    Number,
+    ScenarioError,
+    did_you_mean,
+    key,
+    whole,
+)
 from formation_scenario.formation import Formation
 from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
 from formation_scenario.model import Safety, Scenario
@@ -161,7 +171,7 @@ def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
         of_grade = GRADES.get(str(navigation.get("grade", GRADE)), ())
         sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, of_grade, strict=False))
         filled["navigation"] = navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
-    differs, network = vehicle.get("true_model"), vehicle.get("network")
+    differs, network = vehicle.get("true_model"), whole(vehicle.get("network"))
     if isinstance(differs, dict):
         filled["true_model"] = _group(vehicle, "model") | differs
     number = network if isinstance(network, int) and not isinstance(network, bool) else 1
@@ -170,7 +180,7 @@ def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
 
 def _counted(vehicles: Plain) -> Plain:
     """Return the list that a valid {count: N, ...} stands for; anything else as it is."""
-    count = vehicles.get("count") if isinstance(vehicles, dict) else None
+    count = whole(vehicles.get("count")) if isinstance(vehicles, dict) else None
     if not isinstance(vehicles, dict) or not isinstance(count, int) or isinstance(count, bool):
         return vehicles
     if not 1 <= count <= MAX_SYSTEM_ID:

@@ -11,6 +11,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
+    WHOLE,
     Allowed,
     Flag,
     Fraction,
@@ -38,6 +39,7 @@ Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
 Count = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
+    WHOLE,
     Allowed(f"1 to {MAX_SYSTEM_ID} on one network; for more give a list, part of it with another `network`"),
 ]
 

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
-from formation_scenario.fields import Allowed, Fraction, Keys, Name, NonNegative, Number, Positive, key
+from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Positive, key
 from gcs_formation.app.operator import Record
 
 MOST_VALUES = 10_000
@@ -50,7 +50,8 @@ class Range(Keys):
     """Evenly spaced values, both ends included."""
 
     range: Annotated[
-        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]], Allowed("[first, last, how many]")
+        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]],
+        Allowed("[first, last, how many]"),
     ] = key(..., "first, last, how many", [0, 500, 6])
 
 
@@ -96,10 +97,10 @@ Parameter = Annotated[
 class Seeds(Keys):
     """The seeds with which every sample is flown."""
 
-    first: Annotated[int, Field(strict=True, ge=0, le=2**62), Allowed("a whole number from 0 to 2^62")] = key(
+    first: Annotated[int, Field(strict=True, ge=0, le=2**62), WHOLE, Allowed("a whole number from 0 to 2^62")] = key(
         1, "the first seed"
     )
-    count: Annotated[int, Field(strict=True, ge=1, le=10**6)] = key(1, "how many, one after another")
+    count: Annotated[int, Field(strict=True, ge=1, le=10**6), WHOLE] = key(1, "how many, one after another")
 
 
 class Wanted(Keys):
@@ -168,7 +169,9 @@ class Study(Keys):
         "grid: every combination; one_at_a_time: the first value of each, and each varied alone; "
         "random, latin_hypercube, sobol: `samples` points (scipy.stats.qmc)",
     )
-    samples: Annotated[int, Field(strict=True, ge=1, le=10**7)] = key(100, "for the last three; a grid goes without")
+    samples: Annotated[int, Field(strict=True, ge=1, le=10**7), WHOLE] = key(
+        100, "for the last three; a grid goes without"
+    )
     seeds: Seeds = Seeds()
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1), Allowed("a list of 1 or more figures")] = key(
         ("error_x_m.rms", "error_y_m.rms", "error_z_m.rms", "min_separation_m", "settled_at_s"),

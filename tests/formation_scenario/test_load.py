@@ -126,6 +126,21 @@ def every_key() -> Scenario:
     return load_scenario(mapping, ["vehicles.1.model.climb_max_mps=9", "path.waypoints_m.2.2=100"])
 
 
+def test_numbers_without_a_fraction_are_whole(load, refusal):
+    written = (
+        "seed=1e3",
+        "vehicles={count: 3.0, network: 2.0}",
+        "expect=[{metric: measured_loss, followers: [2.0], below: 1}]",
+    )
+    scenario = load(*written)
+    assert (scenario.seed, len(scenario.vehicles), scenario.expect[0].followers) == (1000, 3, (2,))
+    assert {(vehicle.network, vehicle.endpoint) for vehicle in scenario.vehicles} == {(2, "udpin:127.0.0.1:14551")}
+    assert all(type(number) is int for number in (scenario.seed, scenario.vehicles[0].network))
+    for key, value in (("seed", "1.5"), ("seed", "true"), ("seed", ".inf"), ("vehicles.0.id", "1.5")):
+        assert refusal(f"{key}={value}")[0].startswith(f"{key}: found {value}; a whole number from ")
+    assert refusal("vehicles={count: 2.5}")[0].startswith("vehicles.count: found 2.5; 1 to 254")
+
+
 def test_in_json_where_keys_are_text_a_vehicle_is_named_by_its_digits(tmp_path):
     path = tmp_path / "custom.json"
     slots = {"2": [-30, 30, 0], "1:3": [-30, -30, 0]}
