@@ -186,6 +186,8 @@ class _Reader:
         self._places: dict[KeyPath, Place] = {}
         self._problems: list[Problem] = []
         self._count = 0
+        self._within = list[yaml.Node]()
+        """The lists and mappings that the one being read is in."""
 
     def read(self) -> tuple[Plain, dict[KeyPath, Place]]:
         try:
@@ -205,19 +207,32 @@ class _Reader:
         self._count += 1
         if self._count > MOST_VALUES:
             raise yaml.MarkedYAMLError(problem=f"found more than {MOST_VALUES} values", problem_mark=node.start_mark)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(loader, node, path)
+        if any(node is each for each in self._within):
+            found = f"{dotted(path)} is an alias of what begins here, which it is part of itself"
+            raise yaml.MarkedYAMLError(problem=found, problem_mark=node.start_mark)
+        self._within.append(node)
         if isinstance(node, yaml.MappingNode):
-            return self._mapping(loader, node, path)
-        if isinstance(node, yaml.SequenceNode):
-            items = cast("list[yaml.Node]", node.value)
-            for index, item in enumerate(items):
-                self._places[(*path, index)] = self._place(item)
-            return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
-        value = _constructed(loader, cast("yaml.ScalarNode", node))
+            value = self._mapping(loader, node, path)
+        else:
+            value = self._list(loader, cast("yaml.SequenceNode", node), path)
+        self._within.pop()
+        return value
+
+    def _scalar(self, loader: Loader, node: yaml.ScalarNode, path: KeyPath) -> Plain:
+        value = _constructed(loader, node)
         if value is None or isinstance(value, bool | int | float | str):
             return value
         found = f"found {show(cast('str', node.value))}"
         self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
         return None
+
+    def _list(self, loader: Loader, node: yaml.SequenceNode, path: KeyPath) -> list[Plain]:
+        items = cast("list[yaml.Node]", node.value)
+        for index, item in enumerate(items):
+            self._places[(*path, index)] = self._place(item)
+        return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
 
     def _mapping(self, loader: Loader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
         self._refuse_duplicates(node, path)

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -43,7 +45,7 @@ def test_a_key_that_is_not_in_the_file_is_placed_at_the_group_around_it():
         ("a: !!python/name:os.system\n", "a.yaml:1:4: broken YAML: could not determine a constructor"),
         ("a: 1\nb: \x00\n", "a.yaml:2: broken YAML: special characters are not allowed"),
         ("a: " + "[" * 5000, "a.yaml: found lists or mappings nested too deeply"),
-        ("a: &x [*x]", "a.yaml: found lists or mappings nested too deeply"),
+        ("a: &x [*x]", "a.yaml:1:4: broken YAML: a.0 is an alias of what begins here, which it is part of itself"),
     ],
 )
 def test_broken_text_names_its_place(text: str, message: str):
@@ -66,6 +68,18 @@ def test_aliases_of_aliases_end_before_the_memory_does():
     text = "a: &a [x, x, x, x, x, x, x, x, x]\n"
     text += "".join(f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join(['*' + chr(97 + i)] * 9)}]\n" for i in range(9))
     assert "found more than 500000 values" in problem_lines(text)[0]
+
+
+@pytest.mark.parametrize(
+    "text", ["a: 1\nb: &b\n  c: *b\n", "a: 1\nb: {c: &b [*b]}\n", "a: 1\nb: &b\n  d: 2\n  c: [[*b]]\n"]
+)
+def test_an_alias_of_what_it_is_in_is_refused_with_its_place(text):
+    (line,) = problem_lines(text)
+    assert re.fullmatch(r"a\.yaml:[23]:\d+: broken YAML: b\.c[.0]* is an alias of what begins here, .*", line)
+
+
+def test_an_alias_that_stands_twice_is_no_circle():
+    assert read_text("a: &a [1]\nb: [*a, *a]\nc: {d: *a}").data == {"a": [1], "b": [[1], [1]], "c": {"d": [1]}}
 
 
 def test_every_duplicate_key_is_reported():
