@@ -119,7 +119,11 @@ def _items(parent: Plain, path: KeyPath) -> list[Plain]:
 
 
 def load_scenario(
-    source: str | Path | Mapping[Any, Any] | Scenario, overrides: Sequence[str] = (), option: str = OPTION
+    source: str | Path | Mapping[Any, Any] | Scenario,
+    overrides: Sequence[str] = (),
+    option: str = OPTION,
+    *,
+    flown: bool = False,
 ) -> Scenario:
     """Return a scenario, validated, with every default filled in.
 
@@ -127,6 +131,7 @@ def load_scenario(
         source: a YAML file, the mapping that it would hold, or a scenario.
         overrides: `dotted.key=value` settings, the values in YAML.
         option: what stands before an override in messages; "" where it was no command's option.
+        flown: whether it was flown already, so that neither that nor what was expected is in question any more.
 
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
@@ -135,7 +140,9 @@ def load_scenario(
     scenario, resolved = _typed(read)
     if scenario.law.gains == AUTO:
         scenario = designed(scenario, read.data.get("law"))
-    found = [*(inconsistencies(scenario) or check(scenario)), *expectations(scenario)]
+    found = inconsistencies(scenario)
+    if not flown:
+        found = [*(found or check(scenario)), *expectations(scenario)]
     if found:
         raise ScenarioError([resolved.problem(*each) for each in found])
     return scenario

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -63,7 +63,7 @@ class RunData:
     begun: bool
     """Whether the leader ever started along its path. If not, `flown` is everything."""
     missing: tuple[str, ...] = ()
-    """What the record of an unfinished run lacks, in words."""
+    """What the record lacks, in words: that of an unfinished run, or of an earlier version."""
 
     @property
     def whole_time_s(self) -> Array:
@@ -110,9 +110,10 @@ def load_run(directory: Path) -> RunData:
     """
     finished = _is_finished(directory)
     try:
-        scenario = load_scenario(directory / SCENARIO)
+        scenario, refused = _scenario(directory / SCENARIO)
         if not finished:
-            return _unfinished(directory, scenario)
+            run = _unfinished(directory, scenario)
+            return replace(run, missing=(*run.missing, *refused))
         summary = _summary(directory / SUMMARY)
         events = _events(directory / EVENTS)
         columns = read_parquet(directory / TIMESERIES)
@@ -123,7 +124,16 @@ def load_run(directory: Path) -> RunData:
         found = f"found no column {missing[0]} in {directory / TIMESERIES}"
         raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
     whole = RecordedFlight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
-    return _run_data(scenario, summary, events, whole)
+    return _run_data(scenario, summary, events, whole, refused)
+
+
+def _scenario(path: Path) -> tuple[Scenario, tuple[str, ...]]:
+    """Return what was flown, and in words why it wouldn't be any more: an earlier version refused less."""
+    try:
+        return load_scenario(path), ()
+    except ScenarioError as error:
+        flown = load_scenario(path, flown=True)
+        return flown, tuple(f"a scenario that this version would fly: {each}" for each in error.problems)
 
 
 def _is_finished(directory: Path) -> bool:

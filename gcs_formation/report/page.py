@@ -243,7 +243,7 @@ def _error_source(run: RunData) -> str:
 def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
-    `lacks` is called with each thing that the record of an unfinished run lacks, in words.
+    `lacks` is called with each thing that the record lacks, in words.
 
     Raises:
         RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.

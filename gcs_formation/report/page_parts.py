@@ -107,7 +107,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
 
 
 def missing(texts: Sequence[str]) -> str:
-    """Return what the record of an unfinished run lacks."""
+    """Return what the record lacks."""
     items = "".join(f"<li>{escape(text)}</li>" for text in texts)
     return f'<section id="missing"><h2>Missing from this record</h2><ul>{items}</ul></section>' if items else ""
 

@@ -41,6 +41,21 @@ def test_columns_are_those_of_the_vehicle(make_run):
         np.testing.assert_array_equal(own["true_north_m"], columns["true_north_m"][mine])
 
 
+def test_a_run_that_would_be_refused_now_is_read_and_says_why(make_run):
+    directory = make_run()
+    assert load_run(directory).missing == ()
+    written = (directory / "run.yaml").read_text(encoding="utf-8")
+    wanted = "expect: [{metric: settled_at_s, from_s: 1.0, below: 9.0}]\n"  # earlier versions ignored from_s there
+    (directory / "run.yaml").write_text(written.split("expect:")[0] + wanted, encoding="utf-8")
+    run = load_run(directory)
+    assert run.scenario.expect[0].metric == "settled_at_s"
+    (said,) = run.missing
+    assert "expect.0.from_s: found 1 for settled_at_s, a figure of the whole flight; allowed: 0, or nothing" in said
+    (directory / "run.yaml").write_text(written.replace("duration_s", "duration"), encoding="utf-8")
+    with pytest.raises(RecordError, match="cannot read the run"):
+        load_run(directory)
+
+
 def test_no_directory(tmp_path):
     with pytest.raises(RecordError, match="found no directory"):
         load_run(tmp_path / "nowhere")
