@@ -43,7 +43,7 @@ APART_M = 20.0
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
-    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C."""
+    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C (exit status 130) or SIGTERM (0)."""
     count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
     if scenario is None and overrides:
         fail("found --set without a scenario; allowed: with one")
