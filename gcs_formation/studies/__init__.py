@@ -211,6 +211,12 @@ class Study(Keys):
         found = {name: levels_of(each) for name, each in self.parameters.items()}
         return {name: levels for name, levels in found.items() if levels is not None}
 
+    @property
+    def draws(self) -> bool:
+        """Whether values of parameters, or scenarios, are drawn: then chance is in the flights of one seed too."""
+        drawn = self.levels.keys() != self.parameters.keys()
+        return drawn or self.design in DRAWN or self.random is not None
+
 
 def study_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a study file."""

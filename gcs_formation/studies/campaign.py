@@ -100,6 +100,10 @@ def _time(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
+SEED_CHANGES_NOTHING = "the seed changes nothing in these flights"
+ONE_SEED = "one seed, and nothing is drawn"
+
+
 class Verdict(NamedTuple):
     """An expectation and what came of it."""
 
@@ -107,8 +111,8 @@ class Verdict(NamedTuple):
     flights: int
     """How many it concerns."""
     kept: int
-    alike: bool = False
-    """Whether the seed changes nothing in them: one flight, flown many times, says nothing of a share."""
+    sure: str = ""
+    """Why no chance is in them, in words: one flight, flown many times, or each of those planned, has its share."""
 
     @property
     def share(self) -> float | None:
@@ -122,8 +126,8 @@ class Verdict(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934); None of flights alike."""
-        if self.alike:
+        """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934); None without chance."""
+        if self.sure:
             return None
         low, high = clopper_pearson(self.kept, self.flights, self.wanted.confidence)
         return float(low), float(high)
@@ -138,7 +142,7 @@ class Verdict(NamedTuple):
         bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
         found = f"{self.kept} of {counted(self.flights, 'flight')}{where}"
-        sure = "(no interval: the seed changes nothing in these flights)"
+        sure = f"(no interval: {self.sure})"
         if self.interval is not None:
             sure = "({:.0%} confidence: {:.2%} to {:.2%})".format(self.wanted.confidence, *self.interval)
         state = "held" if self.held else "broken"
@@ -149,7 +153,9 @@ def judge(study: Study, wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation concerns."""
     concerned = [row for row in rows if concerns(wanted, row)]
     kept = sum(keeps(wanted, row) for row in concerned)
-    return Verdict(wanted, len(concerned), kept, seed_changes_nothing(study, concerned))
+    sure = SEED_CHANGES_NOTHING if seed_changes_nothing(study, concerned) else ""
+    sure = ONE_SEED if study.seeds.count == 1 and not study.draws else sure
+    return Verdict(wanted, len(concerned), kept, sure)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
-from gcs_formation.studies import DRAWN, LISTED, Bisection, Study, Wanted
+from gcs_formation.studies import LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.plan import Crossing, Planned, Row, concerns, seed_changes_nothing
 
@@ -217,8 +217,7 @@ class Flights(NamedTuple):
     @property
     def by_chance(self) -> bool:
         """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
-        drawn = any(map(self.draws, self.study.parameters))
-        return (self.study.seeds.count > 1 and not self.alike) or self.study.design in DRAWN or drawn
+        return (self.study.seeds.count > 1 and not self.alike) or self.study.draws
 
     def draws(self, name: str) -> bool:
         """Return whether a parameter's values are drawn from a distribution."""

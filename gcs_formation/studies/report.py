@@ -121,7 +121,7 @@ def _expectations(result: Mapping[str, Any]) -> str:
             bounds_text(entry.get("below"), entry.get("above")),
             ", ".join(f"{name} = {value}" for name, value in entry["where"].items()),
             f"{entry['kept']} of {entry['flights']}",
-            " to ".join(f"{100 * end:.2f} %" for end in entry["interval"] or ()) or "none: the seed changes nothing",
+            " to ".join(f"{100 * end:.2f} %" for end in entry["interval"] or ()) or "none: no chance in them",
             f"{100 * entry['share']:g} %",
             badge(entry["held"], "held" if entry["held"] else "broken"),
         ]

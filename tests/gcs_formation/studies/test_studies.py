@@ -268,8 +268,23 @@ def test_flights_in_which_the_seed_changes_nothing_have_no_interval():
     for other in ({"digest": "different"}, {"digest": None}):
         verdict = judge(planned, planned.expect[0], [*flown[:-1], {**flown[-1], **other}])
         assert "6 of 6 flights (95% confidence: 54.07% to 100.00%); " in str(verdict)
-    once = study(**{**keys, "seeds": {"count": 1}, "design": "random", "samples": 6})
-    assert judge(once, planned.expect[0], flown).interval is not None
+
+
+@pytest.mark.parametrize(
+    ("keys", "chance"),
+    [
+        ({}, False),
+        ({"seeds": {"count": 2}}, True),
+        ({"design": "random", "samples": 2}, True),
+        ({"parameters": {DELAY: {"uniform": [0, 300]}}, "design": "random", "samples": 2}, True),
+    ],
+)
+def test_one_seed_without_draws_has_no_interval(keys: dict[str, Any], chance: bool):
+    far = {"metric": "min_separation_m", "above": 10, "share": 0.5}
+    planned = study(**{"parameters": {DELAY: [0, 300]}, "seeds": {"count": 1}, "expect": [far], **keys})
+    verdict = judge(planned, planned.expect[0], [{DELAY: s, "min_separation_m": s, "exit": 0} for s in (0, 300)])
+    assert (verdict.kept, verdict.held, verdict.interval is not None) == (1, True, chance)
+    assert ("1 of 2 flights (no interval: one seed, and nothing is drawn); " in str(verdict)) is not chance
 
 
 def test_a_seed_changes_a_flight_through_losses_alone():
