@@ -106,10 +106,11 @@ def by_level(flights: Flights, metric: str) -> Figure:
             _tail(right, flights, metric, inside, colour, level, FAINT)
             bounds(left, flights, metric, inside, colour, vertical=True)
             bounds(right, flights, metric, inside, colour, vertical=True)
-            _shares(right, flights, metric, inside, colour)
         left.set(xlabel=metric, ylabel="share up to", ylim=(0.0, 1.02))
         _finish(left, flights, metric)
         _finish_tail(right, flights, metric, min(int(inside.sum()) for inside in groups.values()))
+        for colour, inside in zip(FOLLOWERS, groups.values(), strict=False):
+            _shares(right, flights, metric, inside, colour)
         right.set_ylabel("share worse than")
         handles, labels = left.get_legend_handles_labels()
         kept = [(handle, label) for handle, label in zip(handles, labels, strict=True) if label in groups]
@@ -177,6 +178,7 @@ def _counts(axes: Axes, values: Array) -> None:
     bars = axes.bar(list(named), list(named.values()), width=0.5, color=BAND, label="flights with this value")
     axes.bar_label(bars, [str(count) for count in named.values()])
     axes.set(yscale="log", ylim=(0.5, 3.0 * max(named.values())))
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.margins(x=0.2)
 
 
@@ -224,10 +226,13 @@ def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None
 
 
 def _shares(axes: Axes, flights: Flights, metric: str, inside: Mask | None = None, colour: str = LIMIT) -> None:
-    """Where an expectation of exactly these flights allows a share of them, mark it: their curve should be below."""
+    """Where an expectation of exactly these flights allows a share of them, mark it: their curve should be below.
+
+    A share of less than half a flight is below the panel.
+    """
     for wanted in flights.wanted(metric, inside):
         bound = wanted.above if wanted.below is None else wanted.below
-        if wanted.share < 1.0 and bound is not None:
+        if 1.0 - wanted.share > axes.get_ylim()[0] and bound is not None:
             axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=colour, label="at most so many beyond it")
 
 

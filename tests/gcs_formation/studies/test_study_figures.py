@@ -69,6 +69,14 @@ def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
     assert axes.xaxis_inverted()
 
 
+def test_a_share_of_less_than_half_a_flight_is_no_mark_in_the_legend():
+    """1 % of 20 flights would lie below the panel, which ends at 2 %."""
+    wanted = study(metrics=[ERROR, NEAREST], expect=[{"metric": NEAREST, "above": 2, "share": 0.99}])
+    figure = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 20)}))
+    assert lines_of(figure.axes[0], "at most so many beyond it") == []
+    assert "expected" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def test_a_count_that_few_flights_have_is_seen_among_a_thousand():
     broken = np.zeros(1000)
     broken[[97, 231]] = 1.0
