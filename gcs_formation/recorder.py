@@ -36,6 +36,7 @@ class VehicleLink:
         "lag_s",
         "ready",
         "speeds_mps",
+        "split_s",
         "up_s",
     )
 
@@ -45,6 +46,8 @@ class VehicleLink:
         """Whether it follows setpoints."""
         self.delay_s = 0.0
         """One-way delay as measured, half the round trip."""
+        self.split_s = 0.0
+        """How much longer the way up is, as far as a step told."""
         self.up_s = math.nan
         """Delay up; NaN where it isn't known how the round trip is split."""
         self.down_s = math.nan
@@ -67,8 +70,8 @@ class VehicleLink:
 
     @property
     def on_its_way_s(self) -> float:
-        """How long a setpoint is on its way: half the round trip where its split isn't known."""
-        return self.delay_s if math.isnan(self.up_s) else self.up_s
+        """How long a setpoint is on its way: half the round trip where no more is known of its split."""
+        return self.delay_s + self.split_s if math.isnan(self.up_s) else self.up_s
 
 
 def unknown_state() -> FlightState:

@@ -61,7 +61,7 @@ class Dispatch:
         for vehicle in self._vehicles:
             link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
-            link.delay_s = clock.one_way_s
+            link.delay_s, link.split_s = clock.one_way_s, clock.split_s
             if vehicle.gnss is not None:
                 link.up_s, link.down_s = vehicle.ways_s
             link.jitter_s = vehicle.jitter.jitter_s

@@ -21,6 +21,9 @@ RESOLUTION_S: Final = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
 STEPPED: Final = 8
 """So many round trips in a row (2 s) that are far from those before are what the link takes from now on."""
+SPLIT_S: Final = 30.0
+"""Time constant in which what a step told of a round trip's split is forgotten: steps that are too small, or too slow,
+to be seen add up."""
 FAR: Final = 4.0
 """By how many times what either scatters they are that."""
 NORMAL: Final = 1.4826
@@ -111,6 +114,9 @@ class ClockSync:
     is used until the samples say that it is wrong (static multiple models: Bar-Shalom, Li, Kirubarajan, "Estimation
     with Applications to Tracking and Navigation", 11.6.2). Samples are weighted by how much their round trips took
     longer than the fastest, and by how much round trips vary.
+
+    A clock doesn't step as round trips do, so by how much the samples step then tells which way takes longer than it
+    did. The filters follow the samples at once, and stamps are mapped as before until that is forgotten.
     """
 
     def __init__(self, loop_s: float = 0.0) -> None:
@@ -131,6 +137,10 @@ class ClockSync:
         """What the clock showed last."""
         self._recent, self._count = vec[float]([0.0] * WINDOW), i64(0)
         """The last round trips, the oldest first, and how many there are."""
+        self._off = vec[float]([0.0] * WINDOW)
+        """By how much the samples of those were off what was predicted."""
+        self.split_s: float = 0.0
+        """How much longer than half the round trip the way up takes, as far as a step told."""
         self._sorted = vec[float]([0.0] * WINDOW)
 
     @property
@@ -167,34 +177,53 @@ class ClockSync:
 
     def _median_s(self, begin: i64, end: i64) -> float:
         """Return the median of the recent round trips from one place to before another, and leave these sorted."""
-        recent, each = self._recent, self._sorted
+        return self._median_of(self._recent, begin, end)
+
+    def _median_of(self, values: vec[float], begin: i64, end: i64) -> float:
+        each = self._sorted
         for place in range(begin, end):
-            each[place - begin] = recent[place]
+            each[place - begin] = values[place]
         return _median(each, end - begin)
 
-    def _take(self, round_trip_s: float) -> None:
-        recent, count = self._recent, self._count
+    def _take(self, round_trip_s: float, off_s: float) -> float:
+        """Take a round trip, and how far off its sample was.
+
+        Return by how much samples step where this shows that the link has, beyond chance: 0 where both ways step alike.
+        """
+        recent, off, count = self._recent, self._off, self._count
         if count == WINDOW:
             count -= 1
             for place in range(count):
-                recent[place] = recent[place + 1]
-        recent[count] = round_trip_s
+                recent[place], off[place] = recent[place + 1], off[place + 1]
+        recent[count], off[count] = round_trip_s, off_s
         self._count = count + 1
-        self._forget_before_step()
+        known = self._count == WINDOW  # for long enough before: the first probes wait for who knows what
+        if not self._forget_before_step() or not known:
+            return 0.0
+        step_s = self._median_of(off, 0, STEPPED)
+        return step_s if abs(step_s) > self._usual_scatter_s(STEPPED) else 0.0
 
-    def _forget_before_step(self) -> None:
-        """Forget the round trips before the last few, where these are far from the others' median."""
+    def _forget_before_step(self) -> bool:
+        """Forget the round trips before the last few, where these are far from the others' median; return whether."""
         recent, since = self._recent, self._count - STEPPED
         if since <= 0:
-            return
+            return False
         near_s = FAR * _range(recent, since, self._count)
         if _range(recent, 0, self._count) <= near_s:
-            return  # as nearly always: no two are farther apart
+            return False  # as nearly always: no two are farther apart
         apart_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
-        if apart_s > near_s and apart_s > near_s + FAR * self._usual_scatter_s(since):
+        stepped = apart_s > near_s and apart_s > near_s + FAR * self._usual_scatter_s(since)
+        if stepped:
             for place in range(STEPPED):
-                recent[place] = recent[since + place]
+                recent[place], self._off[place] = recent[since + place], self._off[since + place]
             self._count = STEPPED
+        return stepped
+
+    def _follow_link(self, at: Instant, step_s: float, variance: float) -> None:
+        """Follow the samples where the link has stepped; what they step by is the link's, not the clock's."""
+        self._crystal.step(at, self._crystal.predict(at) + step_s, variance)
+        self._any.step(at, self._any.predict(at) + step_s, variance)
+        self.split_s += step_s
 
     def _mean_s(self) -> float:
         recent, count, total = self._recent, self._count, 0.0
@@ -209,11 +238,11 @@ class ClockSync:
     def observe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> bool:
         """Take an answered probe; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
-        self._take(self.round_trip_s)
-        self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         middle = Instant((sent + received) // 2)
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS
         off_s = self._off_s(middle, sample_s) if self.samples else 0.0
+        step_s = self._take(self.round_trip_s, off_s)
+        self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
         # A clock that stood still (a machine or a simulator was held up) is behind, shows no less than it did, and has
         # run for longer than nothing was read of it. Any other has begun anew, or is another vehicle's.
@@ -226,7 +255,9 @@ class ClockSync:
         if self.samples == 0 or restarted:
             self._crystal.begin(middle, sample_s, variance)
             self._any.begin(middle, sample_s, variance)
-            self._unlike, self._used = 0.0, self._crystal
+            self._unlike, self._used, self.split_s = 0.0, self._crystal, 0.0
+        elif step_s:
+            self._follow_link(middle, step_s, variance)
         elif stepped:
             self._crystal.step(middle, sample_s, variance)
             self._any.step(middle, sample_s, variance)
@@ -236,6 +267,9 @@ class ClockSync:
                 self._any.correct(middle, sample_s, variance),
             )
             self._judge(unknown - crystal)
+        # nothing arrives before it was sent
+        left_s = self.split_s * math.exp(-max(0.0, (sent - self._asked) / NANOSECONDS) / SPLIT_S)
+        self.split_s = max(-self.one_way_s, min(self.one_way_s, left_s))
         self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
         self.restarts += restarted
@@ -243,11 +277,11 @@ class ClockSync:
 
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot in seconds."""
-        return self._used.to_instant(vehicle_time_s)
+        return self._used.to_instant(vehicle_time_s + self.split_s)
 
     def age_s(self, vehicle_time_s: float, now: Instant) -> float:
         """Return how long before `now` a vehicle's time since boot was, s."""
-        return self._used.age_s(vehicle_time_s, now)
+        return self._used.age_s(vehicle_time_s + self.split_s, now)
 
     def _judge(self, unlike: float) -> None:
         """Take how much less likely a sample is if a crystal keeps the clock; not before its scatter is known."""

@@ -184,6 +184,50 @@ def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter(after_s: 
             assert sync.one_way_s == pytest.approx(after_s, abs=0.01)
 
 
+def exchanged(sync: ClockSync, at_s: float, up_s: float, down_s: float, offset_s: float = 5.0) -> None:
+    sent = Instant(round(at_s * NANOSECONDS))
+    sync.observe(sent, round((offset_s + at_s + up_s) * NANOSECONDS), after(sent, up_s + down_s))
+
+
+@pytest.mark.parametrize(("up_s", "down_s"), [(0.35, 0.05), (0.05, 0.35), (0.3, 0.3), (0.75, 0.05)])
+def test_a_step_of_one_way_is_told_from_the_clock_and_forgotten(up_s: float, down_s: float) -> None:
+    """The clock goes on: what its samples step by is half of what the ways differ by, and the mapping isn't moved."""
+    sync, split_s = ClockSync(), (up_s - down_s) / 2
+    for k in range(200):
+        exchanged(sync, 0.25 * k, 0.05, 0.05)
+    exchanged(sync, 50.0, 0.05, down_s)  # it was on its way as the link stepped
+    for k in range(201, 209):
+        exchanged(sync, 0.25 * k, up_s, down_s)
+    assert sync.one_way_s + sync.split_s == pytest.approx(up_s, abs=0.005)
+    assert sync.age_s(5.0 + 52.0, Instant(53 * NANOSECONDS)) == pytest.approx(1.0, abs=0.005)
+    assert abs(sync.drift) < 1e-5
+    for k in range(209, 329):
+        exchanged(sync, 0.25 * k, up_s, down_s)
+    assert sync.split_s == pytest.approx(split_s / math.e, abs=0.005)
+    forgotten_s = split_s * (1.0 - 1.0 / math.e)
+    assert sync.age_s(5.0 + 82.0, Instant(83 * NANOSECONDS)) == pytest.approx(1.0 + forgotten_s, abs=0.005)
+
+
+@pytest.mark.parametrize(("before", "up_s", "down_s"), [(3, 0.4, 0.2), (200, 0.1, 0.1)])
+def test_neither_the_first_slow_probes_nor_a_step_of_both_ways_tells_of_a_split(
+    before: int, up_s: float, down_s: float
+) -> None:
+    sync = ClockSync()
+    for k in range(before + 40):
+        exchanged(sync, 0.25 * k, *((up_s, down_s) if k < before else (0.3, 0.3)))
+        assert sync.split_s == 0.0
+
+
+def test_no_way_is_taken_to_last_less_than_nothing() -> None:
+    """One that took longer up from the beginning, of which nobody knew, until it no longer did."""
+    sync = ClockSync()
+    for k in range(200):
+        exchanged(sync, 0.25 * k, 0.35, 0.05)
+    for k in range(200, 210):
+        exchanged(sync, 0.25 * k, 0.05, 0.05)
+    assert (sync.one_way_s, sync.split_s) == (pytest.approx(0.05), pytest.approx(-0.05, abs=0.001))
+
+
 def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
     """Jitter of 40 ms each way: round trips scatter by 57 ms, and the mean is over the whole window of 4 s."""
     rng, sync, scatters_s, delays_s = np.random.default_rng(2), ClockSync(), [], []
