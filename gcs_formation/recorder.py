@@ -31,6 +31,7 @@ class VehicleLink:
         "delay_s",
         "disobeying",
         "down_s",
+        "flew",
         "heard",
         "jitter_s",
         "lag_s",
@@ -59,6 +60,8 @@ class VehicleLink:
         which the station holds it back."""
         self.airborne = True
         """Whether it flies, as far as it can be heard."""
+        self.flew = True
+        """Whether it did when it was last heard."""
         self.circling = False
         """Whether it isn't commanded and circles, or is about to turn onto its circle."""
         self.heard: int = now

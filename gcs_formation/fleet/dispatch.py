@@ -65,7 +65,7 @@ class Dispatch:
             if vehicle.gnss is not None:
                 link.up_s, link.down_s = vehicle.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
-            link.airborne = vehicle.airborne
+            link.airborne, link.flew = vehicle.airborne, vehicle.flew
             link.circling = not link.ready and vehicle.circles
             link.heard = vehicle.heard_at(now)
             link.lag_s = clock.loop_s / 2

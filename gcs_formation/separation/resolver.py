@@ -38,8 +38,6 @@ FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
 FEWEST: Final = 2
 """Vehicles that can come near each other."""
-STANDS_MPS: Final = 3.0
-"""Speed over ground and through the air below which a vehicle isn't flying."""
 
 
 @dataclass
@@ -106,7 +104,7 @@ class ConflictResolver:
         self._unresponsive.watch(tick.now, tick.links)
         if self._nobody_near(tick, measured):
             return
-        members = self._members(tick, measured)
+        members = self._members(tick)
         if len(members) < FEWEST:
             return
         picture = self._picture(tick, measured, members, self._unresponsive.among(members))
@@ -149,14 +147,13 @@ class ConflictResolver:
                 tick.setpoints[column] = setpoint
         tick.yielding = [side != 0.0 for side in self._side]
 
-    def _members(self, tick: Tick, measured: Measured) -> list[int]:
+    def _members(self, tick: Tick) -> list[int]:
         """Return the columns that count, the leader's first."""
-        counted: list[int] = []
-        for column in range(self._first, len(self._models)):
-            state = measured.states[column]
-            over_ground_mps = math.hypot(state.wind_north_mps, state.wind_east_mps) + state.airspeed_mps
-            if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or over_ground_mps > STANDS_MPS):
-                counted.append(column)
+        counted = [
+            column
+            for column in range(self._first, len(self._models))
+            if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or tick.links[column].flew)
+        ]
         if tick.leader in counted:
             counted.remove(tick.leader)
             counted.insert(0, tick.leader)

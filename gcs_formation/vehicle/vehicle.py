@@ -194,13 +194,18 @@ class Vehicle:
         """
         heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
         usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
-        if seconds_between(heard, at) >= usual_s and self.autopilot.is_airborne(self.telemetry):
+        if seconds_between(heard, at) >= usual_s and self.flew:
             self.sequence.break_off(heard, at)
 
     @property
     def airborne(self) -> bool:
         """Whether it flies, by its last telemetry; False once its link is lost."""
-        return self.connection.state is not LinkState.LOST and self.autopilot.is_airborne(self.telemetry)
+        return self.connection.state is not LinkState.LOST and self.flew
+
+    @property
+    def flew(self) -> bool:
+        """Whether it flew when it was last heard."""
+        return self.autopilot.is_airborne(self.telemetry)
 
     @property
     def circles(self) -> bool:
@@ -252,7 +257,7 @@ class Vehicle:
 
     def _learn_airspeed(self, motion: ReportedMotion, heading_rad: float) -> None:
         scale = self.autopilot.airspeed_scale
-        if scale is None or not self.autopilot.is_airborne(self.telemetry):
+        if scale is None or not self.flew:
             return
         velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
         above_sea_m = motion.height_m + self.autopilot.origin.alt_m

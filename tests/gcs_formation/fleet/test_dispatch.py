@@ -26,6 +26,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         column=column,
         member=Member.FLYING,
         airborne=True,
+        flew=True,
         clock=SimpleNamespace(one_way_s=up_s, split_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
         heard_at=lambda now: now,

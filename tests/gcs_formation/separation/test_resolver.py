@@ -53,7 +53,7 @@ class Crossing:
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
-        self.circling = False
+        self.circling, self.flew = False, True
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
@@ -62,7 +62,7 @@ class Crossing:
         table = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         now = after(Instant(0), at_s)
         links = [VehicleLink(now), VehicleLink(now)]
-        links[1].circling = self.circling
+        links[1].circling, links[1].flew = self.circling, self.flew
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
@@ -106,15 +106,16 @@ def test_who_has_not_been_heard_for_half_a_minute_is_kept_away_from_no_more(age_
     assert crossing.gives_way(age_s) is gives
 
 
-@pytest.mark.parametrize(
-    ("speed_mps", "wind_mps", "gives"), [(2.9, 0.0, False), (3.1, 0.0, True), (1.0, 1.9, False), (1.0, -2.1, True)]
-)
-def test_what_is_no_faster_than_3_mps_does_not_fly(speed_mps: float, wind_mps: float, gives: bool) -> None:
-    """In 5 s it is right in the way, at the height flown at: on a roof."""
+@pytest.mark.parametrize("flew", [True, False])
+@pytest.mark.parametrize(("speed_mps", "wind_mps"), [(0.0, 0.0), (2.9, 0.0), (1.0, 1.9), (1.0, -2.1)])
+def test_what_flew_when_it_was_last_heard_is_kept_away_from_however_slow(
+    speed_mps: float, wind_mps: float, flew: bool
+) -> None:
+    """In 5 s it is right in the way, at the height flown at: it hovers there, or stands on a roof."""
     crossing = Crossing()
-    crossing.speed[1], crossing.wind_north[1] = speed_mps, wind_mps
+    crossing.speed[1], crossing.wind_north[1], crossing.flew = speed_mps, wind_mps, flew
     crossing.east[1], crossing.north[1] = 5.0 * speed_mps, -5.0 * wind_mps
-    assert crossing.gives_way() is gives
+    assert crossing.gives_way() is flew
 
 
 def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> None:
