@@ -1,8 +1,9 @@
 """Settings of all tests."""
 
 import gc
+import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
 from hypothesis import settings
@@ -10,16 +11,39 @@ from hypothesis import settings
 from airlink.cli import OBJECTS, calculate_in_one_thread
 
 calculate_in_one_thread()  # as commands do; a third less processor time where eigenvalues are tested
+gc.set_threshold(OBJECTS)  # as commands do, too
 # How long an example takes says nothing on a busy machine; the same examples in every run do.
-settings.register_profile("everywhere", deadline=None, derandomize=True)
-settings.load_profile("everywhere")
+settings.register_profile("nightly", deadline=None, derandomize=True)
+settings.register_profile("push", settings.get_profile("nightly"), max_examples=50)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Try half of the examples where slow tests are left to the night; those of the night are the usual hundred."""
+    settings.load_profile("push" if config.option.markexpr == "not slow" else "nightly")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Let every other process begin at the end: in a new copy it finds half of the files compiled by the others."""
+    report = yield
+    number = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    if isinstance(collector, pytest.Dir) and int(number) % 2:
+        report.result.reverse()
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Have all of them name the tests in one order."""
+    items.sort(key=lambda item: item.path)
 
 
 def pytest_collection_finish() -> None:
-    """Look for garbage seldom, and not among what is there for good: a tenth of the time that the tests take."""
+    """Look for garbage not among what is there for good: a tenth of the time that the tests take."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(OBJECTS)
 
 
 @pytest.fixture

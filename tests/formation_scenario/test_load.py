@@ -170,7 +170,7 @@ names = st.text(min_size=1, max_size=80).filter(str.isprintable)
 seconds = st.floats(1e-3, 1e6, allow_nan=False)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     names,
     st.integers(0, 2**63 - 1),

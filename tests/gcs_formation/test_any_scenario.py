@@ -81,7 +81,7 @@ def written(data: Any) -> str:
 
 
 @given(several=st.lists(changes, min_size=1, max_size=3))
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_whatever_is_changed_is_read_or_refused_with_every_problem_in_its_place(tmp_path: Path, several: Any) -> None:
     data = PLAIN
     for change in several:
@@ -125,7 +125,7 @@ def flies_or_is_refused(directory: Path, text: str) -> None:
 
 
 @given(place=st.integers(0, len(EVERY_KEY)), junk=st.sampled_from(JUNK))
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_broken_text_is_refused_with_its_place(tmp_path: Path, place: int, junk: str) -> None:
     found = problems(_file(tmp_path, EVERY_KEY[:place] + junk + EVERY_KEY[place:]))
     assert {problem.file for problem in found} <= {str(tmp_path / FILE)}
