@@ -15,12 +15,14 @@ def filtered_noise(samples):
     kept, noise = math.exp(-PERIOD_S / LAG_S), np.array(SAMPLE)
     carry = np.array([[1, LAG_S * (1 - kept), PERIOD_S], [0, kept, 0], [0, 0, 1]])
     seen, walk = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 0]]), np.diag([0, WALK_MPS**2, WIND_WALK**2]) * PERIOD_S
-    state, covariance, states = np.zeros(3), np.diag(noise**2), []
-    for measured in noise * np.random.default_rng(1).standard_normal((samples, 3)):
-        state, covariance = carry @ state, carry @ covariance @ carry.T + walk
+    covariance, gain = np.diag(noise**2), np.zeros((3, 3))
+    for _ in range(2000):  # longer than they take to settle
+        covariance = carry @ covariance @ carry.T + walk
         gain = covariance @ seen.T @ np.linalg.inv(seen @ covariance @ seen.T + np.diag(noise**2))
-        state = state + gain @ (measured - seen @ state)
         covariance = covariance - gain @ seen @ covariance
+    state, states, kept_of_state = np.zeros(3), [], (np.eye(3) - gain @ seen) @ carry
+    for corrected in noise * np.random.default_rng(1).standard_normal((samples, 3)) @ gain.T:
+        state = kept_of_state @ state + corrected
         states.append(state[:2])
     return np.array(states)
 

@@ -165,7 +165,7 @@ def test_without_any_one_of_position_attitude_and_airspeed_a_vehicle_is_told_to_
     stopped_s = tell(world, 2, [interval(2, message_id, NONE)])
     world.run(0.5)
     monkeypatch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
-    world.run()
+    world.run(8.0)
     (told_s,) = world.times_s("member", 2, "told to loiter")
     kept_s = 0.0 if message_id == m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT else 2.0
     assert told_s - stopped_s == pytest.approx(5.0 + kept_s, abs=0.3)

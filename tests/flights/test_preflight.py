@@ -173,13 +173,13 @@ def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_tho
 
 
 def elsewhere(*, in_air: bool, north_rad: float = 0.0, up_m: float = 0.0) -> World:
-    """Return a world after 40 s whose station takes the vehicles to be farther north and higher than the scenario."""
+    """Return a flown world whose station takes the vehicles to be farther north and higher than the scenario."""
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, READ, **keys)
     for vehicle in world.station.vehicles.values():
         seen = vehicle.telemetry
         seen.origin = GeodeticOrigin(seen.origin.lat_rad - north_rad, seen.origin.lon_rad, seen.origin.alt_m - up_m)
-    world.run(40.0)
+    world.run(10.0 if in_air else 40.0)
     return world
 
 

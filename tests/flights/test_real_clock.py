@@ -179,7 +179,8 @@ def test_an_expectation_window_beyond_until_is_not_judged_says_so_and_does_not_f
 
 def test_an_expectation_window_that_the_path_s_end_cuts_short_is_broken(path: Path, tmp_path: Path) -> None:
     expect = "expect=[{metric: error_x_m.max, followers: [2], from_s: 2, below: 1}]"
-    keys = ["--clock", "virtual", "--set", "path.waypoints_m=[[0, 0, 100], [220, 0, 100]]", "--set", expect]
+    short = ["--set", "vehicles.count=2", "--set", "path.waypoints_m=[[0, 0, 100], [220, 0, 100]]"]
+    keys = ["--clock", "virtual", *short, "--set", expect]
     done = said("run", str(path), *keys, "--quiet", "--out", str(tmp_path / "run"))
     assert done.exit_code == 1
     assert "broken: flown to 10." in done.stderr
@@ -187,7 +188,7 @@ def test_an_expectation_window_that_the_path_s_end_cuts_short_is_broken(path: Pa
 
 def test_a_broken_expectation_ends_with_1_and_its_figure(path: Path, tmp_path: Path) -> None:
     expect = "expect=[{metric: min_separation_m, above: 100}]"
-    keys = ["--clock", "virtual", "--set", expect, "--set", "duration_s=5"]
+    keys = ["--clock", "virtual", "--set", expect, "--set", "duration_s=5", "--set", "vehicles.count=2"]
     done = said("run", str(path), *keys, "--out", str(tmp_path / "run"))
     assert done.exit_code == 1
     assert "min_separation_m from 0 s to 5 s: found 42.4" in done.stderr

@@ -132,7 +132,7 @@ def test_vehicles_that_are_switched_on_one_after_another_are_waited_for_and_take
     "between", [Old, Signing, *(pytest.param(each, marks=pytest.mark.slow) for each in (Router, Crowded))]
 )
 def test_a_formation_flies_through(between: type[Between]) -> None:
-    world = World(between, duration_s=10)
+    world = World(between, duration_s=7)
     flies(world)
     losses = [vehicle.sequence.loss for vehicle in world.station.vehicles.values()]
     assert losses == [0.0] * 3

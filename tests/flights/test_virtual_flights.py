@@ -30,6 +30,7 @@ def worst(summary: Any, figure: str) -> list[float]:
 def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None:
     summary = fly(
         duration_s=30,
+        vehicles={"count": 2},
         start={"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]},
         formation={"shape": "arrow", "frame": frame},
         law={"type": law},
@@ -55,7 +56,7 @@ def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None
 def test_a_turn_leaves_no_offset(fly: Fly) -> None:
     """Slot-consistent feed-forward: in a turn of 0.9 degrees a second the errors stay at centimetres."""
     turn = [[1400 * math.sin(a), 1400 * (1 - math.cos(a)), 100] for a in np.linspace(0, 1.2, 9)]
-    assert max(worst(fly(duration_s=25, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
+    assert max(worst(fly(duration_s=18, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
 
 
 @pytest.mark.slow
@@ -107,7 +108,7 @@ def test_what_a_run_leaves_is_as_documented(left: Path) -> None:
 def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path: Path) -> None:
     low = {"speed_mps": 22, "waypoints_m": [[0, 0, 60], [2000, 0, 60]]}
     seldom = {"telemetry": {"rate_hz": 5}, "law": {"rate_hz": 5}}
-    summary = fly(duration_s=5, start={"in_air": False}, finish={"loiter_s": 25}, path=low, **seldom)
+    summary = fly(duration_s=5, start={"in_air": False}, finish={"loiter_s": 5}, path=low, **seldom)
     assert max(worst(summary, "max")) < 0.5
     events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
     modes = [event["text"] for event in events if event["kind"] == "mode" and event["vehicle"] == "2"]
@@ -142,13 +143,13 @@ def test_a_separation_below_the_limit_fails_the_run(fly: Fly) -> None:
 def test_a_virtual_leader_flies_the_path(fly: Fly) -> None:
     vehicles = [{"id": 2}, {"id": 3}]
     slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}
-    summary = fly(duration_s=20, vehicles=vehicles, formation=slots)
+    summary = fly(duration_s=12, vehicles=vehicles, formation=slots)
     assert max(worst(summary, "max")) < 1.0
 
 
 def test_two_networks_hold_the_same_system_ids_apart(fly: Fly) -> None:
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 2, "network": 2}]
-    summary = fly(duration_s=10, vehicles=vehicles)
+    summary = fly(duration_s=6, vehicles=vehicles)
     assert set(summary.to_dict()["followers"]) == {"2", "2:2"}
     assert max(worst(summary, "max")) < 0.05
 

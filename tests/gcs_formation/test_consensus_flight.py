@@ -183,7 +183,8 @@ def test_followers_settle_from_an_offset(fly: Fly) -> None:
 
 def test_the_leader_takes_part(fly: Fly) -> None:
     """The leader goes to meet its followers: on an undirected graph the protocol doesn't move the middle of all."""
-    summary, series = fly(duration_s=10, start={"in_air": True, "offset_m": [0, 8, 0]}, law={"type": "consensus"})
+    start = {"in_air": True, "run_in_s": 6, "offset_m": [0, 8, 0]}
+    summary, series = fly(duration_s=6, start=start, law={"type": "consensus"})
     assert np.abs(series["true_east_m"][:, 0]).max() > 2.0
     of_the_law = {"schema": 1, "vehicles": {"count": 4}, "law": {"type": "consensus"}, "path": STRAIGHT}
     assert summary.to_dict()["stability"]["delay_margin_s"] == scenario_delay_margin(load_scenario(of_the_law))
@@ -219,5 +220,6 @@ def test_links_of_unlike_delay_are_paired_at_one_stamp(fly: Fly) -> None:
     """States of unlike age, taken as if they were of one, would leave 22 m/s times 0.15 s, or 3.3 m."""
     changes = [{"at_s": 0, "vehicles": [3], "delay_ms": 150}]
     law = {"type": "consensus", "delay_compensation": False}
-    summary, _ = fly(duration_s=10, law=law, links={"changes": changes})
+    start = {"in_air": True, "run_in_s": 8}
+    summary, _ = fly(duration_s=10, vehicles={"count": 3}, start=start, law=law, links={"changes": changes})
     assert worst(summary) < 0.3

@@ -41,7 +41,7 @@ def flown(tmp_path):
     """Fly two vehicles under the virtual clock by the command line, and return what it said."""
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text(
-        "duration_s: 12\nstart: {in_air: true}\nfinish: {loiter_s: 1}\nvehicles: {count: 2}\n"
+        "duration_s: 5\nstart: {in_air: true, run_in_s: 6}\nfinish: {loiter_s: 1}\nvehicles: {count: 2}\n"
         "path: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n"
     )
     always = ("run", str(scenario), "--clock", "virtual", "--out", str(tmp_path / "run"))
@@ -49,11 +49,11 @@ def flown(tmp_path):
 
 
 def test_a_run_warns_of_what_never_comes(flown) -> None:
-    late = "links.changes=[{at_s: 9, delay_ms: 5}, {at_s: 100, delay_ms: 300}]"
-    for until, end_s, missed in (((), 12, (1,)), (("--until", "3", "--overwrite"), 3, (0, 1))):
+    late = "links.changes=[{at_s: 3, delay_ms: 5}, {at_s: 100, delay_ms: 300}]"
+    for until, end_s, missed in (((), 5, (1,)), (("--until", "1", "--overwrite"), 1, (0, 1))):
         told = flown("--set", late, *until)
         said = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
-        times_s = (9, 100)
+        times_s = (3, 100)
         over = f"the flight is over at {end_s} s"
         assert said == [f"warning: links.changes.{i}.at_s: found {times_s[i]}; {over}" for i in missed]
         assert told.exit_code == 0
@@ -61,8 +61,8 @@ def test_a_run_warns_of_what_never_comes(flown) -> None:
 
 
 def test_what_was_not_judged_is_said_also_with_quiet(flown) -> None:
-    told = flown("--quiet", "--until", "2", "--set", "expect=[{metric: error_x_m.max, below: 1e-6, to_s: 9}]")
+    told = flown("--quiet", "--until", "2", "--set", "expect=[{metric: error_x_m.max, below: 1e-6, to_s: 4}]")
     assert (told.exit_code, told.stdout) == (0, "")
-    assert told.stderr == "1 of 1 expectation not judged (flown to 2.0 s of 9 s)\n"
+    assert told.stderr == "1 of 1 expectation not judged (flown to 2.0 s of 4 s)\n"
     judged = flown("--quiet", "--overwrite", "--set", "expect=[{metric: error_x_m.max, below: 1, to_s: 2}]")
     assert (judged.exit_code, judged.output) == (0, "")

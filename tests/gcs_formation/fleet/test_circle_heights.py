@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -46,19 +47,19 @@ def test_no_ground_around_a_place_is_higher_than_its_bound(ground, north_m, east
     assert np.nan_to_num(around, nan=-np.inf).max() <= bound_m
 
 
+HIGH = {"speed_mps": 22, "waypoints_m": [[0, 0, 300], [4000, 0, 300]]}
+over_hills = cache(lambda: load_scenario(scenario(terrain={"clearance_m": 30, "hills": HILLS}, path=HIGH)))
+
+
 @given(begins=st.lists(st.tuples(FAR, FAR), min_size=1, max_size=12))
 def test_the_highest_circle_is_the_highest_of_all(begins: list[tuple[float, float]]) -> None:
-    terrain = {"clearance_m": 30, "hills": HILLS}
-    floor = GroundFloor(load_scenario(scenario(terrain=terrain, path={"speed_mps": 22, "waypoints_m": HIGH})))
+    floor = GroundFloor(over_hills())
     assert floor.highest(begins) == max(floor.top(*each) for each in begins)
-
-
-HIGH = [[0, 0, 300], [4000, 0, 300]]
 
 
 def test_circles_that_are_far_from_the_highest_ground_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     terrain = {"clearance_m": 30, "hills": HILLS[:1]}
-    floor = GroundFloor(load_scenario(scenario(terrain=terrain, path={"speed_mps": 22, "waypoints_m": HIGH})))
+    floor = GroundFloor(load_scenario(scenario(terrain=terrain, path=HIGH)))
     looked, top = list[float](), floor.top
     monkeypatch.setattr(floor, "top", lambda north_m, east_m: looked.append(north_m) or top(north_m, east_m))
     begins = [(north_m, 150.0) for north_m in np.arange(-3000.0, 3000.0, 100.0).tolist()]

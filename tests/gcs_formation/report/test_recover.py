@@ -19,7 +19,8 @@ from tests.flights.conftest import scenario
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the directory of a run whose disk was full at its end; a whole one is beside it."""
     directory = tmp_path_factory.mktemp("runs")
-    gcs_formation.run(scenario(), clock="virtual", until=3.0, out=directory / "whole")
+    keys = scenario(vehicles={"count": 2})
+    gcs_formation.run(keys, clock="virtual", until=3.0, out=directory / "whole")
 
     def full(self: RunDirectory, summary: object) -> None:
         raise OSError(28, "No space left on device")
@@ -27,7 +28,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RunDirectory, "write_summary", full)
         with pytest.raises(gcs_formation.RunAbortedError, match="No space left"):
-            gcs_formation.run(scenario(), clock="virtual", until=3.0, out=directory / "killed")
+            gcs_formation.run(keys, clock="virtual", until=3.0, out=directory / "killed")
     return directory / "killed"
 
 

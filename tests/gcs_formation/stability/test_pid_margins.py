@@ -126,7 +126,7 @@ def test_loop_delay_counts_sampling_and_hold():
     assert loop_delay_s(0.3, 0.31, 10.0, 10.0) == pytest.approx(0.71)
 
 
-def simulate(loop: Loop, delay_s: float, predicted_s: float, duration_s: float = 120.0) -> float:
+def simulate(loop: Loop, delay_s: float, predicted_s: float, duration_s: float = 80.0) -> float:
     """Growth of the loop's response: its peak over the last fifth by that over the second fifth.
 
     The PID acts on the state carried over `predicted_s` by a discrete convolution of the setpoints sent.

@@ -80,7 +80,7 @@ def test_slowing_the_protocol_is_scaling_its_weights() -> None:
 
 def growth(weights: np.ndarray, gains: tuple[float, float, float, float], delay_s: float, predicted_s: float) -> float:
     """Growth of the disagreement in the time domain: every state carried over `predicted_s` by the setpoints sent."""
-    (k1, k2, c, d), step, duration_s = gains, 0.01, 160.0
+    (k1, k2, c, d), step, duration_s = gains, 0.01, 100.0
     count, steps, late, ahead = len(weights), round(duration_s / step), round(delay_s / step), round(predicted_s / step)
     exact = expm(np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0], [0.0, 0.0, 0.0]]) * step)
     advance, push = exact[:2, :2], exact[:2, 2]

@@ -290,7 +290,7 @@ def test_one_seed_without_draws_has_no_interval(keys: dict[str, Any], chance: bo
 def test_a_seed_changes_a_flight_through_losses_alone():
     def flown(seed, loss):
         planned = study(parameters={LOSS: [loss]}, metrics=["violations"], record="none")
-        return fly(Task(Planned(0, seed, {LOSS: loss}), planned, SCENARIO))["digest"]
+        return fly(Task(Planned(0, seed, {LOSS: loss}), planned, SCENARIO | {"duration_s": 1}))["digest"]
 
     assert flown(1, 0.0) == flown(2, 0.0)
     assert flown(1, 0.3) != flown(2, 0.3)
@@ -578,7 +578,8 @@ def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_
 @pytest.mark.parametrize(("record", "kept"), [("none", set()), ("summary", {"summary.json"}),
     ("series", {"summary.json", "run.yaml", "timeseries.parquet", "events.jsonl"})])  # fmt: skip
 def test_records_hold_what_their_level_says(tmp_path, record, kept):
-    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record=record), SCENARIO, str(tmp_path / "flight"))
+    base = SCENARIO | {"start": {"in_air": True, "run_in_s": 6}, "duration_s": 1}
+    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record=record), base, str(tmp_path / "flight"))
     assert fly(task)["exit"] == 0
     assert {path.name for path in tmp_path.glob("flight/*")} == kept
 

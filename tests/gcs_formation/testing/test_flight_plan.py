@@ -128,4 +128,6 @@ def test_a_link_that_gets_worse_as_its_outage_ends_is_no_mere_end(plan):
 
 @pytest.mark.parametrize("way", ["both", "uplink"])
 def test_an_outage_may_outlast_the_flight(plan, way):
-    assert plan.with_keys(start__in_air=True).with_outage(2, from_s=1, to_s=7, way=way).fly(until=2).link(2)
+    pair = [{"id": 1, "role": "leader"}, {"id": 2}]
+    flight = plan.with_keys(vehicles=pair, start={"in_air": True, "run_in_s": 6})
+    assert flight.with_outage(2, from_s=1, to_s=7, way=way).fly(until=2).link(2)

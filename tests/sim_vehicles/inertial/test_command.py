@@ -50,7 +50,7 @@ def test_an_aid_and_a_seed_by_option_and_gyroscopes_that_do_not_find_north_are_w
     scenario: Path, tmp_path: Path
 ) -> None:
     options = ("--set", "vehicles.0.navigation.aiding=gnss", "--set", "vehicles.0.navigation.grade=tactical")
-    aided = sins(scenario, *options, "--seed", 2, "--out", tmp_path / "out", "--json")
+    aided = sins(scenario, *options, "--set", "duration_s=12", "--seed", 2, "--out", tmp_path / "out", "--json")
     assert aided.exit_code == 0
     assert "47° off" in aided.stderr
     again = sins(scenario, *options, "--out", tmp_path / "out")
