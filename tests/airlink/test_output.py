@@ -19,7 +19,13 @@ def ended(command, output):
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize(
-    "command", [SCHEMA, [*STATION, "--version"], [*VEHICLES, "fly", "--help"], [*VEHICLES, "--count", "1"]]
+    "command",
+    [
+        SCHEMA,
+        [*STATION, "--version"],
+        pytest.param([*VEHICLES, "fly", "--help"], marks=pytest.mark.slow),
+        [*VEHICLES, "--count", "1"],
+    ],
 )
 def test_a_full_disk_under_the_output_is_no_broken_expectation_and_no_traceback(command) -> None:
     with FULL.open("w") as full:
@@ -39,10 +45,14 @@ def test_a_reader_that_has_gone_is_none_either() -> None:
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
-@pytest.mark.parametrize("command", [[*STATION, "run", "nonexist.yaml"], [*STATION, "runn"], [*STATION, "run", "--x"]])
-def test_bad_usage_is_bad_usage_where_nobody_can_be_told(command) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [*(pytest.param(each, marks=pytest.mark.slow) for each in (["run", "nonexist.yaml"], ["runn"])), ["run", "--x"]],
+)
+def test_bad_usage_is_bad_usage_where_nobody_can_be_told(words) -> None:
     with FULL.open("w") as full:
-        assert subprocess.run(command, stderr=full, check=False, timeout=60).returncode == Status.BAD_USAGE
+        done = subprocess.run([*STATION, *words], stderr=full, check=False, timeout=60)
+    assert done.returncode == Status.BAD_USAGE
 
 
 def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_path) -> None:
@@ -55,7 +65,10 @@ def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_p
     assert b"dash \\u2013" in done.stdout
 
 
-@pytest.mark.parametrize(("below_m", "status"), [(1e-5, Status.EXPECTATION_BROKEN), (1e3, Status.FINE)])
+@pytest.mark.parametrize(
+    ("below_m", "status"),
+    [(1e-5, Status.EXPECTATION_BROKEN), pytest.param(1e3, Status.FINE, marks=pytest.mark.slow)],
+)
 def test_a_finished_flight_keeps_its_status_where_nobody_takes_its_words(tmp_path, below_m, status) -> None:
     path = tmp_path / "short.yaml"
     path.write_text(

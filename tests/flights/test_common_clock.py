@@ -82,7 +82,10 @@ def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
         assert measured_ms(split, vehicle) == close(ways)
 
 
-@pytest.mark.parametrize(("known", "ways"), [({}, close(SLOW_UP)), ({"station_utc": False}, (None, None))])
+@pytest.mark.parametrize(
+    ("known", "ways"),
+    [({}, close(SLOW_UP)), pytest.param({"station_utc": False}, (None, None), marks=pytest.mark.slow)],
+)
 def test_links_that_are_all_split_alike_are_known_where_the_stations_clock_keeps_utc(plan, known, ways):
     """As the emulated vehicles' clock does; by the vehicles' UTC alone they would be 240 ms up and 240 ms down."""
     flight: Plan = plan(keys(5.0, *(link(each, SLOW_UP) for each in (1, 2, 3))) | {"telemetry": GNSS | known})

@@ -128,6 +128,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     assert abs(float(details["flown"] or 0.0)) < 0.2 * abs(float(details["expected"] or 0.0))
 
 
+@pytest.mark.slow
 def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads() -> None:
     """Air that sinks at 6 m/s carries it down at 3 m/s from 100 m on; the others come back to the path's height."""
     world = World(duration_s=60, disturbances=[{"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 6]}])
@@ -174,10 +175,10 @@ def test_one_that_refuses_the_speeds_it_is_told_is_reported_and_kept_clear_of_un
 def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_way() -> None:
     """With 600 ms there and back setpoints are refused for that long before its heartbeat says why."""
     links = {"default": {"delay_ms": 300, "loss": 0.2}}
-    world = World(duration_s=60, links=links, start={"in_air": True, "run_in_s": 30})
+    world = World(duration_s=60, links=links, start={"in_air": True, "run_in_s": 16})
     world.fly_to(3.0)
     world.inject(2, "pilot")
-    world.run(10.0)
+    world.run(5.0)
     assert world.times_s("member", 2, "parted")
     assert world.words("disobeys") == []
 

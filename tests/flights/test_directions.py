@@ -27,7 +27,11 @@ def turned(by_rad: float) -> list[list[float]]:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "delay_ms", "speed_mps"), [("emulator", 150, 22.0), ("arduplane", 0, 22.0), ("px4", 0, 15.0)]
+    ("autopilot", "delay_ms", "speed_mps"),
+    [
+        ("emulator", 150, 22.0),
+        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("arduplane", 0, 22.0), ("px4", 0, 15.0))),
+    ],
 )
 def test_a_flight_that_turns_through_south_or_north_is_the_one_that_turns_from_north_to_east(
     fly: Fly, tmp_path: Path, autopilot: str, delay_ms: float, speed_mps: float

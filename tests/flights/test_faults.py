@@ -262,9 +262,9 @@ def test_a_vehicle_that_acknowledges_to_loiter_and_does_not_is_not_said_to() -> 
 
 
 SIGNALS = [
-    ([signal.SIGTERM], ["LOITER"] * 3),
-    ([signal.SIGINT], ["LOITER"] * 3),
-    ([signal.SIGINT] * 2, ["RTL"] * 3),
+    ([signal.SIGTERM], ["LOITER"] * 2),
+    ([signal.SIGINT], ["LOITER"] * 2),
+    ([signal.SIGINT] * 2, ["RTL"] * 2),
     ([signal.SIGINT] * 3, []),
 ]
 
@@ -282,7 +282,7 @@ def test_a_signal_has_everyone_loiter_a_second_one_go_home_at_once_and_a_third_o
 
     monkeypatch.setattr(RunDirectory, "event", raising)
     file = tmp_path / "short.yaml"
-    file.write_text(yaml.safe_dump(scenario(duration_s=60)))
+    file.write_text(yaml.safe_dump(scenario(duration_s=60, vehicles={"count": 2})))
     result = CliRunner().invoke(main, ["run", str(file), "--clock", "virtual", "--out", str(out), "--quiet"])
     assert result.exit_code == 130
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]

@@ -89,7 +89,7 @@ def test_a_stream_that_stops_for_two_seconds_is_taken_up_again_by_everybody():
     assert world.worst_m(from_s=begun_s + 12.0) < 0.3
 
 
-@pytest.mark.parametrize("share", [0.55, 0.4, 0.75])
+@pytest.mark.parametrize("share", [0.55, *(pytest.param(share, marks=pytest.mark.slow) for share in (0.4, 0.75))])
 def test_fixed_wings_that_leave_half_of_a_change_of_airspeed_to_an_integrator_keep_their_slots(share):
     """They are told so much more of a change; a leader that changes its speed, and aircraft that leave another part."""
     steps = [{"at_s": 2.0, "for_s": 12.0, "speed_mps": 1.5}, {"at_s": 14.0, "for_s": 12.0, "speed_mps": -1.5}]

@@ -75,7 +75,7 @@ def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: fl
     assert kept["avoidance_s"] > 0.0
 
 
-@pytest.mark.parametrize("climbed_for_s", [0.0, 2.0])
+@pytest.mark.parametrize("climbed_for_s", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_who_flies_beside_one_whose_pilot_sets_loiter_climbs_before_it_turns(climbed_for_s: float) -> None:
     """15 m aside, it is reached after 4 s, in which it climbs 8 m; who waits for a turn to be seen, 5 m.
 

@@ -132,7 +132,7 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_
     assert world.vehicle(LAST).pilot.condition is not Condition.ARMED
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4, 5)), 6])
 def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int) -> None:
     """An answer comes to every fourth request, so five take 14 s on average, and often more than 20 s."""
     lossy: dict[str, Any] = {"seed": seed, "vehicles": {"count": 6}, "links": {"default": {"loss": 0.5}}}
@@ -190,7 +190,8 @@ def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> 
 
 def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_without_end() -> None:
     """A wind of 25 m/s, of which the scenario knows nothing, blows it back at 3 m/s."""
-    world = World(start={"in_air": True, "run_in_s": 6, "timeout_s": 10}, law=SELDOM, telemetry=SELDOM)
+    start = {"in_air": True, "run_in_s": 6, "timeout_s": 10}
+    world = World(vehicles={"count": 2}, start=start, law=SELDOM, telemetry=SELDOM)
     for body in world.fleet.bodies:
         body.air_north_mps = -25.0
     world.run(600.0)
@@ -248,7 +249,7 @@ def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_abo
     assert np.nanmax(np.abs(wrap(np.diff(headings, axis=0)))) < 0.5
 
 
-@pytest.mark.parametrize("leads", [False, True])
+@pytest.mark.parametrize("leads", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_whoever_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_is_given_back(leads: bool) -> None:
     number = 1 if leads else LAST
     world = World(**ON_THE_GROUND)

@@ -44,13 +44,10 @@ def test_strangers_change_nothing(end: End, delayed: bool, each_turn: int) -> No
     assert sum(event.kind == "stranger" for event in flown.notes.events) <= 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "each_turn"),
-    [
-        ("vehicles", BAND),
-        pytest.param("vehicles", CROWD, marks=pytest.mark.slow),
-        pytest.param("station", CROWD, marks=pytest.mark.slow),
-    ],
+    [("vehicles", BAND), ("vehicles", CROWD), ("station", CROWD)],
 )
 def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End, each_turn: int) -> None:
     flown = fly(DURATION_S, Siege(1, each_turn, end, own_share=0.5))

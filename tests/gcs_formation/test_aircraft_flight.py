@@ -51,7 +51,7 @@ def test_gains_by_design_fly_aircraft_quietly(tmp_path):
     assert follower["effort"]["speed"]["step_p95"] < 0.1
 
 
-@pytest.mark.parametrize("model", ["arduplane", {"tau_v_s": 4.0}])
+@pytest.mark.parametrize("model", ["arduplane", pytest.param({"tau_v_s": 4.0}, marks=pytest.mark.slow)])
 def test_gains_by_design_are_for_noise_as_the_filter_leaves_it(tmp_path, model):
     """For noise as it is measured the loops would be so slow that the wind's estimate alone pushes them 7 m off."""
     vehicles = [each | {"model": model, "navigation": {"source": "noisy"}} for each in SCENARIO["vehicles"]]
@@ -61,6 +61,7 @@ def test_gains_by_design_are_for_noise_as_the_filter_leaves_it(tmp_path, model):
     assert follower["effort"]["speed"]["step_p95"] < 0.1
 
 
+@pytest.mark.slow
 def test_gains_by_design_answer_a_gust_that_noisy_telemetry_shows(tmp_path):
     """1 m/s along the path; with rates taken for differences of positions it was 5.3 m."""
     vehicles = [each | {"navigation": {"source": "noisy"}} for each in SCENARIO["vehicles"]]
@@ -76,8 +77,8 @@ def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_
         changed.setattr(
             session, "impair", lambda named, *rest: impair(load_scenario(named, ["links.default.delay_ms=300"]), *rest)
         )
-        unnamed, _ = flown(tmp_path / "unnamed", vehicles={"count": 2, "model": "arduplane"})
-    named, _ = flown(tmp_path / "named", vehicles={"count": 2, "model": "arduplane"}, links=slow)
+        unnamed, _ = flown(tmp_path / "unnamed", vehicles={"count": 2, "model": "arduplane"}, duration_s=8)
+    named, _ = flown(tmp_path / "named", vehicles={"count": 2, "model": "arduplane"}, links=slow, duration_s=8)
     assert unnamed["error_x_m"] == named["error_x_m"]
     events = [json.loads(line) for line in (tmp_path / "unnamed" / "events.jsonl").read_text().splitlines()]
     (design,) = (each for each in events if each["kind"] == "design")

@@ -63,11 +63,15 @@ def test_the_links_delay_isnt_taken_for_the_vehicles():
     assert fit([late], VehicleModel()).estimates["tau_v_s"].value == pytest.approx(TRUE.tau_v_s, rel=0.1)
 
 
+@pytest.fixture(scope="module")
+def punctual():
+    """Of setpoints that act when they are taken to."""
+    return fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1)], TRUE).estimates
+
+
 @pytest.mark.parametrize("late_s", [-CYCLE_S / 2, CYCLE_S / 2])
-def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(late_s):
-    seen = flown(TRUE, stepped()).seen
-    found = fit([recording(seen, flown(TRUE, stepped()).commanded, 0.1 + late_s)], TRUE).estimates
-    punctual = fit([recording(seen, stepped(), 0.1)], TRUE).estimates
+def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punctual, late_s):
+    found = fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1 + late_s)], TRUE).estimates
     for name in LAGS:
         assert abs(found[name].value - punctual[name].value) < 2.0 * found[name].sigma
     for name in ("tau_v_s", "tau_psi_s"):
@@ -75,10 +79,11 @@ def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(late_
         assert abs(found[name].value - punctual[name].value) == pytest.approx(abs(late_s), rel=0.6)
 
 
-def test_the_deviations_cover_errors_that_last():
+@pytest.mark.parametrize(("flights", "rounds"), [(3, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
+def test_the_deviations_cover_errors_that_last(flights, rounds):
     """It aims 5 cm/s beside its setpoint for 3 s or so, which each prediction that begins meanwhile finds again."""
-    kept, misses, commanded = math.exp(-STEP_S / 3.0), [], np.tile(stepped(), 3)
-    for seed in range(6):
+    kept, misses, commanded = math.exp(-STEP_S / 3.0), [], np.tile(stepped(), rounds)
+    for seed in range(flights):
         noise, aimed = np.random.default_rng(seed).standard_normal(commanded.shape[1]), commanded.copy()
         beside = 0.0
         for point, each in enumerate(noise.tolist()):
@@ -127,7 +132,7 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
 
 
-@pytest.mark.parametrize("hovers", [True, False])
+@pytest.mark.parametrize("hovers", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     true = VehicleModel(
         hovers=hovers, tau_v_s=0.5, tau_psi_s=0.5, speed_min_mps=0.0, speed_max_mps=9.0, prompt_share=0.6, rest_s=6.0

@@ -23,20 +23,22 @@ ENCOUNTERS: dict[str, list[list[float]]] = {
     "in a turn": [[0, 0, 100, 22, 0, 0.05], [0, 60, 100, 22, 0, -0.02]],
 }
 LINKS = [*(pytest.param(delay_s, 0.0, 0.0, marks=pytest.mark.slow) for delay_s in (0.0, 0.3)), (0.3, 0.05, 0.1)]
+NIGHTLY = [pytest.param(name, marks=pytest.mark.slow) for name in ("overtaking", "in a turn")]
 
 
 @pytest.mark.parametrize(("delay_s", "jitter_s", "loss"), LINKS)
-@pytest.mark.parametrize("name", ENCOUNTERS)
+@pytest.mark.parametrize("name", ["head-on", "crossing", *NIGHTLY])
 def test_the_distance_is_kept_where_it_would_be_broken(name: str, delay_s: float, jitter_s: float, loss: float) -> None:
     vehicles = Vehicles(ENCOUNTERS[name], delay_s=delay_s, jitter_s=jitter_s, loss=loss)
-    assert encounter(vehicles, 20, rule=False).least_m < 6.0
-    flown = encounter(vehicles, 22)
+    assert encounter(vehicles, 16, rule=False).least_m < 6.0
+    flown = encounter(vehicles, 18)
     assert flown.least_m > 0.9 * KEPT_M
     assert not flown.gave_way[0], "the leader yields last"
     if not loss:
         assert flown.changes.max() <= 2, "it begins once and ends once"
 
 
+@pytest.mark.slow
 def test_four_that_meet_at_one_point_pass_on_levels_of_their_own() -> None:
     across: list[list[float]] = [[300, 300, 100, 22, -PI / 2, 0], [300, -300, 100, 22, PI / 2, 0]]
     flown = encounter(Vehicles(ENCOUNTERS["head-on"] + across), 25)
@@ -44,15 +46,17 @@ def test_four_that_meet_at_one_point_pass_on_levels_of_their_own() -> None:
     assert not flown.gave_way[0]
 
 
-@pytest.mark.parametrize("turn_rps", [0.0, 0.05])
+@pytest.mark.parametrize("turn_rps", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_who_isn_t_commanded_is_kept_away_from(turn_rps: float) -> None:
     rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [300 - 440 * turn_rps, -300, 100, 22, PI / 2, turn_rps]]
-    flown = encounter(Vehicles(rows, commanded=[True, False]), 25)
+    flown = encounter(Vehicles(rows, commanded=[True, False]), 18)
     assert flown.least_m > 0.9 * KEPT_M
     assert not flown.gave_way[1]
 
 
-@pytest.mark.parametrize(("turn_rps", "east_m", "heading"), [(-0.03, -40.0, 0.0), (-0.05, -30.0, 0.1)])
+@pytest.mark.parametrize(
+    ("turn_rps", "east_m", "heading"), [pytest.param(-0.03, -40.0, 0.0, marks=pytest.mark.slow), (-0.05, -30.0, 0.1)]
+)
 def test_a_leader_in_its_bend_can_fly_on_as_it_reckoned(turn_rps: float, east_m: float, heading: float) -> None:
     """One that nobody commands flies straight on inside of it. States are exact: nothing may be lost on the way."""
     rows: list[list[float]] = [[0, 0, 100, 22, 0, turn_rps], [0, east_m, 100, 21.5, heading, 0]]

@@ -52,7 +52,9 @@ def places(world: World) -> Any:
     return np.array([(each.north_m, each.east_m, each.height_m) for each in states])
 
 
-@pytest.mark.parametrize("corners", [SQUARE, BAY], ids=["square", "bay"])
+@pytest.mark.parametrize(
+    "corners", [pytest.param(SQUARE, id="square", marks=pytest.mark.slow), pytest.param(BAY, id="bay")]
+)
 def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
     """40 vehicles for 75 s in 4 m/s of wind, each asked for a heading of its own that changes now and then."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)

@@ -100,7 +100,7 @@ def test_without_sensor_errors_only_integration_errs() -> None:
             *(sensors(gyro_deg_per_h=0.01), (0.0, 0.0, 0.0), {600.0: -16.6, 1000.0: -73.2}), marks=pytest.mark.slow
         ),
         (sensors(), (20.0 * ARCSEC, 0.0, 0.0), {600.0: 163.2}),
-        (sensors(), (0.0, 0.0, 3.0 * ARCMIN), {600.0: -17.9}),
+        pytest.param(*(sensors(), (0.0, 0.0, 3.0 * ARCMIN), {600.0: -17.9}), marks=pytest.mark.slow),
     ],
 )
 def test_each_error_grows_as_the_single_channel_formulas_say(
