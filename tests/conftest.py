@@ -1,9 +1,8 @@
 """Settings of all tests."""
 
 import gc
-import os
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -20,24 +19,6 @@ settings.register_profile("push", settings.get_profile("nightly"), max_examples=
 def pytest_configure(config: pytest.Config) -> None:
     """Try half of the examples where slow tests are left to the night; those of the night are the usual hundred."""
     settings.load_profile("push" if config.option.markexpr == "not slow" else "nightly")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(
-    collector: pytest.Collector,
-) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Let every other process begin at the end: in a new copy it finds half of the files compiled by the others."""
-    report = yield
-    number = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    if isinstance(collector, pytest.Dir) and int(number) % 2:
-        report.result.reverse()
-    return report
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Have all of them name the tests in one order."""
-    items.sort(key=lambda item: item.path)
 
 
 def pytest_collection_finish() -> None:
