@@ -94,7 +94,8 @@ class Station(Engine):
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
-        self._out, self._next_tick = list[Datagram](), Instant(0)
+        # Restarts: how many of each vehicle's have been heeded.
+        self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), [0] * len(self._each)
         if resumed is not None:
             self._resume(resumed)
 
@@ -226,9 +227,9 @@ class Station(Engine):
                 self._reporter.link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
-        for vehicle in self._each:
-            if vehicle.begins_anew:
-                vehicle.begins_anew = False
+        for place, vehicle in enumerate(self._each):
+            if vehicle.restarts > self._restarts[place]:
+                self._restarts[place] = vehicle.restarts
                 self.controller.estimator.forget(vehicle.column)
                 self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
         self._send_all(self.preflight.requests(now), now)

@@ -94,8 +94,8 @@ class Vehicle:
         channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
-        self.begins_anew, self._by_course = False, autopilot.flies_courses
-        """Whether its clock has restarted: whoever heeds that sets it back; whether it is told courses over ground."""
+        self.restarts, self._by_course = 0, autopilot.flies_courses
+        """How often its clock has begun anew; whether it is told courses over ground."""
         self._answered: Instant | None = None
         self._lost_at = Instant(0)
         """When a frame was last found to be missing, or an answer."""
@@ -377,7 +377,7 @@ class Vehicle:
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
-        self.begins_anew = True
+        self.restarts += 1
         self.telemetry.forget()
         self.sequence.restart()
         self.stamps = StampMap(self.clock, GnssClock(self.autopilot.loop_s) if self.gnss else None)
