@@ -81,6 +81,8 @@ class SourceBinding:
         self._clock = clock
         self._agreed = Instant(0)
         """When the vehicle's own clock was last seen."""
+        self.refused_stamp_s = math.nan
+        """The newest stamp from the vehicle's own address that its clock contradicts; NaN if there is none."""
         self._duplicates: dict[Remote, DuplicateId] = {}
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
@@ -95,7 +97,8 @@ class SourceBinding:
                 connection.socket, connection.peer = socket, peer
         elif (peer is not connection.peer and peer != connection.peer) or socket != connection.socket:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
-        if evidence is ANOTHERS:
+        if evidence is ANOTHERS and message is not None:
+            self.refused_stamp_s = message.boot_s()
             return Ruling(False, self._another((socket, peer), evidence, now))
         if evidence is GOES_ON or not self._clock.samples:
             self._agreed = now

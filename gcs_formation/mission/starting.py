@@ -16,6 +16,7 @@ from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.checks import Finding, ParameterReader, place_findings
 from gcs_formation.vehicle.startup import StartUp
@@ -217,13 +218,14 @@ class Starting:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
         may_act = self._takeover.may_act(vehicle, now) and self._preflight.passed
-        vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
+        if not (vehicle.start_up.asks_for_telemetry and vehicle.why_unknown(now)):
+            vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
         reason = vehicle.start_up.failure(vehicle.commands, now)
         if reason:
-            answered = f"{_result(vehicle)}{_lacks(vehicle)}{vehicle.telemetry.last_words}"
+            answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
@@ -253,11 +255,14 @@ def _is_another(vehicle: Vehicle) -> str:
     return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"
 
 
-def _lacks(vehicle: Vehicle) -> str:
-    """Return what hasn't come of what a vehicle was asked for, in brackets."""
+def _lacks(vehicle: Vehicle, now: Instant) -> str:
+    """Return what hasn't come of what a vehicle was asked for, or why it can't be used, in brackets."""
     if not vehicle.start_up.asks_for_telemetry:
         return ""
-    seen = vehicle.telemetry
+    seen, acknowledged = vehicle.telemetry, vehicle.commands.outcome is Outcome.ACCEPTED
+    unknown = vehicle.why_unknown(now) if acknowledged else None
+    if unknown:
+        return f" ({unknown})"
     lacking = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
     return f" (it has told no {' and no '.join(lacking)})" if lacking else ""
 

@@ -36,6 +36,8 @@ INFINITE: Final = math.inf
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits beyond which a state isn't an aircraft's, even if it is finite."""
+APART_LIMIT_S: Final = 2.0
+"""Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 
 @mypyc_attr(acyclic=True)
@@ -189,6 +191,14 @@ class Telemetry:
     def complete(self) -> bool:
         """Whether all that the law needs has come."""
         return self.motion is not None and self.attitude is not None and abs(self.airspeed_mps) < INFINITE
+
+    @property
+    def of_one_time(self) -> bool:
+        """Whether attitude and airspeed are of the position's time; an airspeed of no known time passes."""
+        motion, attitude = self.motion, self.attitude
+        if motion is None or attitude is None or abs(motion.stamp_s - attitude.time_boot_s) > APART_LIMIT_S:
+            return False
+        return not motion.stamp_s - self.airspeed_stamp_s > APART_LIMIT_S
 
 
 def _is_position(message: GlobalPositionInt) -> bool:

@@ -42,8 +42,6 @@ MAX_PROBES: Final = 256
 JITTERS: Final = 10.0
 """So many times its jitter a link without loss is never silent."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
-APART_LIMIT_S: Final = 2.0
-"""Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
 
 
 class Member(Enum):
@@ -225,13 +223,11 @@ class Vehicle:
         if motion is self._sampled:
             return None
         self._sampled = motion
-        stamp, apart_s = self.stamps.to_instant(motion.stamp_s), motion.stamp_s - attitude.time_boot_s
-        possible = -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
-        airspeed_age_s = motion.stamp_s - seen.airspeed_stamp_s
-        if not possible or abs(apart_s) > APART_LIMIT_S or airspeed_age_s > APART_LIMIT_S:
+        stamp = self.stamps.to_instant(motion.stamp_s)
+        if not _is_of(now, stamp) or not seen.of_one_time:
             self.telemetry.implausible += 1
             return None
-        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * apart_s
+        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
         self._learn_airspeed(motion, heading_rad)
         airspeed_mps = self.airspeed_mps
         if seen.stands:
@@ -249,6 +245,21 @@ class Vehicle:
             by_course=self._by_course,
             airspeed_ratio=self.autopilot.true_airspeed(1.0),
         )
+
+    def why_unknown(self, now: Instant) -> str | None:
+        """Return why nothing that it tells becomes a state of now, in words; None if it does, or nothing has come."""
+        if not self.clock.samples:
+            return "it answers no TIMESYNC: its delay and clock aren't known"
+        seen, stamp_s = self.telemetry, self.source_binding.refused_stamp_s
+        if seen.motion is not None and _is_of(now, self.stamps.to_instant(seen.motion.stamp_s)):
+            together = seen.attitude is None or seen.of_one_time
+            return None if together else "its position, attitude and airspeed aren't of one time"
+        if math.isnan(stamp_s) and seen.motion is not None:
+            stamp_s = seen.motion.stamp_s
+        if math.isnan(stamp_s):
+            return None
+        times = f"{now / NANOSECONDS + self.clock.offset_s:.0f} s, where the newest is of {stamp_s:.0f} s"
+        return f"its TIMESYNC tells another time than the stamps of its positions: {times}"
 
     @property
     def airspeed_mps(self) -> float:
@@ -379,6 +390,7 @@ class Vehicle:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
         self.restarts += 1
         self.telemetry.forget()
+        self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()
         self.stamps = StampMap(self.clock, GnssClock(self.autopilot.loop_s) if self.gnss else None)
         self.effects = EffectWatch()
@@ -404,3 +416,8 @@ class Vehicle:
             channel.acknowledged(now)
         elif ack.result != UNDER_WAY:
             channel.refused(ack.result, self.telemetry.heartbeats, now)
+
+
+def _is_of(now: Instant, stamp: Instant) -> bool:
+    """Return whether what was stamped at an instant can have come just now."""
+    return -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from airlink import mavlink as m
-from airlink.clock import Instant
+from airlink.clock import NANOSECONDS, Instant
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V2, StreamParser
+from airlink.frame import HEADER_V2, FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
+from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
@@ -24,6 +25,8 @@ from tests.flights.in_memory import Between, World
 
 GROUND: dict[str, Any] = {"start": {"in_air": False}, "vehicles": {"count": 2}, "formation": {"shape": "follower"}}
 READ = Caution(parameters=True)
+TIMESYNC = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
+UTC_S = 1_800_000_000
 
 
 class Listening(Between):
@@ -46,6 +49,33 @@ class WithoutPosition(Listening):
         position = m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT.to_bytes(3, "little")
         sent = super().datagrams_to_send()
         return [each for each in sent if each.socket != 1 or each.data[HEADER_V2 - 3 : HEADER_V2] != position]
+
+
+class WithoutTimesync(Listening):
+    """The last vehicle answers no TIMESYNC."""
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        sent = super().datagrams_to_send()
+        return [each for each in sent if each.socket != 1 or each.data[HEADER_V2 - 3 : HEADER_V2] != TIMESYNC]
+
+
+class OfAnotherEpoch(Listening):
+    """The last vehicle answers TIMESYNC by UTC, and stamps its messages by its time since boot."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.writer = FrameWriter(2, m.MAV_COMP_ID_AUTOPILOT1)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return [self.told(each) if each.socket == 1 else each for each in super().datagrams_to_send()]
+
+    def told(self, datagram: Datagram) -> Datagram:
+        for frame in StreamParser().feed(datagram.data):
+            answer = frame.message
+            if isinstance(answer, Timesync) and answer.tc1_ns:
+                later = self.writer.encode(Timesync(answer.tc1_ns + UTC_S * NANOSECONDS, answer.ts1_ns))
+                return Datagram(datagram.socket, datagram.peer, later)
+        return datagram
 
 
 def commands_to(world: World) -> set[int]:
@@ -146,6 +176,37 @@ def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
         "vehicle 2: not done within 30 s after we asked for telemetry (it has told no position)"
     )
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+@pytest.mark.parametrize("caution", [READ, Caution(parameters=True, rehearse=True)])
+@pytest.mark.parametrize(
+    ("between", "why"),
+    [
+        (WithoutTimesync, r"it answers no TIMESYNC: its delay and clock aren't known"),
+        (
+            OfAnotherEpoch,
+            r"its TIMESYNC tells another time than the stamps of its positions: "
+            r"18000000\d\d s, where the newest is of \d+ s",
+        ),
+    ],
+    ids=["none", "of another epoch"],
+)
+def test_one_whose_clock_is_not_known_is_not_ready_and_nobody_is_commanded(
+    between: type[Listening], why: str, caution: Caution, in_air: bool
+) -> None:
+    """It would be armed and take off, and never get a setpoint: nothing that it tells becomes a state of now."""
+    keys: Any = GROUND | {"start": {"in_air": in_air}}
+    world = World(between, caution, **keys)
+    for vehicle in world.fleet.vehicles:
+        vehicle.enter(Mode.GUIDED if in_air else Mode.MANUAL)
+    world.run(60.0)
+    assert world.station.flight.phase is Phase.FAILED
+    assert re.fullmatch(
+        rf"vehicle 2: not done within 30 s after we asked for telemetry \({why}\)", world.station.course.failure or ""
+    )
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert world.times_s("member", 2) == world.times_s("duplicate") == []
 
 
 @pytest.mark.parametrize("caution", [Caution(parameters=True, rehearse=True), Caution(parameters=True, confirm=True)])

@@ -7,15 +7,18 @@ import math
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from airlink.endpoint import VehicleId
+from airlink.endpoint import Address, VehicleId
 from airlink.messages.telemetry import Attitude
 from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.vehicle import APART_LIMIT_S, Vehicle
+from gcs_formation.vehicle.telemetry import APART_LIMIT_S
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
 STAMP_S, TURN_RADPS = 50.0, 0.2
+OTHER = "its TIMESYNC tells another time than the stamps of its positions"
+HERE = Address("127.0.0.1", 40000)
 NOW = Instant(0)
 
 
@@ -60,6 +63,26 @@ def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, lat
     assert (sample is not None) is taken
 
 
+@pytest.mark.parametrize("late_s", [-2.1, -1.9, 9.9, 10.1])
+def test_while_it_is_no_sample_it_is_said_why(vehicle: Vehicle, late_s: float) -> None:
+    turns(vehicle, 1.0, STAMP_S)
+    now = Instant(round(late_s * NANOSECONDS))
+    why = vehicle.why_unknown(now)
+    assert (why is None) is (vehicle.new_sample(now) is not None)
+    assert why in (None, f"{OTHER}: {50 + late_s:.0f} s, where the newest is of 50 s")
+
+
+def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehicle: Vehicle) -> None:
+    turns(vehicle, 1.0, STAMP_S - APART_LIMIT_S - 0.1)
+    assert vehicle.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
+    vehicle.telemetry.motion = None
+    assert vehicle.why_unknown(NOW) is None
+    vehicle.source_binding.judge(vehicle.telemetry.attitude, 0, HERE, NOW)
+    assert vehicle.why_unknown(NOW) is None
+    vehicle.source_binding.judge(Attitude(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0, HERE, NOW)
+    assert (vehicle.why_unknown(NOW) or "").endswith(": 50 s, where the newest is of 5 s")
+
+
 def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> None:
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488); what stands there shows no scale."""
     vehicle.telemetry.armed = False
@@ -75,6 +98,7 @@ def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
     tell(0, armed=True, above_home_m=100.0)
     made.telemetry = telemetry
     assert made.new_sample(NOW) is None
+    assert (made.why_unknown(NOW) or "").startswith("it answers no TIMESYNC")
     made.clock.observe(NOW, NANOSECONDS, NOW)
     sample = made.new_sample(NOW)
     assert sample is not None
