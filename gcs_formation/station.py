@@ -34,6 +34,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
 """A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
+ALONE_S: Final = 1.0
+"""Being held up for longer is what a failsafe may act on: a PX4's of setpoints, for one."""
 
 
 class Station(Engine):
@@ -145,6 +147,8 @@ class Station(Engine):
         if self._was_away(now):
             for vehicle in self._each:
                 vehicle.forget_probes(now)
+                if seconds_between(self._next_tick, now) > ALONE_S:
+                    vehicle.alone_at = now
         if now >= self._heartbeats.next_probe:
             self._send_all(self._heartbeats.probes(now), now)
         if now >= self._next_tick:
@@ -342,6 +346,7 @@ class Station(Engine):
             self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:
             self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
+            self._membership.hear(vehicle, seen.texts[-1], now)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
         raws, datagrams = list[bytes](), list[Datagram]()

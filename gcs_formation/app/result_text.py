@@ -27,7 +27,7 @@ WIDTH = 80
 SHORT = {
     Member.STARTING: "starting",
     Member.FLYING: "in formation",
-    Member.PARTED: "its pilot's",
+    Member.PARTED: "parted",
     Member.UNHEARD: "not heard",
     Member.HOLDING: "told to loiter",
     Member.RETURNING: "coming back",

@@ -30,6 +30,10 @@ HEARD_S: Final = 1.0
 """Largest age of a successor's telemetry, and of the newest sign that it hears."""
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: so much is chance in what was measured."""
+PARTED: Final = "parted by "
+"""Begins what is said of a vehicle that has left the formation: by whom."""
+FAILSAFE_S: Final = 3.0
+"""For so long after a vehicle's failsafe spoke or had reason to act, and before it speaks, another mode may be its."""
 UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
 """Memberships of vehicles that haven't been told to loiter."""
 
@@ -84,6 +88,8 @@ class Membership:
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
         """When each was last told to loiter."""
+        self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
+        """When each left that hasn't said that its failsafe did it, and what each failsafe said last."""
 
     def leader_lost(
         self,
@@ -127,7 +133,28 @@ class Membership:
             if vehicle is not leader:
                 self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
 
+    def hear(self, vehicle: Vehicle, text: str, now: Instant) -> None:
+        """Take a vehicle's words; what a failsafe says may come after the mode that it chose."""
+        if not vehicle.autopilot.tells_failsafe(text):
+            return
+        self._failsafes[vehicle.identity] = now, text
+        parted = self._parted.pop(vehicle.identity, None)
+        if parted is not None and vehicle.member is Member.PARTED and seconds_between(parted, now) <= FAILSAFE_S:
+            self._note(now, "member", self._who_parted(vehicle, now), vehicle)
+
+    def _who_parted(self, vehicle: Vehicle, now: Instant) -> str:
+        """Return that a vehicle has left the formation and, as far as that is known, by whose doing."""
+        said = self._failsafes.get(vehicle.identity)
+        if said is not None and seconds_between(said[0], now) <= FAILSAFE_S:
+            return f"{PARTED}its failsafe: '{said[1]}'"
+        self._parted[vehicle.identity] = now
+        if seconds_between(vehicle.alone_at, now) > FAILSAFE_S:
+            return Member.PARTED.value
+        return f"{PARTED}its pilot or its failsafe, in {vehicle.autopilot.mode_name(vehicle.telemetry)}"
+
     def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+        if seconds_between(vehicle.heard_at(now), now) > UNANSWERED_S:
+            vehicle.alone_at = now
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
         vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
@@ -136,7 +163,9 @@ class Membership:
         member = following(vehicle.member, self._sight(vehicle, estimator, now, fresh=fresh))
         if member is not vehicle.member:
             vehicle.member = member
-            self._note(now, "member", member.value, vehicle)
+            self._note(
+                now, "member", self._who_parted(vehicle, now) if member is Member.PARTED else member.value, vehicle
+            )
             self._command(vehicle, now)
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:

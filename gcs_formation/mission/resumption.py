@@ -30,7 +30,7 @@ class Known:
     mode: str | None
     """Its last mode, in words."""
     parted: bool
-    """Whether its pilot had it."""
+    """Whether it had left the formation: its pilot had it, or its failsafe."""
     flew: bool
 
 
@@ -89,7 +89,7 @@ def why_left(known: Known, found: Found, resumed: Resumption) -> str | None:
     if resumed.ending:
         return f"in {found.mode} at the flight's end"
     if known.parted:
-        return f"in {found.mode}, its pilot's already before"
+        return f"in {found.mode}, its pilot's or its failsafe's already before"
     home = "; --retake takes it, if its failsafe sent it" if found.homeward else ""
     return f"in {found.mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
 

@@ -17,12 +17,12 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Order, parse_order
 from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
 from gcs_formation.errors import RecordError
+from gcs_formation.fleet.membership_and_succession import PARTED
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.resumption import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import EVENTS, FLUSH_S, RECORDING, SCENARIO, SPOOL, SUMMARY
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
-from gcs_formation.vehicle.vehicle import Member
 
 ACCEPTED = ": accepted"
 PORT = "port"
@@ -162,7 +162,7 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Know
     row = (last["network"] == identity.network) & (last["vehicle"] == identity.system)
     return Known(
         mode=_last(events, identity, "mode"),
-        parted=_last(events, identity, "member") == Member.PARTED.value,
+        parted=(_last(events, identity, "member") or "").startswith(PARTED),
         flew=bool((last["airborne"][row] > 0).any()),
     )
 

@@ -30,6 +30,8 @@ UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request: of 43 tries, with half of all datagrams lost either way, some are all lost
 in four starts of a million."""
+FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
+"""Words of texts that say so."""
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
@@ -156,6 +158,8 @@ class Autopilot(ABC):
     """Whether a fixed wing is told courses over ground instead of headings."""
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
+    failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
+    """One of which is in what it says when a failsafe acts."""
     airspeed_scale: AirspeedScale | None = None
     """Of one that tells, and is told, what its sensor reads; others' airspeeds are true ones."""
 
@@ -170,6 +174,12 @@ class Autopilot(ABC):
     def stand_in(self) -> tuple[Message, ...]:
         """What is sent in place of setpoints while there are none, to a family that must hear some to be commanded."""
         return ()
+
+    def tells_failsafe(self, text: str) -> bool:
+        """Return whether a text of its own says that a failsafe acts, not that it is over."""
+        said = text.lower()
+        over = any(word.strip(".:,;!") in FAILSAFE_IS_OVER for word in said.split())
+        return not over and any(word in said for word in self.failsafe_words)
 
     def mode_name(self, telemetry: Telemetry) -> str:
         """Return the vehicle's mode in words."""

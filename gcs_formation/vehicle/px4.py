@@ -93,6 +93,8 @@ class Px4(Autopilot, ABC):
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    failsafe_words = ("failsafe", "lost")
+    """As in "Offboard control signal lost", "GCS connection lost"."""
     types: ClassVar[frozenset[int]]
     """MAV_TYPE of what flies by its commands."""
     take_off_to_m: ClassVar[float]

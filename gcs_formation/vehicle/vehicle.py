@@ -42,6 +42,7 @@ MAX_PROBES: Final = 256
 JITTERS: Final = 10.0
 """So many times its jitter a link without loss is never silent."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
+LONG_AGO: Final = Instant(-(2**62))
 
 
 class Member(Enum):
@@ -95,8 +96,9 @@ class Vehicle:
         self.restarts, self._by_course = 0, autopilot.flies_courses
         """How often its clock has begun anew; whether it is told courses over ground."""
         self._answered: Instant | None = None
-        self._lost_at = Instant(0)
-        """When a frame was last found to be missing, or an answer."""
+        self._lost_at, self.alone_at = Instant(0), LONG_AGO
+        """When a frame was last found to be missing, or an answer; when its failsafe last had reason to act: it was
+        without setpoints, heartbeats or a link."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled: ReportedMotion | None = None
         self._probes = list[Instant]()

@@ -12,7 +12,7 @@ import yaml
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
+from airlink.frame import HEADER_V2, StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.app.check import check_text
 from sim_vehicles.autopilot.modes import Px4Mode
@@ -47,6 +47,27 @@ class Listener(Between):
     def take(self, datagram: Datagram, now: Instant) -> None:
         self.ids += [frame.message_id for frame in self.parser.feed(datagram.data)]
         super().take(datagram, now)
+
+
+class Jammed(Between):
+    """Setpoints don't reach the last vehicle any more once `since` has passed."""
+
+    since = Instant(2**62)
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        setpoint = m.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED.to_bytes(3, "little")
+        if now < self.since or datagram.socket != 2 or datagram.data[HEADER_V2 - 3 : HEADER_V2] != setpoint:
+            super().take(datagram, now)
+
+
+def test_one_that_leaves_offboard_by_its_failsafe_is_not_said_to_be_its_pilot_s() -> None:
+    world = World(Jammed, **HOVERS)
+    world.fly_to(2.0)
+    assert isinstance(world.between, Jammed)
+    world.between.since = world.clock.now()
+    world.run(3.0)
+    assert world.vehicle(3).mode is Px4Mode.RTL
+    assert world.words("member")[3:] == ["parted by its failsafe: 'Offboard control signal lost'"]
 
 
 @pytest.mark.parametrize(("config", "model"), [("px4", "px4"), ("px4_copter", "px4_copter")])

@@ -19,6 +19,7 @@ from gcs_formation.fleet.membership_and_succession import BACK_S, MUTE_S, SUCCES
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
@@ -105,6 +106,61 @@ def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_told_no
     formation.judge(1.0)
     assert len(formation.notes) == 2, "said when it changes"
     assert formation.told() == []
+
+
+def words(formation: Formation, at_s: float, text: str) -> None:
+    formation.membership.hear(formation.follower, text, after(Instant(0), at_s))
+
+
+@pytest.mark.parametrize("said_s", [0.5, 2.5])
+def test_one_whose_failsafe_speaks_before_its_mode_shows_or_after_that_has_not_its_pilot_to_thank(
+    said_s: float,
+) -> None:
+    formation, text = Formation(), "Failsafe. Long event on: type=3/reason=5"
+    if said_s < 1.0:
+        words(formation, said_s, text)
+    formation.reports(m.PLANE_MODE_RTL)
+    assert formation.judge(1.0) is Member.PARTED
+    if said_s > 1.0:
+        words(formation, said_s, text)
+    words(formation, 3.0, text)
+    pilots = [] if said_s < 1.0 else ["parted by its pilot"]
+    assert formation.notes.of("member", 2)[1:] == [*pilots, f"parted by its failsafe: '{text}'"]
+
+
+@pytest.mark.parametrize("said", [(0.0, "Failsafe"), (4.5, "Failsafe"), (1.0, "Failsafe. Long event off: reason=3")])
+def test_what_a_failsafe_says_long_before_or_after_or_at_its_end_is_not_its_reason(said: tuple[float, str]) -> None:
+    formation = Formation()
+    if said[0] < 4.0:
+        words(formation, *said)
+    formation.reports(m.PLANE_MODE_RTL)
+    formation.judge(1.4 if said[0] else 3.1)
+    if said[0] > 4.0:
+        words(formation, *said)
+    assert formation.notes.of("member", 2)[1:] == ["parted by its pilot"]
+
+
+def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
+    """Without a word of its own: heartbeats were withheld, or nothing that was sent can have reached it."""
+    formation = Formation()
+    formation.follower.alone_at = after(Instant(0), 0.5)
+    formation.reports(m.PLANE_MODE_RTL)
+    formation.judge(1.0)
+    formation.reports(GUIDED)
+    formation.judge(10.0)
+    formation.silent(16.0)
+    formation.reports(m.PLANE_MODE_RTL)
+    formation.judge(17.0)
+    told = ["parted by its pilot or its failsafe, in RTL", "flying in formation"]
+    assert formation.notes.of("member", 2)[1:] == [*told, Member.UNHEARD.value, told[0]]
+
+
+def test_what_its_failsafe_says_is_known_of_each_family() -> None:
+    copter = Px4Copter(2, ORIGIN, 0.25)
+    assert copter.tells_failsafe("Offboard control signal lost")
+    assert copter.tells_failsafe("Failsafe activated")
+    assert not copter.tells_failsafe("Offboard control signal regained")
+    assert not ArduPlane(1, ORIGIN, 0.25).tells_failsafe("Airspeed sensor lost")
 
 
 def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_others_no_longer_keep_clear() -> None:

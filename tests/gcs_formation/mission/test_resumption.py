@@ -46,8 +46,8 @@ PILOTS = Known("LOITER", parted=True, flew=True)
         (GUIDED, found("RTL"), resumed(retake=True), None),
         (GUIDED, found("LOITER"), resumed(retake=True), "in LOITER, and the flight had left it in GUIDED"),
         (LOITER, found("LOITER"), resumed(), None),  # told to loiter by the station itself
-        (PILOTS, found("LOITER"), resumed(), "in LOITER, its pilot's already before"),
-        (PILOTS, found("RTL"), resumed(retake=True), "in RTL, its pilot's already before"),
+        (PILOTS, found("LOITER"), resumed(), "in LOITER, its pilot's or its failsafe's already before"),
+        (PILOTS, found("RTL"), resumed(retake=True), "in RTL, its pilot's or its failsafe's already before"),
         (PILOTS, found("GUIDED"), resumed(), None),  # given back
         (Known("TAKEOFF", parted=False, flew=True), found("TAKEOFF"), resumed(), None),
         (
