@@ -256,7 +256,7 @@ class Station(Engine):
                 self._reconfiguration.lead(leader, now)
         reason = takeover.failure(now)
         if reason is not None:
-            self.course.fail(reason, now)
+            self.course.fail(reason, now, begun=takeover.took_any)
         elif resumed is not None and resumed.ending and takeover.settled(now):
             self.course.stop(now)
         elif leads and self.preflight.passed and self.course.move(Cause.LEADER_READY, now):

@@ -206,11 +206,11 @@ class Course:
         """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
         return self.move(Cause.HASTE, now, "rtl")
 
-    def fail(self, text: str, now: Instant) -> None:
-        """End the run because it can't go on, for the first reason that there is; vehicles loiter."""
+    def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
+        """End the run for the first reason why it can't go on; vehicles loiter, if it had `begun`."""
         self.failure = self.failure or text
         self._note(now, "failure", text)
-        self.move(Cause.FAILURE, now)
+        self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""

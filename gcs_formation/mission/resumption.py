@@ -18,6 +18,7 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
 """Longest wait for somebody who flew when the record ended; then the others begin without."""
+RETAKE = "; --retake takes it, if its failsafe sent it"
 BEHIND_M = 100.0
 BEYOND = 1.5
 """How much faster than the path's speed the wind may have carried it."""
@@ -90,7 +91,7 @@ def why_left(known: Known, found: Found, resumed: Resumption) -> str | None:
         return f"in {found.mode} at the flight's end"
     if known.parted:
         return f"in {found.mode}, its pilot's or its failsafe's already before"
-    home = "; --retake takes it, if its failsafe sent it" if found.homeward else ""
+    home = RETAKE if found.homeward else ""
     return f"in {found.mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
 
 
@@ -100,7 +101,8 @@ class Takeover:
     def __init__(self, resumed: Resumption | None, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Take over `vehicles`."""
         self.resumed, self._vehicles, self._note = resumed, vehicles, note
-        self._decided = set[VehicleId]()
+        self._decided, self._left = set[VehicleId](), dict[VehicleId, str]()
+        """Of whom it is decided, and why those are left that are."""
 
     def waits_for(self, now: Instant) -> list[Vehicle] | None:
         """Return the vehicles that haven't been heard and are waited for; None if a start waits for all of them."""
@@ -127,6 +129,7 @@ class Takeover:
         )
         reason = why_left(resumed.vehicles[vehicle.identity], found, resumed)
         if reason is not None:
+            self._left[vehicle.identity] = reason
             vehicle.leave_to_pilot(now)
         self._note(now, "takeover", f"left as it is: {reason}" if reason else f"taken over in {found.mode}", vehicle)
         return True
@@ -141,9 +144,15 @@ class Takeover:
         return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
 
     def settled(self, now: Instant) -> bool:
-        """Return whether it is decided of everybody who is heard, and nobody else is waited for."""
+        """Return whether it is decided of everybody who is heard and gets ready, and nobody else is waited for."""
         silent = {identity for identity, _ in self._silent()}
-        return not self.waits_for(now) and self._decided >= self._vehicles.keys() - silent
+        abandoned = {identity for identity, vehicle in self._vehicles.items() if vehicle.start_up.abandoned}
+        return not self.waits_for(now) and self._decided >= self._vehicles.keys() - silent - abandoned
+
+    @property
+    def took_any(self) -> bool:
+        """Whether anybody has been taken over."""
+        return len(self._left) < len(self._decided)
 
     def failure(self, now: Instant) -> str | None:
         """Return why there is nothing to take over, None while there is, or may be."""
@@ -151,10 +160,21 @@ class Takeover:
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
-            return "no vehicle to take over: none was heard in the air as the flight had left it"
+            return f"no vehicle to take over: {self._why_nobody()}"
         if not self.resumed.near and len(taken) < len(self._vehicles):
             return "a virtual leader flies amid all vehicles, and not all can be taken over"
         return None
+
+    def _why_nobody(self) -> str:
+        """Return how everybody was found who is left, and what takes those who may have been sent home."""
+        found = dict[str, list[str]]()
+        for identity in self._vehicles:
+            if identity in self._decided:
+                reason = self._left.get(identity, "taken by its pilot since").removesuffix(RETAKE)
+                found.setdefault(reason, []).append(str(identity))
+        home = any(reason.endswith(RETAKE) for reason in self._left.values())
+        each = "; ".join(f"vehicle {', '.join(who)}: {reason}" for reason, who in found.items())
+        return (each or "none got ready") + ("; --retake takes those that their failsafe sent home" if home else "")
 
     def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
         searching = LinkState.SEARCHING

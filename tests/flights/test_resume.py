@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from airlink import mavlink as m
 from airlink.clock import MICROSECONDS, NANOSECONDS, Instant
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
+from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandLong
 from formation_scenario import Scenario
 from gcs_formation.app.operator import RunOptions
@@ -62,7 +62,9 @@ class Kept(Notes):
 
 
 class Obedient(Between):
-    """Takes down what the vehicles are commanded with COMMAND_LONG."""
+    """Takes down what the vehicles are commanded with COMMAND_LONG; their answers to TIMESYNC may not come through."""
+
+    tells_time = True
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -72,6 +74,10 @@ class Obedient(Between):
         messages = (frame.message for frame in StreamParser().feed(datagram.data))
         self.commands += [each for each in messages if isinstance(each, CommandLong)]
         super().take(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        sent, timesync = super().datagrams_to_send(), m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
+        return [each for each in sent if self.tells_time or each.data[HEADER_V2 - 3 : HEADER_V2] != timesync]
 
 
 class Killed:
@@ -221,6 +227,41 @@ def test_one_that_was_given_another_mode_is_left_to_whoever_did(
         world.run(12.0)
         assert world.vehicle(2).pilot.mode is mode
         assert world.vehicle(3).pilot.mode is Mode.LOITER
+
+
+def test_where_nobody_flies_as_left_it_is_said_how_they_are_and_what_takes_them_and_nobody_is_commanded(
+    killed: Callable[..., Killed],
+) -> None:
+    flight = killed(duration_s=60, vehicles={"count": 3})
+    world = flight.world
+    world.fly_to(2.0)
+    flight.kill(3.0)
+    for number, mode in ((1, Mode.RTL), (2, Mode.LOITER), (3, Mode.RTL)):
+        enter(world, number, mode)
+    flight.resume()
+    world.run(20.0)
+    assert world.station.flight.phase is Phase.FAILED
+    assert world.station.course.failure == (
+        "no vehicle to take over: vehicle 1, 3: in RTL, and the flight had left it in GUIDED; "
+        "vehicle 2: in LOITER, and the flight had left it in GUIDED; --retake takes those that their failsafe sent home"
+    )
+    (ended,) = [event for event in world.notes.events if event.kind == "phase"]
+    assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and nobody was commanded")
+    assert flight.commanded(m.MAV_CMD_DO_SET_MODE) == []
+
+
+def test_where_nobody_who_is_heard_gets_ready_nobody_is_waited_for_without_end(killed: Callable[..., Killed]) -> None:
+    flight = killed(duration_s=60, vehicles={"count": 2})
+    world = flight.world
+    world.fly_to(2.0)
+    flight.kill(3.0)
+    assert isinstance(world.between, Obedient)
+    world.between.tells_time = False
+    flight.resume()
+    world.run(40.0)
+    assert len(world.times_s("abandoned")) == 2
+    assert world.station.flight.phase is Phase.FAILED
+    assert world.station.course.failure == "no vehicle to take over: none got ready"
 
 
 @pytest.mark.slow
