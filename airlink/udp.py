@@ -10,6 +10,7 @@ import socket
 import struct
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Final, Self
@@ -24,7 +25,7 @@ MAX_DATAGRAM: Final = 65535
 RECEIVE_BUFFER: Final = 4 * 1024 * 1024
 """Bytes: holds a burst of 250 vehicles' telemetry while we are busy, kernel overhead included."""
 DRAIN_LIMIT: Final = 4096
-"""Datagrams taken from one socket before timers are handled again."""
+"""Datagrams taken from one socket at a time."""
 BATCH: Final = 64
 """Datagrams that the kernel is asked for at once."""
 MAX_KNOWN: Final = 4096
@@ -42,6 +43,13 @@ IOVECS_AT: Final = SOCKADDRS_AT + BATCH * SOCKADDR_BYTES
 HEADERS_AT: Final = IOVECS_AT + BATCH * IOVEC_BYTES
 ROOM: Final = HEADERS_AT + BATCH * MMSGHDR_BYTES
 """Layout of the receive buffer, and its size: a batch of datagrams, then sockaddr_in, iovec and mmsghdr of each."""
+PORTION: Final = 4096
+"""Bytes that an engine is given of one socket before the next one's turn: more than any sender of MAVLink packs."""
+DATAGRAM_COST: Final = 32
+"""Bytes as which each datagram counts besides its own."""
+PATIENCE_NS: Final = 20_000_000
+MOST_PATIENCE_NS: Final = 1_000_000_000
+"""A due timer waits for what has arrived to be passed on: between these, for as long as the process was held up."""
 IDLE_WAIT_S: Final = 0.1
 IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
@@ -131,11 +139,11 @@ class Inbox:
             room[header : header + MMSGHDR_BYTES] = struct.pack("=8Q", *fields)
         self._headers = begin + HEADERS_AT
 
-    def take(self, opened: socket.socket, index: int = 0) -> list[Datagram]:
-        """Return what has arrived, `DRAIN_LIMIT` datagrams at most, as an engine's socket `index` is given it."""
+    def take(self, opened: socket.socket, index: int = 0, most: int = DRAIN_LIMIT) -> list[Datagram]:
+        """Return what has arrived, `most` datagrams (whole batches), as an engine's socket `index` is given it."""
         found: list[Datagram] = []
         if self._receive is None:
-            self._take_singly(opened, index, found)
+            self._take_singly(opened, index, most, found)
             return found
         room, known, handle = self._room, self._known, opened.fileno()
         for _ in range(DRAIN_LIMIT // BATCH):
@@ -150,7 +158,8 @@ class Inbox:
                     data: bytes = room[begin : begin + length]
                     found.append(Datagram(index, known.get(sender) or self._met(sender), data))
             # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
-            if 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN):
+            short = 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN)
+            if short or len(found) >= most:
                 break
         return found
 
@@ -161,7 +170,7 @@ class Inbox:
         address = self._known[sockaddr] = Address(socket.inet_ntoa(sockaddr[4:8]), int.from_bytes(sockaddr[2:4], "big"))
         return address
 
-    def _take_singly(self, opened: socket.socket, index: int, found: list[Datagram]) -> None:
+    def _take_singly(self, opened: socket.socket, index: int, most: int, found: list[Datagram]) -> None:
         for _ in range(DRAIN_LIMIT):
             try:
                 data, peer = opened.recvfrom(MAX_DATAGRAM)
@@ -170,10 +179,16 @@ class Inbox:
             except OSError:  # as above
                 continue
             found.append(Datagram(index, Address(peer[0], peer[1]), data))
+            if len(found) == most:
+                return
 
 
 class UdpDriver:
-    """Moves an engine's datagrams through sockets and calls its timer, in the calling thread."""
+    """Moves an engine's datagrams through sockets and calls its timer, in the calling thread.
+
+    Sockets are read in turns and in portions, with timers in between, so that no flood at one of them stops the
+    others or the timers. Engines judge silence at timers, so all sockets are looked at once one is due.
+    """
 
     def __init__(self, engine: Engine, clock: RealClock, from_ports: Mapping[str, int] | None = None) -> None:
         """Open the engine's sockets; `from_ports`: where those of `udpout` endpoints sent from in an earlier process.
@@ -186,6 +201,10 @@ class UdpDriver:
         self._selector = selectors.DefaultSelector()
         self._sockets: list[socket.socket] = []
         self._inbox = Inbox()
+        self._held: dict[int, deque[Datagram]] = {}
+        """By socket, what was taken from it and the engine hasn't been given yet."""
+        self._attended_ns = time.monotonic_ns()
+        """When a timer was handled last."""
         try:
             for index, endpoint in enumerate(engine.endpoints()):
                 opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
@@ -227,26 +246,51 @@ class UdpDriver:
         """Move datagrams until a timer was handled, or for `IDLE_WAIT_S`."""
         ends_ns = time.monotonic_ns() + IDLE_WAIT_NS
         while True:
-            self._wait()
             timer = self._engine.next_timer()
-            now = self._clock.now()
-            due = timer is not None and timer <= now
-            if due:
-                self._engine.handle_timer(now)
+            wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
+            self._pass_on(wait_s)
+            attended = self._attend()
             self._send()
-            if due or time.monotonic_ns() >= ends_ns:
+            if attended or time.monotonic_ns() >= ends_ns:
                 return
 
-    def _wait(self) -> None:
-        """Sleep until a datagram arrives or the timer is due, and pass on what has arrived."""
-        timer = self._engine.next_timer()
-        wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
-        arrived: list[Datagram] = []
-        for key, _ in select_for(self._selector, wait_s):
+    def _attend(self) -> bool:
+        """Handle the timer if it's due, once the engine has been given what has arrived; return whether it was."""
+        timer, now = self._engine.next_timer(), self._clock.now()
+        if timer is None or timer > now:
+            return False
+        begun_ns = time.monotonic_ns()
+        late_ns = int((now - timer) / self._clock.speedup)
+        held_up_ns = min(late_ns, begun_ns - self._attended_ns)
+        ends_ns = begun_ns + min(max(held_up_ns, PATIENCE_NS), MOST_PATIENCE_NS)
+        while self._pass_on(0.0) and time.monotonic_ns() < ends_ns:
+            pass
+        self._engine.handle_timer(self._clock.now())
+        self._attended_ns = time.monotonic_ns()
+        return True
+
+    def _pass_on(self, wait_s: float) -> bool:
+        """Give the engine a portion of what each socket has received, at the latest after `wait_s`.
+
+        Return whether more may have arrived by when the sockets were looked at.
+        """
+        more = False
+        for key, _ in select_for(self._selector, 0.0 if self._held else wait_s):
             index: int = key.data
-            arrived += self._inbox.take(self._sockets[index], index)
+            if index in self._held:
+                more = True
+                continue
+            taken = self._inbox.take(self._sockets[index], index, BATCH)
+            more = more or len(taken) == BATCH
+            self._held[index] = deque(taken)
+        arrived: list[Datagram] = []
+        for index in list(self._held):
+            _move_portion(self._held[index], arrived)
+            if not self._held[index]:
+                del self._held[index]
         if arrived:
             self._engine.receive(arrived, self._clock.now())
+        return more or len(self._held) > 0
 
     def _send(self) -> None:
         for each in self._engine.datagrams_to_send():
@@ -254,3 +298,16 @@ class UdpDriver:
                 self._sockets[each.socket].sendto(each.data, each.peer.pair)
             except OSError:  # a full buffer or an unreachable peer loses the datagram, as any network may
                 continue
+
+
+def _move_portion(held: deque[Datagram], arrived: list[Datagram]) -> None:
+    """Move a portion from what is held to what has arrived; a datagram that is longer than one is cut."""
+    room = PORTION
+    while held and room > 0:
+        datagram = held.popleft()
+        if len(datagram.data) > PORTION:
+            socket_index, peer, data = datagram.socket, datagram.peer, datagram.data
+            held.appendleft(Datagram(socket_index, peer, data[PORTION:]))
+            datagram = Datagram(socket_index, peer, data[:PORTION])
+        room -= DATAGRAM_COST + len(datagram.data)
+        arrived.append(datagram)

@@ -1,13 +1,14 @@
 import selectors
 import socket
 import sys
+import time
 
 import pytest
 
-from airlink.clock import RealClock, after
+from airlink.clock import Instant, RealClock, after
 from airlink.endpoint import Address, PortError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.udp import Inbox, UdpDriver, open_socket, resolved, select_for
+from airlink.udp import PORTION, Inbox, UdpDriver, open_socket, resolved, select_for
 from tests.airlink.engines import PlainEngine
 
 
@@ -103,6 +104,95 @@ def test_all_that_waits_is_taken_in_its_order_whoever_sent_it(port, platform, mo
         assert inbox.take(here) == []
         first.sendto(b"again", ("127.0.0.1", port))
         assert inbox.take(here) == [Datagram(0, addresses[0], b"again")]
+
+
+class ManualClock(RealClock):
+    """Goes on by what an engine does, and by a millisecond where there is a wait."""
+
+    ns = 0
+
+    def now(self):
+        return Instant(self.ns)
+
+    def wall_seconds_until(self, instant):
+        self.ns += 1_000_000
+        return 0.0
+
+
+class Busy(Echo):
+    """Takes its time to read; its timer is due ten times a second."""
+
+    def __init__(self, clock, ns_per_byte, *endpoints):
+        super().__init__(*endpoints)
+        self.clock, self.ns_per_byte, self.log = clock, ns_per_byte, []
+        self.timer = after(Instant(0), 0.1)
+
+    def receive(self, datagrams, now):
+        for datagram in datagrams:
+            self.log.append((datagram.socket, len(datagram.data)))
+            self.clock.ns += self.ns_per_byte * len(datagram.data)
+
+    def handle_timer(self, now):
+        self.log.append("timer")
+        self.timer = after(now, 0.1)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return a clock by which the machine's own goes too."""
+    manual = ManualClock()
+    monkeypatch.setattr(time, "monotonic_ns", lambda: manual.ns)
+    return manual
+
+
+@pytest.fixture
+def two_ports(port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        other = probe.getsockname()[1]
+    return (port, other), (f"udpin:127.0.0.1:{port}", f"udpin:127.0.0.1:{other}")
+
+
+def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, clock):
+    """10 us a byte, as slow as junk was once read: a datagram of 60,000 bytes takes six ticks."""
+    (flooded, other), endpoints = two_ports
+    engine = Busy(clock, 10_000, *endpoints)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+        for _ in range(4):
+            remote.sendto(b"\xfe" * 60_000, ("127.0.0.1", flooded))
+        remote.sendto(b"alive", ("127.0.0.1", other))
+        driver.run(lambda: sum(each[1] for each in engine.log if each != "timer") >= 240_005)
+    assert engine.log.index((1, 5)) == 1
+    assert engine.log.count("timer") >= 10
+    assert max(each[1] for each in engine.log if each != "timer") == PORTION
+
+
+def test_no_timer_is_handled_before_what_arrived_during_a_long_receive(two_ports, clock):
+    """Silence is judged at timers: whoever sent while another's bytes were read has been heard by then."""
+    (slow, other), endpoints = two_ports
+
+    class HeldUp(Busy):
+        def receive(self, datagrams, now):
+            super().receive(datagrams, now)
+            if self.log == [(0, 7)]:
+                remote.sendto(b"alive", ("127.0.0.1", other))
+
+    engine = HeldUp(clock, 1_000_000_000, *endpoints)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+        remote.sendto(b"seven s", ("127.0.0.1", slow))
+        driver.run(lambda: "timer" in engine.log)
+    assert engine.log == [(0, 7), (1, 5), "timer"]
+
+
+def test_after_a_stop_all_that_came_meanwhile_is_read_first_however_much_that_is(two_ports, clock):
+    (here, other), endpoints = two_ports
+    engine = Busy(clock, 10_000, *endpoints)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+        for each in (here, other) * 150:
+            remote.sendto(bytes(100), ("127.0.0.1", each))
+        clock.ns = 8_000_000_000
+        driver.run(lambda: "timer" in engine.log)
+    assert engine.log.index("timer") == 300
 
 
 class Stopped(selectors.SelectSelector):
