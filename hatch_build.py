@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -33,21 +33,34 @@ class CompilingHook(BuildHookInterface[Any]):
     """Adds compiled modules to a wheel."""
 
     PLUGIN_NAME = "custom"
+    _place: TemporaryDirectory[str] | None = None
+    """Where what was compiled is until it's in the wheel."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the modules that the project's file lists."""
         wanted = os.environ.get(SWITCH, "")
         if version == "editable" or wanted == "0":
             return
+        self._place = TemporaryDirectory(prefix="gcs-formation-")
         try:
-            built = compiled(Path(self.root), self.config["modules"])
+            built = compiled(Path(self.root), self.config["modules"], Path(self._place.name))
         except (Exception, SystemExit) as error:
+            self._clean_up()
             if wanted == "1":
                 raise
             self.app.display_warning(f"not compiled, so flights take longer: {error}")
             return
         build_data["force_include"].update({str(file): place for place, file in built.items()})
         build_data["pure_python"], build_data["infer_tag"] = False, True
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
+        """Remove what was compiled, once it's in the wheel."""
+        self._clean_up()
+
+    def _clean_up(self) -> None:
+        if self._place is not None:
+            self._place.cleanup()
+            self._place = None
 
 
 class ParallelBuild(build_ext):
@@ -67,13 +80,12 @@ class ParallelBuild(build_ext):
         self.compiler.compile = one_after_another
 
 
-def compiled(root: Path, modules: list[str]) -> dict[str, Path]:
-    """Return the compiled modules and what they share, by their places in a wheel.
+def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
+    """Return the compiled modules and what they share, made in the directory `place`, by their places in a wheel.
 
     A product and a sum stay two roundings, as in Python, also on processors that could do both in one. On Linux modules
     call each other directly: otherwise any function could be replaced from outside, and none is inlined.
     """
-    place = Path(tempfile.mkdtemp(prefix="gcs-formation-"))
     settings = place / "mypy.ini"
     settings.write_text(MYPY.format(*sys.version_info))
     with chdir(root):
