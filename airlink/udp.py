@@ -274,7 +274,7 @@ class UdpDriver:
 
         Return whether more may have arrived by when the sockets were looked at.
         """
-        more = False
+        more, arrived = False, list[Datagram]()
         for key, _ in select_for(self._selector, 0.0 if self._held else wait_s):
             index: int = key.data
             if index in self._held:
@@ -282,8 +282,10 @@ class UdpDriver:
                 continue
             taken = self._inbox.take(self._sockets[index], index, BATCH)
             more = more or len(taken) == BATCH
-            self._held[index] = deque(taken)
-        arrived: list[Datagram] = []
+            if DATAGRAM_COST * len(taken) + sum([len(each.data) for each in taken]) <= PORTION:
+                arrived += taken
+            else:
+                self._held[index] = deque(taken)
         for index in list(self._held):
             _move_portion(self._held[index], arrived)
             if not self._held[index]:

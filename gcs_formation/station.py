@@ -148,7 +148,7 @@ class Station(Engine):
             for vehicle in self._each:
                 vehicle.forget_probes(now)
                 if seconds_between(self._next_tick, now) > ALONE_S:
-                    vehicle.alone_at = now
+                    vehicle.left_alone(now)
         if now >= self._heartbeats.next_probe:
             self._send_all(self._heartbeats.probes(now), now)
         if now >= self._next_tick:

@@ -204,7 +204,7 @@ class HeartbeatScheduler:
                 text = "withheld: there is no setpoint for it" if identity in unguided else "sent again"
                 self._note(now, "heartbeats", text, vehicle)
             if identity in unguided:
-                vehicle.alone_at = now
+                vehicle.left_alone(now)
                 continue
             found.append((vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)))
             if finite(mission_s):

@@ -154,7 +154,7 @@ class Membership:
 
     def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
         if seconds_between(vehicle.heard_at(now), now) > UNANSWERED_S:
-            vehicle.alone_at = now
+            vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
         vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)

@@ -187,6 +187,10 @@ class Vehicle:
         """For how long frames have come from it since its newest answer, s."""
         return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, self.connection.last_heard))
 
+    def left_alone(self, now: Instant) -> None:
+        """Note that it is without setpoints, heartbeats or a link, on which its failsafe may act."""
+        self.alone_at = now
+
     def end_silence(self, at: Instant) -> None:
         """Count as lost what hasn't come by an instant, after which nothing will: if it flew, beyond jitter's silences.
 

@@ -162,7 +162,7 @@ def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, c
             remote.sendto(b"\xfe" * 60_000, ("127.0.0.1", flooded))
         remote.sendto(b"alive", ("127.0.0.1", other))
         driver.run(lambda: sum(each[1] for each in engine.log if each != "timer") >= 240_005)
-    assert engine.log.index((1, 5)) == 1
+    assert engine.log.index((1, 5)) <= 1, "before the second portion of the junk"
     assert engine.log.count("timer") >= 10
     assert max(each[1] for each in engine.log if each != "timer") == PORTION
 

@@ -143,7 +143,7 @@ def test_what_a_failsafe_says_long_before_or_after_or_at_its_end_is_not_its_reas
 def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
     """Without a word of its own: heartbeats were withheld, or nothing that was sent can have reached it."""
     formation = Formation()
-    formation.follower.alone_at = after(Instant(0), 0.5)
+    formation.follower.left_alone(after(Instant(0), 0.5))
     formation.reports(m.PLANE_MODE_RTL)
     formation.judge(1.0)
     formation.reports(GUIDED)
