@@ -31,7 +31,13 @@ DECIDING = (
     "gcs_formation/separation",
 )
 """Tests of what is compiled."""
-PATCHING = ("a_step_is_the_extended_kalman_filters", "whose_path_leads_out_stays_inside")
+PATCHING = (
+    "a_step_is_the_extended_kalman_filters",
+    "whose_path_leads_out_stays_inside",
+    "junk_at_one_socket_stops_neither",
+    "before_what_arrived_during_a_long_receive",
+    "after_a_stop_all_that_came_meanwhile",
+)
 """Those among them that put something in the place of compiled objects."""
 
 
