@@ -5,9 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("hatchling")
-pytest.importorskip("mypyc.build")
 from hatchling.bridge.app import Application
 
 import hatch_build
