@@ -146,7 +146,7 @@ class Station(Engine):
         """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self._each:
-                vehicle.forget_probes(now)
+                vehicle.round_trips.forget_requests(now)
                 if seconds_between(self._next_tick, now) > ALONE_S:
                     vehicle.left_alone(now)
         if now >= self._heartbeats.next_probe:

@@ -206,10 +206,11 @@ def _groups(station: Station) -> list[Group]:
     errors = [UNKNOWN if tick is None else tick.error_m[each.column] for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.margins.used[each.column] for each in vehicles.values()]
+    ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]
     return [
         Group(("vehicle", "x", "y", "z"), places, keep=5),
         Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
-        Group(("up", "down"), [_cells([1e3 * way_s for way_s in v.ways_s], 0) for v in vehicles.values()], keep=1),
+        Group(("up", "down"), ways, keep=1),
         Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], keep=0),
         Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
         Group(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),

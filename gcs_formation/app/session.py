@@ -254,7 +254,7 @@ class Session:
         vehicle.end_silence(self._heard_until(identity))
         began = self.station.flight.path_began
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
-        probes = np.frombuffer(vehicle.delays.getvalue(), "<f8").reshape(-1, 4).copy()
+        probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
         if not self._keeps_utc:
             probes[:, 2:] = np.nan  # a common error of all vehicles' UTC is in how their round trips are split
         return LinkFigures(

@@ -59,7 +59,7 @@ class CommonClock:
 
     def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
         """Serve `vehicles`; `known_s` is UTC minus our clock, None where that doesn't keep UTC."""
-        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.gnss is not None]
+        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.round_trips.gnss is not None]
         self._known_s = known_s
         self._note = note
         self._utc_s = math.nan
@@ -89,8 +89,8 @@ class CommonClock:
     def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
         why = self._why_not(vehicle, bounds)
         flies = vehicle.member is Member.FLYING
-        vehicle.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
-        jump_s = vehicle.gnss.jump_s if vehicle.gnss else 0.0
+        vehicle.round_trips.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
+        jump_s = vehicle.round_trips.gnss.jump_s if vehicle.round_trips.gnss else 0.0
         state = (why is None, bool(jump_s))
         if vehicle.clock.samples >= LOOKED_AT and state != self._said.get(vehicle.identity):
             self._said[vehicle.identity] = state
@@ -100,7 +100,7 @@ class CommonClock:
 
     def _why_not(self, vehicle: Vehicle, bounds: UtcBounds | None) -> str | None:
         if bounds is None:
-            return vehicle.gnss.why_not() if vehicle.gnss else None
+            return vehicle.round_trips.gnss.why_not() if vehicle.round_trips.gnss else None
         if math.isnan(self._utc_s):
             return "vehicles disagree about it, and no majority is right"
         if bounds.allows(self._utc_s):
@@ -110,7 +110,7 @@ class CommonClock:
 
 
 def _bounds(vehicle: Vehicle) -> UtcBounds | None:
-    clock = vehicle.gnss
+    clock = vehicle.round_trips.gnss
     if clock is None or clock.why_not() is not None:
         return None
     return UtcBounds(clock.station_utc_s(), clock.shortest_s / 2)

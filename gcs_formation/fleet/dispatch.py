@@ -62,12 +62,12 @@ class Dispatch:
             link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
             link.delay_s, link.split_s = clock.one_way_s, clock.split_s
-            if vehicle.gnss is not None:
-                link.up_s, link.down_s = vehicle.ways_s
+            if vehicle.round_trips.gnss is not None:
+                link.up_s, link.down_s = vehicle.round_trips.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew
             link.circling = not link.ready and vehicle.circles
-            link.heard = vehicle.heard_at(now)
+            link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
             link.speeds_mps = vehicle.autopilot.speeds_mps

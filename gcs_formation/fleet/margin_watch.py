@@ -186,9 +186,9 @@ class MarginWatch:
     def _delay(self, identity: VehicleId) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
-        down_s = own_down_s = self._vehicles[identity].down_s
+        down_s = own_down_s = self._vehicles[identity].round_trips.down_s
         if self._mutual and not law.delay_compensation:
-            down_s = float(np.fmax.reduce([self._vehicles[each].down_s for each in self._axes]))
+            down_s = float(np.fmax.reduce([self._vehicles[each].round_trips.down_s for each in self._axes]))
         up_s = 2.0 * clock.one_way_s - own_down_s
         return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), clock.usual_scatter_s)
 

@@ -153,7 +153,7 @@ class Membership:
         return f"{PARTED}its pilot or its failsafe, in {vehicle.autopilot.mode_name(vehicle.telemetry)}"
 
     def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
-        if seconds_between(vehicle.heard_at(now), now) > UNANSWERED_S:
+        if seconds_between(vehicle.round_trips.heard_at(now), now) > UNANSWERED_S:
             vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
@@ -197,7 +197,7 @@ class Membership:
         if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
-        if seconds_between(vehicle.heard_at(now), now) > max(limit_s, UNANSWERED_S):
+        if seconds_between(vehicle.round_trips.heard_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
         age_s = estimator.age_s(vehicle.column, now)
         return math.isnan(age_s) or age_s <= limit_s
@@ -248,7 +248,7 @@ class Candidate(NamedTuple):
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
     """Return whether a vehicle flies in the formation, hears, and is heard: its state is `age_s` old."""
-    hears = seconds_between(vehicle.heard_at(now), now) <= HEARD_S
+    hears = seconds_between(vehicle.round_trips.heard_at(now), now) <= HEARD_S
     return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
 
 

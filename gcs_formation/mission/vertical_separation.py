@@ -242,7 +242,7 @@ class Opening:
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             place = _climbed_out(place, vehicle)
             return Flier(place, place.height_m)
-        answers = seconds_between(vehicle.heard_at(now), now) <= UNANSWERED_S
+        answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNANSWERED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
         if led and answers and not links[column].disobeying:
             return Flier(place, self._commanded_m(column), steered=True)

@@ -1,4 +1,4 @@
-"""One vehicle as the station knows it: its link, clock, telemetry, commands and start-up."""
+"""One vehicle as the station knows it: its link, telemetry, commands and start-up."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import math
 from enum import Enum
 from typing import Final
 
-from librt.strings import BytesWriter, write_f64_le
 from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, nanoseconds, seconds_between
+from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
 from airlink.messages import KINDS, Message
@@ -21,9 +20,8 @@ from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.estimator import Sample
-from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.gnss_clock import GnssClock, StampMap
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, EffectWatch, StartUpStep
@@ -37,8 +35,6 @@ UNANSWERED_S: Final = 1.5
 """For how long answers may be missing from a vehicle that hears the ground station."""
 LOSSY_S: Final = 10.0
 """For how long after a loss a link counts as one that loses."""
-MAX_PROBES: Final = 256
-"""Unanswered probes that are kept: a minute of them."""
 JITTERS: Final = 10.0
 """So many times its jitter a link without loss is never silent."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
@@ -74,8 +70,9 @@ class Vehicle:
         self.identity, self.column = identity, column
         """Who it is, and its place in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
-        self.telemetry, self.clock = Telemetry(origin, autopilot.stands), ClockSync(autopilot.loop_s)
-        self.stamps = StampMap(self.clock, GnssClock(autopilot.loop_s) if by_utc else None)
+        self.telemetry = Telemetry(origin, autopilot.stands)
+        self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
+        self.clock = self.round_trips.clock
         self.source_binding = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
@@ -86,23 +83,18 @@ class Vehicle:
         self.start_up = StartUp(autopilot.start_up(self.rates_hz), autopilot.start_up_modes)
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m = Member.STARTING, math.nan
-        self.delays, self.frames_out = BytesWriter(), 0
-        """Delays: four numbers of 64 bits for each answered probe: when it came back, ns; half the round trip, the way
-        up and the way down, s, NaN where it isn't known how the round trip is split."""
+        self.frames_out = 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
         self.restarts, self._by_course = 0, autopilot.flies_courses
         """How often its clock has begun anew; whether it is told courses over ground."""
-        self._answered: Instant | None = None
         self._lost_at, self.alone_at = Instant(0), LONG_AGO
         """When a frame was last found to be missing, or an answer; when its failsafe last had reason to act: it was
         without setpoints, heartbeats or a link."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled: ReportedMotion | None = None
-        self._probes = list[Instant]()
-        """When the probes were sent that haven't been answered, the oldest first."""
 
     @property
     def follows_setpoints(self) -> bool:
@@ -154,38 +146,10 @@ class Vehicle:
         """Whether it was left to its pilot, who hasn't given it back yet."""
         return self.start_up.left and not self.start_up.finished
 
-    def heard_at(self, now: Instant) -> Instant:
-        """Return until when it is known to have heard the station: the time of its newest answer less the way back.
-
-        Before the first answer, that is `now`.
-        """
-        if self._answered is None:
-            return now
-        down_s = self.down_s
-        return self._answered if math.isnan(down_s) else Instant(self._answered - nanoseconds(down_s))
-
-    @property
-    def gnss(self) -> GnssClock | None:
-        """Its clock against UTC, None where nobody asks for that."""
-        return self.stamps.gnss
-
-    @property
-    def ways_s(self) -> tuple[float, float]:
-        """Delay up and down, s; NaN where it isn't known how the round trip is split."""
-        return self.stamps.ways_s(self.clock.one_way_s)
-
-    @property
-    def down_s(self) -> float:
-        """Delay down, s: half the round trip where it isn't known how that is split; NaN before the first."""
-        if self.stamps.gnss is None:
-            return self.clock.one_way_s
-        down_s = self.ways_s[1]
-        return self.clock.one_way_s if math.isnan(down_s) else down_s
-
     @property
     def unanswered_s(self) -> float:
         """For how long frames have come from it since its newest answer, s."""
-        return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, self.connection.last_heard))
+        return self.round_trips.unanswered_s(self.connection.last_heard)
 
     def left_alone(self, now: Instant) -> None:
         """Note that it is without setpoints, heartbeats or a link, on which its failsafe may act."""
@@ -229,7 +193,7 @@ class Vehicle:
         if motion is self._sampled:
             return None
         self._sampled = motion
-        stamp = self.stamps.to_instant(motion.stamp_s)
+        stamp = self.round_trips.stamps.to_instant(motion.stamp_s)
         if not _is_of(now, stamp) or not seen.of_one_time:
             self.telemetry.implausible += 1
             return None
@@ -257,7 +221,7 @@ class Vehicle:
         if not self.clock.samples:
             return "it answers no TIMESYNC: its delay and clock aren't known"
         seen, stamp_s = self.telemetry, self.source_binding.refused_stamp_s
-        if seen.motion is not None and _is_of(now, self.stamps.to_instant(seen.motion.stamp_s)):
+        if seen.motion is not None and _is_of(now, self.round_trips.stamps.to_instant(seen.motion.stamp_s)):
             together = seen.attitude is None or seen.of_one_time
             return None if together else "its position, attitude and airspeed aren't of one time"
         if math.isnan(stamp_s) and seen.motion is not None:
@@ -319,17 +283,9 @@ class Vehicle:
         return self._writer.encode(message)
 
     def probe(self, now: Instant) -> Message:
-        """Return a TIMESYNC request; its stamp, kept here, tells our answers from others'."""
+        """Return a TIMESYNC request, which counts among what it is to answer."""
         self.sequence.asked += 1
-        self._probes.append(now)
-        if len(self._probes) > MAX_PROBES:
-            self._probes.pop(0)
-        return Timesync(0, now)
-
-    def forget_probes(self, now: Instant) -> None:
-        """Drop pending probes: their answers have waited for us, so their delay isn't the link's. None is overdue."""
-        self._probes.clear()
-        self._answered = now
+        return self.round_trips.request(now)
 
     def _take_position(self, message: GlobalPositionInt, now: Instant, timed: bool) -> None:
         motion, sequence = self.telemetry.motion, self.sequence
@@ -341,8 +297,9 @@ class Vehicle:
             self.take_off.watch(self.telemetry)
 
     def _take_utc(self, message: SystemTime) -> None:
-        if self.gnss is not None:
-            self.gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
+        gnss = self.round_trips.gnss
+        if gnss is not None:
+            gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
 
     def _take_mode(self, message: CurrentMode) -> None:
         if not self.autopilot.setpoints_set_mode:
@@ -360,37 +317,18 @@ class Vehicle:
 
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
         """Take the answer to one of our probes; ignore requests, and answers to others."""
-        sent = Instant(answer.ts1_ns)
-        if answer.tc1_ns:
-            self.sequence.answers += 1
-        if not answer.tc1_ns or not self._asked(sent):
+        if not answer.tc1_ns:
             return
-        self._answered = now
+        self.sequence.answers += 1
+        if not self.round_trips.is_answer(answer):
+            return
+        self.round_trips.hear(now)
         if not timed:
             return
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
-            return
-        if not self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now):
-            return
-        if self.clock.observe(sent, answer.tc1_ns, now):
+        elif self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._restart()
-        if self.gnss:
-            self.gnss.probe(sent, answer.tc1_ns, now)
-        one_way_s = self.clock.last_one_way_s()
-        up_s, down_s = self.stamps.ways_s(one_way_s)
-        write_f64_le(self.delays, float(now))
-        write_f64_le(self.delays, one_way_s)
-        write_f64_le(self.delays, up_s)
-        write_f64_le(self.delays, down_s)
-
-    def _asked(self, sent: Instant) -> bool:
-        """Return whether a probe was sent then that hasn't been answered, and count it as answered."""
-        for place in range(len(self._probes) - 1, -1, -1):
-            if self._probes[place] == sent:
-                self._probes.pop(place)
-                return True
-        return False
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
@@ -398,7 +336,6 @@ class Vehicle:
         self.telemetry.forget()
         self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()
-        self.stamps = StampMap(self.clock, GnssClock(self.autopilot.loop_s) if self.gnss else None)
         self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
@@ -409,7 +346,7 @@ class Vehicle:
         self.sequence.answers += 1
         if ack.target_system not in (0, STATION_SYSTEM):
             return
-        self._answered = now
+        self.round_trips.hear(now)
         if self.commands.outcome is Outcome.WAITING:
             accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
             effect = self.autopilot.effect(accepted) if accepted is not None else None

@@ -194,7 +194,7 @@ def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_
     world.process.stop(world.clock.now(), 3.0)
     world.run(8.0)
     for vehicle in world.station.vehicles.values():
-        halves_s = np.frombuffer(vehicle.delays.getvalue())[1::4]
+        halves_s = np.frombuffer(vehicle.round_trips.delays.getvalue())[1::4]
         assert halves_s.max() < 0.001 * delay_ms + 0.011, "half of a turn of the answering loop"
         assert vehicle.jitter.jitter_s < 0.02
     assert not world.words("delay_margin")

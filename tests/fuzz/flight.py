@@ -45,7 +45,7 @@ class Flight:
 
     def probe(self) -> int:
         """Return the stamp of the last probe to the follower."""
-        return next(reversed(self.station.vehicles[FOLLOWER]._probes), 0)
+        return next(reversed(self.station.vehicles[FOLLOWER].round_trips._pending), 0)
 
     def check(self) -> None:
         """Hold it to what no datagram may break."""

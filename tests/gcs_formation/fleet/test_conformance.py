@@ -81,7 +81,7 @@ class Ground:
 
 def vehicle(number: int) -> Vehicle:
     made = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
-    made.member, made._answered = Member.FLYING, START
+    made.member, made.round_trips._answered = Member.FLYING, START
     return made
 
 
@@ -232,7 +232,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
 
     assert judge(UNANSWERED_S - 0.1) == []
     assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not hear us"]
-    follower._answered = after(START, silent_s + 1.0)
+    follower.round_trips._answered = after(START, silent_s + 1.0)
     assert judge(silent_s + 1.0)[1:] == judge(silent_s + 1.2)[1:] == ["answers again"]
 
 

@@ -45,7 +45,8 @@ class Formation:
             self.delay(each, 0.0)
 
     def delay(self, vehicle: Any, one_way_s: float, scatter_s: float = 0.0) -> None:
-        vehicle.clock, vehicle.down_s = SimpleNamespace(one_way_s=one_way_s, usual_scatter_s=scatter_s), one_way_s
+        vehicle.clock = SimpleNamespace(one_way_s=one_way_s, usual_scatter_s=scatter_s)
+        vehicle.round_trips = SimpleNamespace(down_s=one_way_s)
 
     def look(self, leader: Any = None) -> float:
         """Look once; return the share of the margin that the follower uses."""
@@ -94,7 +95,7 @@ def test_the_loop_s_delay_is_the_way_up_and_the_way_down_however_the_round_trip_
     used: list[float] = []
     for down_s in (0.05, 0.1, 0.15):
         warning.delay(warning.follower, 0.1)
-        warning.follower.down_s = down_s
+        warning.follower.round_trips.down_s = down_s
         used.append(warning.look())
     assert used == pytest.approx([used[0]] * 3)
     begun = Formation()

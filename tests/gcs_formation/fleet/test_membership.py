@@ -49,7 +49,7 @@ class Formation:
         for each in self.vehicles.values():
             if heard:
                 each.connection.heard(self.now, heartbeat=True)
-                each._answered = self.now
+                each.round_trips._answered = self.now
         self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
         return self.follower.member
 
@@ -57,7 +57,7 @@ class Formation:
         """Judge at a time when one of them was last heard at 0 s, and the other is."""
         other = LEADER if of == FOLLOWER else FOLLOWER
         self.vehicles[other].connection.heard(after(Instant(0), at_s), heartbeat=True)
-        self.vehicles[other]._answered = after(Instant(0), at_s)
+        self.vehicles[other].round_trips._answered = after(Instant(0), at_s)
         while self.vehicles[of].connection.check(after(Instant(0), at_s)):
             pass
         self.ages_s[0 if of == LEADER else 1] = at_s
@@ -191,7 +191,7 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_lo
     for tenth in range(1, 80):
         now = after(begun, 0.1 * tenth)
         formation.follower.connection.heard(now, heartbeat=False)
-        formation.follower._answered = now
+        formation.follower.round_trips._answered = now
         formation.follower.connection.check(now)
         found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
     assert formation.follower.connection.state is LinkState.MUTE
@@ -206,7 +206,7 @@ def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
     formation.ages_s[1] = 0.0
     formation.judge(40.0)
     formation.follower.member, formation.follower.connection.state = Member.HOLDING, LinkState.MUTE
-    formation.follower.connection.last_heard = formation.follower._answered = after(Instant(0), 40.1)
+    formation.follower.connection.last_heard = formation.follower.round_trips._answered = after(Instant(0), 40.1)
     assert formation.judge(40.1, heard=False) is Member.HOLDING
 
 
