@@ -85,12 +85,13 @@ class GroundFloor:
         height_m = self._ground.height(north_m + north, east_m + east)[np.hypot(north, east) <= around_m]
         return float(np.nan_to_num(height_m, nan=-math.inf).max())
 
-    def over_way_home(self, north_m: float, east_m: float) -> float:
-        """Return the lowest height for flying straight home from a position and circling there, m."""
+    def over_way(self, begin_m: tuple[float, float], end_m: tuple[float, float]) -> float:
+        """Return the lowest height for flying straight from one place to another, and circling there, m."""
         if self._ground is None:
             return -math.inf
-        steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_m, east_m) / AROUND_M))
-        return self.highest((north_m * step, east_m * step) for step in steps.tolist()).height_m
+        (north_m, east_m), north_by_m, east_by_m = begin_m, end_m[0] - begin_m[0], end_m[1] - begin_m[1]
+        steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_by_m, east_by_m) / AROUND_M)).tolist()
+        return self.highest((north_m + north_by_m * step, east_m + east_by_m * step) for step in steps).height_m
 
 
 class Band(NamedTuple):

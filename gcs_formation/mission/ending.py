@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
 from gcs_formation.link.link_health import TALKING
-from gcs_formation.mission.vertical_separation import Ahead, Stack, place_of, stacked, stays
+from gcs_formation.mission.vertical_separation import Ahead, Stack, home_of, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -71,12 +71,16 @@ class Ending:
         stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
         lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
         self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=stand)
-        self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps)
+        homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
+        self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
         self._loiter_s = 0.0
         self._manner: End = manner
         self._vehicles = vehicles
         self._left: dict[VehicleId, Vehicle] = {}
+        """Those that are still to be told to leave."""
+        self._restarts: dict[VehicleId, int] = {}
+        """How often each had restarted when it was told."""
 
     def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
         """Keep vehicles on the ground there, whatever they were about to do; others loiter so long at the end."""
@@ -92,13 +96,23 @@ class Ending:
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Command vehicles that are in the air and have climbed out to loiter or go home; continue the landings."""
+        """Command vehicles that are in the air and have climbed out to loiter or go home; continue the landings.
+
+        One that has restarted since has forgotten that, and is commanded anew.
+        """
+        for identity, restarts in list(self._restarts.items()):
+            vehicle = self._vehicles[identity]
+            if vehicle.restarts > restarts:
+                self.landings.drop(vehicle)
+                self._left[identity] = vehicle
+                del self._restarts[identity]
         for identity, vehicle in list(self._left.items()):
             autopilot, seen = vehicle.autopilot, vehicle.telemetry
             if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
                 height_m = self.stack.heights_m.get(identity, seen.motion.height_m)
                 vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now)
                 del self._left[identity]
+                self._restarts[identity] = vehicle.restarts
                 if self._manner == "land":
                     self.landings.await_turn(vehicle, height_m)
         climbs_out = any(self._is_pending(identity, self._vehicles[identity]) for identity in self._left)
@@ -127,7 +141,7 @@ class Ending:
             return False
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True
-        return identity in self._left and vehicle.telemetry.armed
+        return identity in self._left and _may_be_armed(vehicle)
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:
@@ -185,6 +199,12 @@ class Landings:
         self._waiting.clear()
         return self if self._landing is not None else None
 
+    def drop(self, vehicle: Vehicle) -> None:
+        """Forget that a vehicle was commanded to circle over its home, or to land."""
+        self._waiting = deque(each for each in self._waiting if each[1] is not vehicle)
+        if self._landing is vehicle:
+            self._landing = None
+
     @property
     def under_way(self) -> bool:
         """Whether a vehicle is landing or waiting to land."""
@@ -216,7 +236,7 @@ class Landings:
 
     def _watch(self, vehicle: Vehicle, waited_s: float, now: Instant) -> None:
         refusal = vehicle.commands.refusal
-        if not vehicle.telemetry.armed:
+        if not _may_be_armed(vehicle):
             self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.begin((), now)
@@ -234,6 +254,12 @@ def _is_ours(vehicle: Vehicle) -> bool:
     return vehicle.member is not Member.PARTED and vehicle.airborne
 
 
+def _may_be_armed(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle is armed, or restarts and hasn't told yet."""
+    seen = vehicle.telemetry
+    return seen.armed or seen.heartbeat is None or seen.boots
+
+
 def _in_way(home: ReportedMotion, course_rad: float, place: ReportedMotion) -> bool:
     """Return whether a vehicle that lands at `home` on this course is low at `place`, or rolls there."""
     north_m, east_m = place.north_m - home.north_m, place.east_m - home.east_m
@@ -244,8 +270,8 @@ def _in_way(home: ReportedMotion, course_rad: float, place: ReportedMotion) -> b
 
 def _circles(vehicle: Vehicle, height_m: float) -> bool:
     """Return whether a vehicle circles over its home at the commanded height."""
-    seen, home = vehicle.telemetry.motion, vehicle.take_off.stood
-    if seen is None or home is None or vehicle.commands.outcome is not Outcome.ACCEPTED:
+    seen, home_m = vehicle.telemetry.motion, home_of(vehicle)
+    if seen is None or home_m is None or vehicle.commands.outcome is not Outcome.ACCEPTED:
         return False
-    away_m = math.hypot(seen.north_m - home.north_m, seen.east_m - home.east_m)
+    away_m = math.hypot(seen.north_m - home_m[0], seen.east_m - home_m[1])
     return away_m < CIRCLES_MEET_M and abs(seen.height_m - height_m) < AT_HEIGHT_M

@@ -33,6 +33,9 @@ BESIDE_M = 5.0
 SWAY_SIGMAS = 4.0
 """In air that isn't, this many standard deviations of how far it moves two that circle apart or together."""
 
+ORIGIN = 0.0, 0.0
+NOWHERE: Mapping[VehicleId, tuple[float, float]] = {}
+
 Ahead = Callable[[float], Sequence[tuple[float, float]]]
 """How far north and east the formation gets in some seconds, m, point by point; in more seconds by more points."""
 
@@ -169,6 +172,7 @@ def stacked(
     manner: End,
     ahead: Ahead,
     climb_mps: float,
+    homes: Mapping[VehicleId, tuple[float, float]] = NOWHERE,
 ) -> float:
     """Raise a stack clear of the ground that comes while all climb to it; return for how long they may climb, s.
 
@@ -179,25 +183,32 @@ def stacked(
         manner: how the flight ends.
         ahead: the formation's way on.
         climb_mps: how fast all of them climb.
+        homes: where those fly that don't loiter here, north and east.
     """
-    seen = 0
+    seen, each = 0, [(place, homes.get(identity)) for identity, place in places.items()]
     while True:
         limit_s = opening_limit_s(stack.climb_m(places), climb_mps)
         way, leaves = ahead(limit_s), len(ahead(limit_s - OPENING_LIMIT_S)) - 1  # nobody goes home sooner
-        floor_m = _floor_m(places.values(), way[seen:leaves], "loiter", ground)
-        if not stack.lift(max(floor_m, _floor_m(places.values(), way[max(seen, leaves) :], manner, ground))):
+        floor_m = _floor_m(each, way[seen:leaves], "loiter", ground)
+        if not stack.lift(max(floor_m, _floor_m(each, way[max(seen, leaves) :], manner, ground))):
             return limit_s
         seen = len(way)
 
 
 def _floor_m(
-    places: Iterable[ReportedMotion], way: Sequence[tuple[float, float]], manner: End, ground: GroundFloor
+    each: Iterable[tuple[ReportedMotion, tuple[float, float] | None]],
+    way: Sequence[tuple[float, float]],
+    manner: End,
+    ground: GroundFloor,
 ) -> float:
-    """Return the lowest height for all circles: over the ground here and ahead or, to get home, on the ways there."""
-    begins = [(place.north_m + north_m, place.east_m + east_m) for place in places for north_m, east_m in way]
+    """Return the lowest height for all circles: over the ground here and ahead or, to get home, on the ways there.
+
+    A home that isn't known is taken to be at the origin.
+    """
+    legs = [((at.north_m + north_m, at.east_m + east_m), home_m) for at, home_m in each for north_m, east_m in way]
     if manner != "loiter":
-        return max((ground.over_way_home(*begin) for begin in begins), default=-math.inf)
-    return ground.highest(begins).height_m
+        return max((ground.over_way(begin_m, home_m or ORIGIN) for begin_m, home_m in legs), default=-math.inf)
+    return ground.highest(begin_m for begin_m, _ in legs).height_m
 
 
 class Opening:
@@ -272,6 +283,12 @@ def place_of(vehicle: Vehicle) -> ReportedMotion | None:
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
     return _climbed_out(motion, vehicle)
+
+
+def home_of(vehicle: Vehicle) -> tuple[float, float] | None:
+    """Return a vehicle's home, north and east of the origin, m: as it tells, or where it was armed; None if unknown."""
+    stood = vehicle.take_off.stood
+    return vehicle.telemetry.home_m or (None if stood is None else (stood.north_m, stood.east_m))
 
 
 def _climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:

@@ -100,10 +100,19 @@ class ArduPilot(Autopilot, ABC):
         """Return the first two steps: streams, ready."""
         return (
             StartUpStep(
-                "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
+                "asked for telemetry",
+                lambda seen: seen.complete,
+                lambda seen: (*self.requests(rates_hz), *self._home_request(seen)),
+                ASKED_S,
+                True,
             ),
             StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
         )
+
+    def _home_request(self, seen: Telemetry) -> tuple[Command, ...]:
+        """Return the request for its home, unless it isn't armed yet: it tells that as it is."""
+        home = CommandLong(self.system, AUTOPILOT, m.MAV_CMD_REQUEST_MESSAGE, param1=m.MAVLINK_MSG_ID_HOME_POSITION)
+        return (home,) if seen.armed or seen.heartbeat is None else ()
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)

@@ -30,6 +30,7 @@ UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request: of 43 tries, with half of all datagrams lost either way, some are all lost
 in four starts of a million."""
+ASKING: Final = (m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAV_CMD_REQUEST_MESSAGE)
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
 SHOWN_WITHIN_S: Final = 2.0
@@ -112,7 +113,7 @@ class StartUpStep:
 
     def acts(self, seen: Telemetry) -> bool:
         """Return whether its commands change what the vehicle does, not only what it tells."""
-        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands(seen))
+        return any(command.command not in ASKING for command in self.commands(seen))
 
 
 class Autopilot(ABC):

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.phases import Phase
+from gcs_formation.phases import Cause, Phase
+from sim_vehicles.autopilot.modes import Mode
 from tests.flights.conftest import STRAIGHT, Fly
 from tests.flights.in_memory import World
 
@@ -119,3 +120,19 @@ def test_nobody_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: st
             "safety"
         ]
         assert safety["min_separation_m"] > 7.0, f"{fault} {after_end_s} s after the end"
+
+
+def test_one_that_restarts_while_the_others_circle_is_told_to_circle_again() -> None:
+    """It comes up in MANUAL, flying straight on, and had acknowledged LOITER before."""
+    world = World(vehicles={"count": 2}, finish={"loiter_s": 30})
+    world.fly_to(1.0)
+    world.station.course.move(Cause.PATH_ENDED, world.clock.now())
+    world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
+    world.run(5.0)
+    world.inject(2, "restart")
+    world.run()
+    assert len(world.times_s("mode", 2, "MANUAL")) == 1
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+    assert world.times_s("phase", text="done")
+    wanted_m = [body.steering.height_m for body in world.fleet.bodies]
+    assert abs(wanted_m[0] - wanted_m[1]) >= 15.0

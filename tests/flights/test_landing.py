@@ -62,6 +62,22 @@ def test_they_land_one_after_another_each_where_it_took_off() -> None:
     assert max(math.dist(one[:2], other[:2]) for one, other in zip(began, ended, strict=True)) < 60.0
 
 
+@pytest.mark.slow
+def test_none_lands_while_one_that_restarted_as_it_landed_is_still_low() -> None:
+    """It had been counted as landed, since nothing said that it was armed."""
+    orders = [{"at_s": 5, "order": "land"}]
+    world = World(start={"in_air": False}, vehicles={"count": 2}, duration_s=60, orders=orders, finish={"loiter_s": 0})
+    world.fly_to(5.0)
+    world.network.run(lambda: any(each.pilot.mode is Mode.AUTOLAND for each in world.fleet.vehicles))
+    first, other = (1, 2) if world.vehicle(1).pilot.mode is Mode.AUTOLAND else (2, 1)
+    world.run(10.0)
+    world.inject(first, "restart")
+    world.run()
+    assert not world.times_s("mode", other, "AUTOLAND")
+    assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.RTL] * 2
+    assert "that was not seen" in str(world.station.course.failure)
+
+
 def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:
     """Return a vehicle that took off from a place on the ground, and circles over it."""
     connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)

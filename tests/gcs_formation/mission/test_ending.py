@@ -13,7 +13,7 @@ from airlink.clock import Instant
 from airlink.endpoint import Address, VehicleId
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat
-from airlink.messages.telemetry import GlobalPositionInt
+from airlink.messages.telemetry import GlobalPositionInt, HomePosition
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
@@ -93,6 +93,19 @@ def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, 
     ending(*vehicles, manner=manner, ground=GroundFloor(planned))
     heights_m = [told(vehicle)[-1][1] for vehicle in vehicles]
     assert heights_m == pytest.approx([base_m, base_m + 15.0], abs=1.5)
+
+
+def test_the_way_home_is_to_where_the_vehicle_says_that_its_home_is(place: Place):
+    """A hill 2 km east of them; home is 4 km east, the origin 50 m south."""
+    hill = {"shape": "cosine", "north_m": 50, "east_m": 2000, "height_m": 90, "radius_m": 100}
+    ground = GroundFloor(load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]})))
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    ending(vehicle, manner="rtl", ground=ground)
+    assert told(vehicle)[-1][1] == pytest.approx(100.0, abs=0.1)
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0, 4000.0, 0.0)
+    vehicle.telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    ending(vehicle, manner="rtl", ground=ground)
+    assert told(vehicle)[-1][1] == pytest.approx(150.0, abs=1.5)
 
 
 def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
