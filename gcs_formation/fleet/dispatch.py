@@ -123,7 +123,7 @@ class Dispatch:
             if self._guided[vehicle.column]:
                 self._guided[vehicle.column] = False
             elif vehicle.start_up.acted and not self._is_unguided(vehicle, now):
-                found += [(vehicle, message) for message in vehicle.autopilot.stand_in]
+                found += [(vehicle, message) for message in vehicle.autopilot.stand_in()]
         return found
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
@@ -197,7 +197,10 @@ class HeartbeatScheduler:
         return True
 
     def heartbeats(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return the heartbeat of every vehicle but the `unguided`, and the mission time once there is one."""
+        """Return the heartbeat of every vehicle but the `unguided`, and the mission time once there is one.
+
+        Whoever we command and hasn't told its home, as it does when it is armed, is asked for it.
+        """
         found = list[tuple[Vehicle, Message]]()
         for identity, vehicle in self._vehicles.items():
             if (identity in unguided) != (identity in self._withheld):
@@ -210,6 +213,8 @@ class HeartbeatScheduler:
             if finite(mission_s):
                 since_0_s = seconds_between(Instant(0), now)
                 found.append((vehicle, NamedValueFloat(since_0_s, MISSION_TIME, mission_s)))
+            if vehicle.hides_home:
+                found.append((vehicle, vehicle.ask(vehicle.autopilot.home_request())))
         self._withheld = frozenset(unguided)
         return found
 

@@ -21,6 +21,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import (
@@ -100,19 +101,10 @@ class ArduPilot(Autopilot, ABC):
         """Return the first two steps: streams, ready."""
         return (
             StartUpStep(
-                "asked for telemetry",
-                lambda seen: seen.complete,
-                lambda seen: (*self.requests(rates_hz), *self._home_request(seen)),
-                ASKED_S,
-                True,
+                "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
             ),
             StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
         )
-
-    def _home_request(self, seen: Telemetry) -> tuple[Command, ...]:
-        """Return the request for its home, unless it isn't armed yet: it tells that as it is."""
-        home = CommandLong(self.system, AUTOPILOT, m.MAV_CMD_REQUEST_MESSAGE, param1=m.MAVLINK_MSG_ID_HOME_POSITION)
-        return (home,) if seen.armed or seen.heartbeat is None else ()
 
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
@@ -272,8 +264,6 @@ class ArduCopter(ArduPilot):
     home_mode = m.COPTER_MODE_RTL
     setpoint_commands = ()
     stands = True
-    velocity_lead: VelocityLead | None = None
-    """For one whose model leaves part of a change of velocity to its integrator."""
     mode_names: ClassVar = {
         m.COPTER_MODE_STABILIZE: "STABILIZE",
         m.COPTER_MODE_ALT_HOLD: "ALT_HOLD",
@@ -285,6 +275,17 @@ class ArduCopter(ArduPilot):
         m.COPTER_MODE_POSHOLD: "POSHOLD",
         m.COPTER_MODE_BRAKE: "BRAKE",
     }
+
+    def __init__(
+        self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
+    ) -> None:
+        """Address `system`; `lead` is for what its model leaves to its integrator, and has its limits."""
+        super().__init__(system, origin, turn_rate_max_rps)
+        self._lead = lead or VelocityLead()
+
+    def forget_setpoints(self) -> None:
+        """Begin the lead again."""
+        self._lead.forget()
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is that of a multirotor or helicopter of ArduPilot's."""
@@ -336,7 +337,7 @@ class ArduCopter(ArduPilot):
         It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
         """
         nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
-        return (velocity_setpoint(self.system, setpoint, where, nose_rad, self.velocity_lead),)
+        return (velocity_setpoint(self.system, setpoint, where, self._lead, nose_rad),)
 
     def _is_guided(self, seen: Telemetry) -> bool:
         return seen.custom_mode == self.guided_mode

@@ -30,7 +30,6 @@ UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request: of 43 tries, with half of all datagrams lost either way, some are all lost
 in four starts of a million."""
-ASKING: Final = (m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAV_CMD_REQUEST_MESSAGE)
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
 SHOWN_WITHIN_S: Final = 2.0
@@ -113,7 +112,7 @@ class StartUpStep:
 
     def acts(self, seen: Telemetry) -> bool:
         """Return whether its commands change what the vehicle does, not only what it tells."""
-        return any(command.command not in ASKING for command in self.commands(seen))
+        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands(seen))
 
 
 class Autopilot(ABC):
@@ -161,20 +160,31 @@ class Autopilot(ABC):
     """Height above home of the approach that `land` begins with."""
     failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
     """One of which is in what it says when a failsafe acts."""
-    airspeed_scale: AirspeedScale | None = None
-    """Of one that tells, and is told, what its sensor reads; others' airspeeds are true ones."""
 
-    def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
-        """Address `system`; places and heights count from the scenario's `origin`."""
+    def __init__(
+        self,
+        system: int,
+        origin: GeodeticOrigin,
+        turn_rate_max_rps: float,
+        airspeed_scale: AirspeedScale | None = None,
+    ) -> None:
+        """Address `system`; places and heights count from the scenario's `origin`.
+
+        An `airspeed_scale` has one that tells, and is told, what its sensor reads; others' airspeeds are true ones.
+        """
         self._guided_mode: int = self.guided_mode
         self.system = system
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
+        self.airspeed_scale = airspeed_scale
 
-    @property
     def stand_in(self) -> tuple[Message, ...]:
-        """What is sent in place of setpoints while there are none, to a family that must hear some to be commanded."""
+        """Return what to send in place of a setpoint, to a family that must hear some to be commanded."""
         return ()
+
+    def forget_setpoints(self) -> None:
+        """Take note that something else than setpoints has led it meanwhile."""
+        return  # most remember nothing of setpoints
 
     def tells_failsafe(self, text: str) -> bool:
         """Return whether a text of its own says that a failsafe acts, not that it is over."""
@@ -225,6 +235,11 @@ class Autopilot(ABC):
             param1=message_id,
             param2=round(1e6 / rate_hz),
         )
+
+    def home_request(self) -> Command:
+        """Return the request for its home."""
+        home = m.MAVLINK_MSG_ID_HOME_POSITION
+        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_REQUEST_MESSAGE, param1=home)
 
     def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
         """Return the requests for those messages that don't come by themselves."""

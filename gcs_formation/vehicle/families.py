@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
-from formation_scenario.vehicles import Family, family_of, reads_equivalent_airspeed
+from formation_scenario.vehicles import family_of, reads_equivalent_airspeed
 from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
@@ -15,26 +17,20 @@ from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 
-FAMILIES: dict[Family, type[Autopilot]] = {
-    "arduplane": ArduPlane,
-    "arducopter": ArduCopter,
-    "px4_plane": Px4Plane,
-    "px4_copter": Px4Copter,
-}
-
 
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
-    """Return the family's class for a vehicle of the scenario."""
-    model = vehicle.model
-    autopilot = FAMILIES[family_of(vehicle)](vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps)
-    if reads_equivalent_airspeed(vehicle):
-        autopilot.airspeed_scale = AirspeedScale(scenario.origin.alt_m, model.speed_min_mps, model.speed_max_mps)
-    share, rest_s, period_s = model.prompt_share, model.rest_s, 1.0 / scenario.law.rate_hz
-    if share < 1.0 and isinstance(autopilot, ArduCopter | Px4Copter):
-        autopilot.velocity_lead = VelocityLead(share, rest_s, model.speed_max_mps, period_s)
-    elif share < 1.0 and isinstance(autopilot, Px4Plane):
-        autopilot.speed_lead = SpeedLead(share, rest_s, (model.speed_min_mps, model.speed_max_mps), period_s)
-    return autopilot
+    """Return how a vehicle of the scenario is spoken to."""
+    model, family, period_s = vehicle.model, family_of(vehicle), 1.0 / scenario.law.rate_hz
+    who = vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps
+    share, rest_s, limits_mps = model.prompt_share, model.rest_s, (model.speed_min_mps, model.speed_max_mps)
+    scale = AirspeedScale(scenario.origin.alt_m, *limits_mps) if reads_equivalent_airspeed(vehicle) else None
+    if family == "arduplane":
+        return ArduPlane(*who, scale)
+    if family == "px4_plane":
+        return Px4Plane(*who, scale, SpeedLead(share, rest_s, limits_mps, period_s) if share < 1.0 else None)
+    most_mps = model.speed_max_mps if share < 1.0 else math.inf
+    lead = VelocityLead(share, rest_s, most_mps, period_s, model.climb_max_mps)
+    return ArduCopter(*who, lead) if family == "arducopter" else Px4Copter(*who, lead)
 
 
 def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:

@@ -26,6 +26,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import AIRBORNE_M, ASKED_S, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -208,8 +209,23 @@ class Px4Plane(Px4):
     setpoints_set_mode = True
     """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
     flies_courses = True
-    speed_lead: SpeedLead | None = None
-    """For one whose model leaves part of a change of airspeed to its integrator."""
+
+    def __init__(
+        self,
+        system: int,
+        origin: GeodeticOrigin,
+        turn_rate_max_rps: float,
+        airspeed_scale: AirspeedScale | None = None,
+        lead: SpeedLead | None = None,
+    ) -> None:
+        """Address `system`; `lead` is for what its model leaves to its integrator."""
+        super().__init__(system, origin, turn_rate_max_rps, airspeed_scale)
+        self._lead = lead
+
+    def forget_setpoints(self) -> None:
+        """Begin the lead again."""
+        if self._lead is not None:
+            self._lead.forget()
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafe and limits."""
@@ -236,7 +252,7 @@ class Px4Plane(Px4):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """What is left of a change to its integrator is flown in a minute, not now."""
-        limits, lead = super().speeds_mps, self.speed_lead
+        limits, lead = super().speeds_mps, self._lead
         if lead is None or limits is None:
             return limits if lead is None else lead.within_reach_mps
         slowest_mps, fastest_mps = lead.within_reach_mps
@@ -252,7 +268,7 @@ class Px4Plane(Px4):
         course_rad = math.atan2(east_mps, north_mps)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
-        speed_mps, lead = setpoint.speed_mps, self.speed_lead
+        speed_mps, lead = setpoint.speed_mps, self._lead
         if lead is not None:
             speed_mps = lead.lead(speed_mps, where.airspeed_mps)
         return (self._reposition(north_m, east_m, setpoint.height_m, self.airspeed_to_tell(speed_mps)),)
@@ -309,18 +325,21 @@ class Px4Copter(Px4):
     stands = True
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
-    velocity_lead: VelocityLead | None = None
-    """For one whose model leaves part of a change of velocity to its integrator."""
 
-    def __init__(self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float) -> None:
-        """Address `system`."""
+    def __init__(
+        self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
+    ) -> None:
+        """Address `system`; `lead` is for what its model leaves to its integrator, and has its limits."""
         super().__init__(system, origin, turn_rate_max_rps)
-        self._nose_rad = math.nan
+        self._nose_rad, self._lead = math.nan, lead or VelocityLead()
 
-    @property
+    def forget_setpoints(self) -> None:
+        """Begin the lead again."""
+        self._lead.forget()
+
     def stand_in(self) -> tuple[Message, ...]:
-        """A setpoint that has it stand."""
-        return (velocity_setpoint(self.system, STAND, ANYWHERE, self._nose_rad, self.velocity_lead),)
+        """Return a setpoint that has it stand."""
+        return (velocity_setpoint(self.system, STAND, ANYWHERE, self._lead, self._nose_rad),)
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return failsafes and limits."""
@@ -361,4 +380,4 @@ class Px4Copter(Px4):
         """
         if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
             self._nose_rad = setpoint.heading_rad
-        return (velocity_setpoint(self.system, setpoint, where, self._nose_rad, self.velocity_lead),)
+        return (velocity_setpoint(self.system, setpoint, where, self._lead, self._nose_rad),)

@@ -24,7 +24,7 @@ from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMete
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, EffectWatch, StartUpStep
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, EffectWatch, StartUpStep
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -274,6 +274,7 @@ class Vehicle:
 
     def forget_setpoints(self) -> None:
         """Repeat all setpoints: the vehicle may have others meanwhile."""
+        self.autopilot.forget_setpoints()
         for channel in self.setpoint_channels:
             channel.forget()
 
@@ -281,6 +282,16 @@ class Vehicle:
         """Return the frame of a message to this vehicle."""
         self.frames_out += 1
         return self._writer.encode(message)
+
+    @property
+    def hides_home(self) -> bool:
+        """Whether it has been armed for our flight and hasn't told where its home is."""
+        return self.member is not Member.STARTING and self.telemetry.armed and self.telemetry.home_m is None
+
+    def ask(self, request: Command) -> Command:
+        """Return a request that nobody waits for; it counts among what it is to answer."""
+        self.sequence.asked += 1
+        return request
 
     def probe(self, now: Instant) -> Message:
         """Return a TIMESYNC request, which counts among what it is to answer."""

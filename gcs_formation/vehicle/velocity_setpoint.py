@@ -83,6 +83,10 @@ class SpeedLead:
             return self._limits_mps
         return self._rest.flown(self._limits_mps[0]), self._rest.flown(self._limits_mps[1])
 
+    def forget(self) -> None:
+        """Begin again with the airspeed that it then has: something else was told meanwhile."""
+        self._begun = False
+
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the airspeed to tell now for one to be flown; `airspeed_mps` is what it flies."""
         if not self._begun:
@@ -93,16 +97,30 @@ class SpeedLead:
 
 
 class VelocityLead:
-    """Leads the velocities over ground that a multirotor is told."""
+    """Leads and limits the velocities over ground that a multirotor is told; by default it does neither."""
 
-    def __init__(self, prompt_share: float, rest_s: float, most_mps: float, period_s: float) -> None:
-        """Begin at rest; a velocity is told every `period_s`, none faster than `most_mps`."""
+    def __init__(
+        self,
+        prompt_share: float = 1.0,
+        rest_s: float = 1.0,
+        most_mps: float = math.inf,
+        period_s: float = 1.0,
+        climb_max_mps: float = math.inf,
+    ) -> None:
+        """Begin with the velocity that it has; one is told every `period_s`, none faster than the limits."""
         self._north, self._east = (_Rest(prompt_share, rest_s, period_s) for _ in range(2))
-        self._most_mps = most_mps
+        self._most_mps, self._begun = most_mps, False
+        self.climb_max_mps = climb_max_mps
 
-    def lead(self, north_mps: float, east_mps: float) -> tuple[float, float]:
-        """Return the velocity to tell now for one to be flown."""
-        north, east = self._north.led(north_mps), self._east.led(east_mps)
+    def forget(self) -> None:
+        """Begin again with the velocity that it then has: something else was told meanwhile."""
+        self._begun = False
+
+    def lead(self, velocity_mps: tuple[float, float], flown_mps: tuple[float, float]) -> tuple[float, float]:
+        """Return the velocity to tell now, north and east, for one to be flown; `flown_mps` is what it flies."""
+        if not self._begun:
+            (self._north.integrated_mps, self._east.integrated_mps), self._begun = flown_mps, True
+        north, east = self._north.led(velocity_mps[0]), self._east.led(velocity_mps[1])
         share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
         told = share * north, share * east
         self._north.take(told[0])
@@ -119,8 +137,8 @@ def velocity_setpoint(
     system: int,
     setpoint: Setpoint,
     where: FlightState,
+    lead: VelocityLead,
     nose_rad: float = math.nan,
-    lead: VelocityLead | None = None,
 ) -> SetPositionTargetLocalNed:
     """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves.
 
@@ -132,7 +150,8 @@ def velocity_setpoint(
         setpoint.speed_mps * math.cos(setpoint.heading_rad),
         setpoint.speed_mps * math.sin(setpoint.heading_rad),
     )
-    north_mps, east_mps = velocity_mps if lead is None else lead.lead(*velocity_mps)
+    north_mps, east_mps = lead.lead(velocity_mps, where.ground_mps())
+    sink_mps = (where.height_m - setpoint.height_m) / HEIGHT_S
     return SetPositionTargetLocalNed(
         0.0,
         system,
@@ -141,7 +160,7 @@ def velocity_setpoint(
         VELOCITY_AND_YAW if turns else VELOCITY_ALONE,
         vx_mps=north_mps,
         vy_mps=east_mps,
-        vz_mps=(where.height_m - setpoint.height_m) / HEIGHT_S,
+        vz_mps=within(sink_mps, -lead.climb_max_mps, lead.climb_max_mps),
         yaw_rad=math.remainder(yaw_rad, math.tau) if turns else 0.0,
     )
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 
 PROMPT, REST_S, PERIOD_S = 0.72, 8.9, 0.1
+AT_REST = 0.0, 0.0
 speeds = st.floats(-3.0, 3.0)
 
 
@@ -28,7 +29,7 @@ class Integrator:
 def test_what_is_led_is_flown_as_asked(asked):
     lead, north, east = VelocityLead(PROMPT, REST_S, 100.0, PERIOD_S), Integrator(), Integrator()
     for north_mps, east_mps in asked:
-        told = lead.lead(north_mps, east_mps)
+        told = lead.lead((north_mps, east_mps), AT_REST)
         assert (north.flies(told[0]), east.flies(told[1])) == pytest.approx((north_mps, east_mps), abs=1e-9)
 
 
@@ -36,7 +37,7 @@ def test_nobody_is_told_more_than_the_fastest_and_the_rest_is_made_up_for_later(
     lead, flown = VelocityLead(PROMPT, REST_S, 6.0, PERIOD_S), Integrator()
     speeds_mps = []
     for _ in range(300):
-        told = lead.lead(4.0, 4.0)
+        told = lead.lead((4.0, 4.0), AT_REST)
         assert math.hypot(*told) <= 6.0 + 1e-9
         speeds_mps.append(flown.flies(told[0]))
     assert speeds_mps[0] == pytest.approx(PROMPT * 6.0 / math.sqrt(2.0))
@@ -72,3 +73,17 @@ def test_an_airspeed_within_reach_is_flown_at_once_and_none_beyond(asked):
         low_mps, high_mps = lead.within_reach_mps
         flies_mps = flown.flies(lead.lead(asked_mps, 14.0))
         assert flies_mps == pytest.approx(min(max(asked_mps, low_mps), high_mps), abs=1e-9)
+
+
+def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> None:
+    """Of 300 s at 19.5 m/s the integrator held 19.5: told to fly the 15 m/s that it flew then, it was told 11.3."""
+    lead = SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)
+    for _ in range(round(300.0 / PERIOD_S)):
+        lead.lead(19.5, 19.5)
+    lead.forget()
+    assert lead.lead(15.0, 15.0) == pytest.approx(15.0)
+    hovering = VelocityLead(PROMPT, REST_S, 20.0, PERIOD_S)
+    for _ in range(round(300.0 / PERIOD_S)):
+        hovering.lead((5.0, -5.0), AT_REST)
+    hovering.forget()
+    assert hovering.lead((3.0, 1.0), (3.0, 1.0)) == pytest.approx((3.0, 1.0))

@@ -19,6 +19,7 @@ from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.velocity_setpoint import VelocityLead
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position
 
 HOLD, TAKEOFF, RTL, OFFBOARD = 0x03040000, 0x02040000, 0x05040000, 0x00060000
@@ -102,9 +103,17 @@ def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leade
         assert (told.type_mask, told.yaw_rad) == (VELOCITY_AND_YAW, yaw_rad)
 
 
+def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
+    copter = Px4Copter(7, ORIGIN, 0.4, VelocityLead(climb_max_mps=3.0))
+    for up_m, sink_mps in ((12.0, -3.0), (-12.0, 3.0), (3.0, -2.0)):
+        (told,) = copter.setpoint(Setpoint(0.0, 0.0, HERE.height_m + up_m), HERE)
+        assert isinstance(told, SetPositionTargetLocalNed)
+        assert told.vz_mps == sink_mps
+
+
 def test_before_and_between_setpoints_it_is_told_to_stand():
     """PX4 takes OFFBOARD only while such messages come."""
-    (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in
+    (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in()
     assert isinstance(told, SetPositionTargetLocalNed)
     assert told.type_mask == VELOCITY_ALONE
     assert (told.vx_mps, told.vy_mps, told.vz_mps, told.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)

@@ -20,7 +20,6 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
 from gcs_formation.vehicle.autopilot_family import Command, EffectWatch
 from gcs_formation.vehicle.checks import ParameterReader
-from gcs_formation.vehicle.families import FAMILIES
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -66,7 +65,6 @@ def px4(telemetry: Telemetry) -> Callable[..., Telemetry]:
 
 
 def test_it_is_a_family_of_its_own_and_nothing_else_of_px4():
-    assert FAMILIES["px4_plane"] is Px4Plane
     assert PLANE.speaks(beat(HOLD))
     for kind in (m.MAV_TYPE_QUADROTOR, m.MAV_TYPE_VTOL_TILTROTOR, m.MAV_TYPE_GENERIC):
         assert not PLANE.speaks(beat(HOLD, kind=kind))
