@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from typing import Generic, TypeVar
 
 from mypy_extensions import mypyc_attr
@@ -94,6 +94,11 @@ class DelayQueue(Generic[T]):
         while self._items and self._items[0][0] <= now:
             due.append(heappop(self._items)[2])
         return due
+
+    def drop(self, unwanted: Callable[[Instant, T], bool]) -> None:
+        """Remove the items of which, with their instants, `unwanted` holds."""
+        self._items = [each for each in self._items if not unwanted(each[0], each[2])]
+        heapify(self._items)
 
     def next(self) -> Instant | None:
         """Return when the next item comes out, None if the queue is empty."""

@@ -14,7 +14,7 @@ from formation_scenario.formation import Formation, FormationChange, LawType
 from formation_scenario.model import Scenario, long_ref
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath
-from formation_scenario.vehicles import Vehicle, VehicleModel, family_of
+from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
 
 LEAST_FLYING_MPS = 1e-3
 
@@ -74,20 +74,9 @@ def speeds(scenario: Scenario) -> Iterator[Finding]:
 def hovering(scenario: Scenario) -> Iterator[Finding]:
     """Yield what hovering vehicles can't be: of two kinds, or led by a law for what can't stand."""
     for index, vehicle in enumerate(scenario.vehicles):
-        model, at = vehicle.model, ("vehicles", index)
-        if model.hovers and vehicle.autopilot == "arduplane":
-            yield (*at, "model", "hovers"), f"found true of {vehicle.autopilot}", "false"
-        elif not model.hovers and vehicle.autopilot == "arducopter":
-            yield (*at, "model", "hovers"), "found false of arducopter", "true"
-        elif model.prompt_share < 1.0 and family_of(vehicle) == "arduplane":
-            allowed = "1; less of what hovers, and of a PX4"
-            yield (*at, "model", "prompt_share"), f"found {model.prompt_share:g} of an ArduPlane", allowed
-        elif model.prompt_share < 1.0 and model.airframe is not None:
-            found = f"found {model.prompt_share:g} beside an airframe, which has lags of its own"
-            yield (*at, "model", "prompt_share"), found, "1"
-        elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
-            found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
-            yield (*at, "model", "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more"
+        for name, model in (("model", vehicle.model), ("true_model", vehicle.true_model)):
+            if model is not None:
+                yield from _of_its_kind(vehicle, model, ("vehicles", index, name))
     if not any(vehicle.model.hovers for vehicle in scenario.vehicles):
         return
     if not scenario.hovers:
@@ -97,6 +86,29 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
     if scenario.law.type == "consensus":
         others = ", ".join(law for law in get_args(LawType) if law != "consensus")
         yield ("law", "type"), "found consensus of vehicles that hover", others
+
+
+def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator[Finding]:
+    """Yield what a model says that its vehicle can't be."""
+    if model.hovers and vehicle.autopilot == "arduplane":
+        yield (*at, "hovers"), f"found true of {vehicle.autopilot}", "false"
+    elif not model.hovers and vehicle.autopilot == "arducopter":
+        yield (*at, "hovers"), "found false of arducopter", "true"
+    elif model.hovers != vehicle.model.hovers:
+        found, allowed = (str(each.hovers).lower() for each in (model, vehicle.model))
+        yield (*at, "hovers"), f"found {found} beside a model with {allowed}", allowed
+    elif model.prompt_share < 1.0 and family_of(vehicle) == "arduplane":
+        allowed = "1; less of what hovers, and of a PX4"
+        yield (*at, "prompt_share"), f"found {model.prompt_share:g} of an ArduPlane", allowed
+    elif model.prompt_share < 1.0 and model.airframe is not None:
+        found = f"found {model.prompt_share:g} beside an airframe, which has lags of its own"
+        yield (*at, "prompt_share"), found, "1"
+    elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
+        found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
+        yield (*at, "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more"
+    elif model.airframe and model.airframe.airspeed_scale != 1.0 and not reads_equivalent_airspeed(vehicle):
+        found = f"found {model.airframe.airspeed_scale:g} of a vehicle whose model has no airframe: no sensor is read"
+        yield (*at, "airframe", "airspeed_scale"), found, "1, or an airframe in its model too"
 
 
 def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath) -> Iterator[Finding]:

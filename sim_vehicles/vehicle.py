@@ -84,6 +84,8 @@ class Vehicle(ABC):
     reboots: bool
     """Whether it was told to restart."""
     ignores: bool
+    _lasting: list[Fault]
+    """Faults that haven't ended."""
     _clock: BoardClock
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
@@ -186,10 +188,10 @@ class Vehicle(ABC):
             case "crash":
                 self._crash(Request.CRASH)
             case "freeze":
-                self._frozen = not ends
+                self._note_lasting(fault, ends=ends)
                 self.streams.leave_out(now)
             case "ignore":
-                self.ignores = not ends
+                self._note_lasting(fault, ends=ends)
             case "restart":
                 self._restart()
             case "pilot":
@@ -197,6 +199,15 @@ class Vehicle(ABC):
                     self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
             case _:
                 assert_never(fault.kind)
+
+    def _note_lasting(self, fault: Fault, *, ends: bool) -> None:
+        """Take note of a fault that lasts: of two that overlap the later end counts."""
+        if not ends:
+            self._lasting.append(fault)
+        elif fault in self._lasting:
+            self._lasting.remove(fault)
+        kinds = {each.kind for each in self._lasting}
+        self._frozen, self.ignores = "freeze" in kinds, "ignore" in kinds
 
     def arm(self, *, force: bool) -> bool:
         """Arm; refused before the vehicle is ready, unless forced."""
@@ -298,6 +309,7 @@ class Vehicle(ABC):
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         self.now = now
         self._frozen = self.ignores = self.reboots = False
+        self._lasting = list[Fault]()
         config, at_0_us = self.config, self.fleet.config.utc_at_0_us
         self._clock = BoardClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
         self._up = after(now, INITIALISING_S)

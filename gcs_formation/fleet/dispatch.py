@@ -46,6 +46,8 @@ class Dispatch:
         self._guided = [False] * self._count
         """Which columns got a setpoint at this tick."""
         self._without: list[Instant | None] = [None] * self._count
+        self._last_due = [Instant(0)] * self._count
+        """Until when each column's newest setpoint is held back."""
         """Since when there has been no setpoint for a column that should get some."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
@@ -103,10 +105,18 @@ class Dispatch:
                 self._without[column] = now
             if usable:
                 due = after(now, hold_s) if column == tick.leader else now
+                if due < self._last_due[column]:
+                    self._drop(vehicle, due)
+                self._last_due[column] = due
                 news = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
                 self._send(vehicle, news, due, now)
             else:
                 vehicle.forget_setpoints()
+
+    def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
+        """Drop what is held back for a vehicle until after newer setpoints, which are told whole."""
+        self._held.drop(lambda due, each: each[0] is vehicle and due > after_this)
+        vehicle.forget_setpoints()
 
     def _send(self, vehicle: Vehicle, messages: list[Message], due: Instant, now: Instant) -> None:
         for message in messages:

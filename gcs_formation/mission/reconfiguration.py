@@ -274,10 +274,12 @@ class Reconfiguration:
 
     def _lead_standing(self, leader: int, now: Instant) -> None:
         """Count slots from where the nose of a leader that may stand points; one that stands turns it gently."""
-        guidance, seen = self._controller.guidance, self._controller.estimator.filters[leader].state
-        if not self._scenario.hovers or seen is None:
+        guidance, known = self._controller.guidance, self._controller.estimator.filters[leader]
+        if not self._scenario.hovers or known.state is None:
             return
+        seen = known.state.copy()
         seen.airspeed_mps, seen.heading_rad = self._as_leader(leader, seen)
+        known.place(seen, known.stamp)
         if guidance.speed_mps == 0.0:
             facing_rad = math.radians(self._path_deg()) if guidance.turn is None else guidance.turn.goal_rad
             self._turn_on_spot(facing_rad, seen.heading_rad, now)

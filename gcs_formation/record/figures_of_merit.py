@@ -19,6 +19,8 @@ Effort = dict[str, dict[str, float | None]]
 SETTLED_FOR_S = 10.0
 STEADY_AFTER_S = 30.0
 """Steady flight begins so long after settling."""
+STRAIGHT_ON_S = 1.0
+"""Time between ticks beyond which nobody is taken to have flown straight on."""
 
 
 def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
@@ -113,32 +115,52 @@ def _in_slot(error_m: Array) -> Mask:
 
 
 def separation_m(flight: RecordedFlight, window: Mask) -> Array:
-    """Return the least distance of any two airborne vehicles at each tick of the window, (T,) m; inf below two."""
+    """Return the least distance of any two airborne vehicles from each tick of the window to the next, (T,) m.
+
+    In between they fly straight on. It is infinite below two vehicles.
+    """
     places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
     _, vehicles, ticks = places.shape
-    at_once = max(1, ROWS_AT_ONCE // vehicles)
-    return np.concatenate([_nearest_m(places[..., at : at + at_once]) for at in range(0, max(1, ticks), at_once)])
+    steps, at_once = np.zeros(places.shape), max(1, ROWS_AT_ONCE // vehicles)
+    if ticks > 1:
+        time_s = next(iter(flight.vehicles.values()))["t_s"][window]
+        steps[..., :-1] = np.where(np.diff(time_s) <= STRAIGHT_ON_S, np.diff(places), 0.0)
+    begins = range(0, max(1, ticks), at_once)
+    return np.concatenate([_nearest_m(*(each[..., at : at + at_once] for each in (places, steps))) for at in begins])
 
 
-def _nearest_m(places: Array) -> Array:
-    """Return (T,) the least distance of any two of (3, V, T) places, of which NaN are none; inf below two.
+def _nearest_m(places: Array, steps: Array) -> Array:
+    """Return (T,) the least distance of any two of (3, V, T) places, and on their `steps` from there; inf below two.
 
-    In their order along the axis on which they are spread most, those so many places apart are compared until their
-    gaps on that axis alone are no smaller than what was found.
+    Places and steps that are NaN are none. In their order along the axis on which they are spread most, those so many
+    places apart are compared until their gaps on that axis alone, less what steps change these by, are no smaller than
+    what was found.
     """
     spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
     _, vehicles, ticks = places.shape
     order: Indices = places[axis].argsort(axis=0)
     order = order * ticks + np.arange(ticks, dtype=np.intp)
-    ordered = [each.take(order) for each in places]
+    ordered, moved = [each.take(order) for each in places], [each.take(order) for each in steps]
+    most_m, least_m = (pick.reduce(steps[axis], axis=0) for pick in (np.fmax, np.fmin))
+    closing_m = np.nan_to_num(most_m - least_m)
     squared = np.full(ticks, np.inf)
     for apart in range(1, vehicles):
-        north, east, up = steps = [(each[apart:] - each[:-apart]) ** 2 for each in ordered]
-        if not (np.fmin.reduce(steps[axis], axis=0, initial=np.inf) < squared).any():
+        gaps, changes = ([each[apart:] - each[:-apart] for each in of] for of in (ordered, moved))
+        least_m = np.maximum(np.fmin.reduce(gaps[axis], axis=0, initial=np.inf) - closing_m, 0.0)
+        if not (least_m**2 < squared).any():
             break
-        squared = np.fmin(squared, np.fmin.reduce(north + east + up, axis=0, initial=np.inf))
+        least = _least_squared(gaps, [np.nan_to_num(each) for each in changes])
+        squared = np.fmin(squared, np.fmin.reduce(least, axis=0, initial=np.inf))
     return np.sqrt(squared)
+
+
+def _least_squared(gaps: list[Array], changes: list[Array]) -> Array:
+    """Return the least square of gaps (3 arrays) that change steadily by `changes`."""
+    along = sum(gap * change for gap, change in zip(gaps, changes, strict=True))
+    length = sum(change * change for change in changes)
+    share = np.clip(-along / np.maximum(length, np.finfo(float).tiny), 0.0, 1.0)
+    return np.sum([(gap + share * change) ** 2 for gap, change in zip(gaps, changes, strict=True)], axis=0)
 
 
 def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:

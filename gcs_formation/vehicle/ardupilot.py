@@ -201,6 +201,8 @@ class ArduPlane(ArduPilot):
         """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
         speed, heading, altitude = known
         speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m
+        if abs(above_sea_m) < RESOLUTION or abs(above_sea_m + 1.0) < RESOLUTION:
+            above_sea_m += 2.0 * RESOLUTION  # ArduPlane takes 0 and -1 for no altitude, and denies them
         heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), setpoint.speed_mps * self.turn_rate_max_rps
         found = list[Message]()
         if speed is None or abs(speed_mps - speed.param2) > RESOLUTION:

@@ -255,6 +255,24 @@ def test_what_cant_be_of_vehicles_that_hover(refusal, change, told):
     assert told in refusal(group, "path.speed_mps=5", change)
 
 
+@pytest.mark.parametrize(
+    ("true_model", "told"),
+    [
+        ("{hovers: true}", "hovers: found true beside a model with false; false"),
+        ("{speed_min_mps: 0}", "speed_min_mps: found 0 of a vehicle that doesn't hover; 0.001 m/s or more"),
+        (
+            "{airframe: {airspeed_scale: 0.8}}",
+            "airframe.airspeed_scale: found 0.8 of a vehicle whose model has no airframe: no sensor is read; "
+            "1, or an airframe in its model too",
+        ),
+    ],
+)
+def test_what_a_vehicle_cant_be_in_truth(refusal, true_model, told):
+    assert f"vehicles.1.true_model.{told}" in refusal(
+        f"vehicles=[{{id: 1, role: leader}}, {{id: 2, true_model: {true_model}}}]"
+    )
+
+
 def test_only_what_hovers_may_stand(refusal):
     told = "vehicles.0.model.speed_min_mps: found 0 of a vehicle that doesn't hover"
     assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)

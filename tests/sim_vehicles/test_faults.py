@@ -57,6 +57,17 @@ def test_a_vehicle_that_ignores_acknowledges_orders_and_flies_on(struck):
     assert math.degrees(air.state("heading_rad")) == pytest.approx(90.0, abs=0.5)
 
 
+def test_of_two_faults_that_overlap_the_later_end_counts(struck):
+    air = struck("ignore")
+    other = Fault(at_s=20.0, until_s=60.0, kind="ignore")
+    vehicle = air.fleet.vehicles[0]
+    vehicle.inject(other, vehicle.now, ends=False)
+    air.run(25.0)
+    assert vehicle.ignores
+    vehicle.inject(other, vehicle.now, ends=True)
+    assert not vehicle.ignores
+
+
 def test_a_pilot_takes_the_vehicle_and_gives_it_back(struck):
     air = struck("pilot", mode="FBWA")
     air.run(1.0)

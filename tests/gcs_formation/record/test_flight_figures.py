@@ -95,18 +95,41 @@ def test_effort_has_no_step_into_the_window_nor_where_nothing_is_sent():
 def test_separation_is_in_three_dimensions(count):
     """By 3-4-5: 30 m apart on the ground and 40 m in height, so 50 m."""
     steps = np.array([30.0, 0.0, 40.0])
-    flight: Any = SimpleNamespace(vehicles=range(count), place_in_flight=lambda each: np.tile(each * steps, (4, 1)))
+    places = [np.tile(each * steps, (4, 1)) for each in range(count)]
+    flight = with_places(places, 4)
     assert separation_m(flight, np.ones(4, dtype=bool)) == pytest.approx(50.0)
 
 
-@given(st.integers(1, 9), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 1.0]))
-def test_separation_is_that_of_the_nearest_two_that_fly_at_each_tick(count, seed, grounded):
-    """Of every pair, by hand; some stand abreast, and a share is on the ground."""
+def with_places(places: Any, ticks: int, period_s: float = 0.1) -> Any:
+    """Return a flight of vehicles at (V, T, 3) places."""
+    vehicles = {each: {"t_s": np.arange(ticks) * period_s} for each in range(len(places))}
+    return SimpleNamespace(vehicles=vehicles, place_in_flight=lambda each: places[each])
+
+
+@given(st.integers(1, 9), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 1.0]), st.booleans())
+def test_separation_is_that_of_the_nearest_two_that_fly_from_tick_to_tick(count, seed, grounded, closely):
+    """Of every pair, by looking at them a hundred times in between; some stand abreast, and a share is on the ground.
+
+    Over more than a second nobody is taken to have flown straight on.
+    """
     draw = np.random.default_rng(seed)
     places = draw.choice([0.0, 1.0, 1.5, 40.0], (count, 6, 3)) * draw.uniform(0.1, 100.0, 3)
     places[draw.random((count, 6)) < grounded] = np.nan
-    flight: Any = SimpleNamespace(vehicles=range(count), place_in_flight=lambda each: places[each])
-    nearest = np.full(6, np.inf)
+    nearest, resolved_m = np.full(6, np.inf), 0.0
     for one, other in combinations(places, 2):
-        nearest = np.fmin(nearest, np.linalg.norm(one - other, axis=1))
-    assert separation_m(flight, np.ones(6, dtype=bool)).tolist() == nearest.tolist()
+        apart = one - other
+        steps = np.vstack((np.nan_to_num(np.diff(apart, axis=0)), np.zeros(3)))
+        resolved_m = max(resolved_m, float(np.linalg.norm(steps, axis=1).max()) / 200.0)
+        for share in np.linspace(0.0, 1.0, 101) if closely else (0.0,):
+            nearest = np.fmin(nearest, np.linalg.norm(apart + share * steps, axis=1))
+    found = separation_m(with_places(places, 6, 0.1 if closely else 1.5), np.ones(6, dtype=bool))
+    assert (found <= nearest + 1e-9).all()
+    assert found == pytest.approx(nearest, abs=resolved_m + 1e-9)
+
+
+def test_two_that_pass_each_other_between_ticks_were_as_near_as_they_passed():
+    """At 2 Hz, 22 m/s each and 0.05 m aside, the ticks alone see 11 m."""
+    along = 22.0 * (np.arange(8) * 0.5 - 1.75)
+    one = np.stack((along, np.zeros(8), np.zeros(8)), axis=1)
+    other = np.stack((-along, np.full(8, 0.05), np.zeros(8)), axis=1)
+    assert separation_m(with_places([one, other], 8, 0.5), np.ones(8, dtype=bool)).min() == pytest.approx(0.05)
