@@ -40,6 +40,19 @@ OVERSHOOT: Final = 0.1
 PITCH_OVERSHOOT_RAD: Final = math.radians(5.0)
 LEAST_MPS: Final = 5.0
 """Lower bound of airspeeds in divisions."""
+ROLLING_PER_S: Final = 0.3
+"""Deceleration on the ground per airspeed, as ArduPilot's simulator has it."""
+ROLLING_SHARE: Final = 0.7
+"""Most of what thrust and drag leave that rolling takes."""
+STEEPEST: Final = 0.95
+"""Largest sine of the angle of climb."""
+CLIMB_OUT_SHARE: Final = 1.25
+CLIMB_OUT_S: Final = 9.0
+"""A take-off's climb gains airspeed towards this share of the cruising one, with this time constant."""
+LEVEL_SHARE: Final = 0.6
+"""Share of the pitch that the balance's integral holds when that climb ends."""
+INTEGRAL_MAX: Final = 0.5
+"""Largest share of full throttle that its integral adds or takes."""
 
 
 @dataclass(frozen=True)
@@ -172,6 +185,46 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
     a.heading_rad += GRAVITY_MPS2 * math.tan(a.bank) / speed * CYCLE_S
     a.acceleration += (push - a.acceleration) * (CYCLE_S / ACCELERATION_LAG_S)
     _estimate_speed(a, a.speed_mps + gust_mps, p)
+
+
+def full_throttle(p: AirframeParameters) -> float:
+    """Return the model's throttle when the autopilot's is full: its cruising one carries level flight.
+
+    Thrust and drag of an airframe are fitted to small changes; all of that thrust would climb at 20 m/s, not at 13.
+    """
+    cruise = _drag(p.airspeed_cruise_mps, 1.0, p) / p.thrust_mps2
+    return min(1.0, cruise / max(p.throttle_cruise, cruise))
+
+
+def run(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
+    """Roll on the ground for `CYCLE_S`, straight and level."""
+    speed, sensed = a.speed_mps, a.sensed
+    excess = throttle * p.thrust_mps2 - p.drag_mps2 * (speed / REFERENCE_MPS) ** 2
+    a.speed_mps = speed + (excess - min(ROLLING_PER_S * speed, ROLLING_SHARE * excess)) * CYCLE_S
+    trim(a, p)
+    a.throttle = a.throttle_wanted = throttle
+    a.sensed = sensed + (a.speed_mps - sensed) * (CYCLE_S / max(p.airspeed_lag_s, CYCLE_S))
+
+
+def climb_out(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
+    """Want a take-off's climb at a throttle: as steep as the specific excess power is, less what gains airspeed.
+
+    Source: take-offs of ArduPlane 4.7's simulated plane, which pitches up to 48 degrees and comes down to 27.
+    """
+    speed = max(a.speed_mps, LEAST_MPS)
+    gained = (CLIMB_OUT_SHARE * p.airspeed_cruise_mps - speed) / CLIMB_OUT_S
+    sine = within((throttle * p.thrust_mps2 - _drag(speed, 1.0, p) - gained) / GRAVITY_MPS2, 0.0, STEEPEST)
+    a.pitch_wanted = math.asin(sine) + _incidence(speed, 1.0, p)
+    a.throttle_wanted = throttle
+
+
+def level_out(a: Aircraft) -> None:
+    """Hand a take-off's climb over to the energy controller: its throttle's integral is full, as ArduPlane has it."""
+    a.pitch_before = a.pitch_free = a.pitch_wanted
+    a.height_before = a.height_limited = a.height_demand = a.height_m
+    a.speed_demand = a.estimate
+    a.balance_integral = LEVEL_SHARE * a.pitch * a.estimate * GRAVITY_MPS2
+    a.throttle_before, a.throttle_integral = a.throttle, INTEGRAL_MAX
 
 
 def _attitude(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
@@ -309,7 +362,8 @@ def _throttle(a: Aircraft, demand: _Demand, p: AirframeParameters, speed_min: fl
     ahead = p.throttle_cruise + (power + turning) / per_throttle
     wanted = (error + p.throttle_damping * a.power_error) * gain + ahead
     integral = a.throttle_integral + error * p.integral_gain * ENERGY_S * gain
-    least, most = within(-OVERSHOOT - wanted, -0.5, 0.5), within(1.0 + OVERSHOOT - wanted, -0.5, 0.5)
+    least = within(-OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
+    most = within(1.0 + OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
     a.throttle_integral = within(integral, least, most)
     step = p.throttle_slew_per_s * ENERGY_S
     a.throttle_before += within(wanted - a.throttle_before, -step, step)

@@ -11,10 +11,11 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
-from flight_model.autopilot_model import FlightState, advance, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering
+from sim_vehicles.airframe.take_off import full_throttle_model
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
 
@@ -23,6 +24,8 @@ LEAST_SHARE = 0.2
 BLOCK = 256
 STANDING_MPS: Final = 1e-3
 """Airspeed below which a vehicle whose throttle is at 0 stands."""
+THROTTLE_WAITS_S: Final = 0.3
+"""From arming in TAKEOFF until the throttle opens and the propeller pulls."""
 
 
 class EnergyFlight:
@@ -36,6 +39,8 @@ class EnergyFlight:
         self._aircraft = energy.Aircraft(state.height_m, state.climb_mps, state.airspeed_mps, state.heading_rad)
         energy.trim(self._aircraft, parameters)
         self._cycle = 0
+        self._ran = 0
+        """Cycles of the present take-off, in which the airspeed is 0 at first."""
         self._noise_mps: list[float] = []
         self._period = max(1, round(1.0 / (keys.airspeed_rate_hz * LOOP_S)))
         level = energy.Commanded(state.airspeed_mps, math.inf, state.heading_rad, math.inf, state.height_m)
@@ -57,13 +62,41 @@ class EnergyFlight:
         """Move `state` on by a cycle of the main loop."""
         aircraft = self._aircraft
         self._load(state)
+        if self._ran:
+            energy.level_out(aircraft)
+            self._ran = 0
         bank_rad = math.atan(turn_rate_max_rps * max(state.airspeed_mps, energy.LEAST_MPS) / GRAVITY_MPS2)
         self._commanded.append(energy.Commanded(speed_mps, accel_max_mps2, heading_rad, bank_rad, height_m))
         commanded = self._commanded[0]
         if self._cycle % energy.CYCLES == 0:
             energy.control(aircraft, commanded, self._parameters)
-        north_mps, east_mps = _along(state)
         energy.cycle(aircraft, commanded, self._parameters, self._noise())
+        self._store(state)
+
+    def take_off(
+        self, state: FlightState, speed_mps: float, heading_rad: float, height_m: float, *, airborne: bool
+    ) -> None:
+        """Roll, or once in the air climb, for a cycle with full throttle, by no setpoint but the heading."""
+        aircraft, parameters, begins = self._aircraft, self._parameters, self._ran == 0
+        self._load(state)
+        self._ran += 1
+        commanded = energy.Commanded(speed_mps, math.inf, heading_rad, math.inf, height_m)
+        self._commanded.append(commanded)
+        full, noise_mps = energy.full_throttle(parameters), self._noise()
+        if airborne:
+            energy.climb_out(aircraft, full, parameters)
+            energy.cycle(aircraft, commanded, parameters, noise_mps)
+        else:
+            if begins:
+                aircraft.sensed = state.airspeed_mps
+            opened_s = self._ran * LOOP_S - THROTTLE_WAITS_S
+            energy.run(aircraft, full * within(opened_s * parameters.throttle_slew_per_s, 0.0, 1.0), parameters)
+        self._store(state)
+
+    def _store(self, state: FlightState) -> None:
+        """Take the aircraft's motion of a cycle over into `state`."""
+        aircraft = self._aircraft
+        north_mps, east_mps = _along(state)
         state.height_m, state.climb_mps = aircraft.height_m, aircraft.climb_mps
         state.airspeed_mps, state.heading_rad = aircraft.speed_mps, aircraft.heading_rad
         then_north_mps, then_east_mps = _along(state)
@@ -74,6 +107,7 @@ class EnergyFlight:
     def roll(self, state: FlightState, speed_mps: float, heading_rad: float, height_m: float) -> None:
         """Take note of a cycle on the ground, where it rolls as the model does."""
         self._load(state)
+        self._ran = 0
         energy.trim(self._aircraft, self._parameters)
         self._noise()  # the sensor's, which nothing reads here
         self._commanded.append(energy.Commanded(speed_mps, math.inf, heading_rad, math.inf, height_m))
@@ -121,6 +155,7 @@ class Body:
     __slots__ = (
         "_energy",
         "_filled",
+        "_full_throttle",
         "_motion",
         "_pitot",
         "_prompt",
@@ -157,6 +192,7 @@ class Body:
         self.height_commanded_m: float = start.height_m
         self.turn_rate_radps: float = 0.0
         self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
+        self._full_throttle: AutopilotModel | None = full_throttle_model(config.model)
         self._pitot: Pitot | None = config.pitot
         self._prompt: float = config.model.prompt_share
         self._filled: float = LOOP_S / config.model.rest_s
@@ -230,14 +266,19 @@ class Body:
         before_rad = state.heading_rad
         turn_rate_max_rps = steering.lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
         speed_mps, heading_rad, height_m = self.speed_commanded_mps, self.heading_commanded_rad, self.height_commanded_m
-        if self._energy is not None and steering.airborne:
+        if self._energy is not None and steering.takes_off:
+            self._energy.take_off(state, speed_mps, heading_rad, height_m, airborne=steering.airborne)
+        elif self._energy is not None and steering.airborne:
             accel_mps2 = steering.accel_mps2
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
-            model, accel_mps2 = self.model, steering.accel_mps2
             if self._prompt < 1.0:
                 speed_mps = self._aimed(speed_mps)
-            advance(state, model, speed_mps, heading_rad, height_m, LOOP_S, accel_mps2, turn_rate_max_rps)
+            if steering.takes_off and self._full_throttle is not None:
+                self._climb_out(self._full_throttle)
+            else:
+                accel_mps2 = steering.accel_mps2
+                advance(state, self.model, speed_mps, heading_rad, height_m, LOOP_S, accel_mps2, turn_rate_max_rps)
             if self._energy is not None:
                 self._energy.roll(state, speed_mps, heading_rad, height_m)
         state.height_m -= self.drift_down_mps * LOOP_S
@@ -245,9 +286,16 @@ class Body:
             state.height_m = state.climb_mps = 0.0
         self.turn_rate_radps = (state.heading_rad - before_rad) / LOOP_S
 
+    def _climb_out(self, model: AutopilotModel) -> None:
+        """Roll, or once in the air climb, for a cycle with full throttle; it doesn't level off yet."""
+        height_m = self.height_commanded_m
+        if self.steering.airborne:
+            height_m += model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
+        advance(self.state, model, model.speed_max_mps, self.heading_commanded_rad, height_m, LOOP_S)
+
     def _aimed(self, speed_mps: float) -> float:
         """Return the airspeed that it comes to for now: the prompt share of the one told, and what is integrated."""
-        if not self.steering.airborne:
+        if self.steering.takes_off or not self.steering.airborne:
             self._rest_mps = speed_mps
             return speed_mps
         rest_mps = self._rest_mps

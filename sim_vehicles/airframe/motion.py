@@ -160,6 +160,7 @@ class Steering:
         "radius_m",
         "speed_mps",
         "stopped",
+        "takes_off",
         "velocity_mps",
         "yaw_rad",
     )
@@ -178,6 +179,8 @@ class Steering:
         self.radius_m: float = 1.0
         self.stopped: bool = True
         """Throttle at 0."""
+        self.takes_off: bool = False
+        """Whether it takes off from the ground: it rolls, or climbs to where its take-off ends."""
         self.airborne: bool = False
         self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
         """Over ground, north, east and down: what a multirotor is commanded."""

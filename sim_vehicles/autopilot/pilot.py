@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from airlink import mavlink as m
 from airlink.clock import Instant
 from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering
+from sim_vehicles.airframe.take_off import lift_off_mps
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.modes import STRAIGHT_ON, TRANSITIONS, Condition, FlightMode, Mode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
@@ -25,8 +26,6 @@ BELOW_GROUND_M: Final = 3.0
 """How far below the ground the glide slope is continued, because the height lags."""
 TAKEOFF_DONE_M: Final = 2.0
 TOUCH_DOWN_M: Final = 0.1
-LIFT_OFF_SHARE: Final = 0.7
-"""Share of the lowest airspeed at which the vehicle lifts off."""
 AUTOLAND: Final = Mode.AUTOLAND
 BOOTING: Final = Condition.BOOTING
 BOOTING_IN_AIR: Final = Condition.BOOTING_IN_AIR
@@ -227,13 +226,14 @@ class Pilot:
         if target_m is None:
             return False
         if self.condition is Condition.ARMED:
-            if motion.airspeed_mps < LIFT_OFF_SHARE * self._config.model.speed_min_mps:
+            if motion.airspeed_mps < lift_off_mps(self._config.model):
                 return False
             self.change_height(target_m)
             self.landing_rad = motion.heading_rad
             return self.request(Request.LIFT_OFF)
         if motion.height_m > target_m - TAKEOFF_DONE_M:
             self.takeoff_m = None
+            self._tell_condition()
             self.circle(motion.north_m, motion.east_m, target_m)
         return False
 
@@ -265,6 +265,8 @@ class Pilot:
         return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
 
     def _tell_condition(self) -> None:
-        rolls = self.condition is Condition.ARMED and self.takeoff_m is not None
-        self._steering.stopped = not (self.airborne or rolls)
-        self._steering.airborne = self.airborne
+        steering, rises = self._steering, self.takeoff_m is not None
+        rolls = self.condition is Condition.ARMED and rises
+        steering.stopped = not (self.airborne or rolls)
+        steering.airborne = self.airborne
+        steering.takes_off = rolls or (steering.takes_off and self.airborne and rises)
