@@ -147,7 +147,15 @@ class CopterPilot(Pilot):
             self.takeoff_m = None
             self.stop()
         else:
-            self._fly(0.0, 0.0, -min(PER_S * left_m + TAKEOFF_DONE_M, CM * self._parameters["WPNAV_SPEED_UP"]))
+            self._fly(0.0, 0.0, -min(PER_S * left_m + TAKEOFF_DONE_M, self._climb_most_mps(motion)))
+
+    def _climb_most_mps(self, motion: Motion) -> float:  # noqa: ARG002 - the same at every height
+        """Return how fast it climbs in a take-off, at most."""
+        return CM * self._parameters["WPNAV_SPEED_UP"]
+
+    def _cruise_mps(self) -> float:
+        """Return how fast it flies to a place, at most."""
+        return CM * self._parameters["WPNAV_SPEED"]
 
     def _go_home(self, motion: Motion) -> None:
         """Climb to RTL_ALT, unless it is higher already, and fly straight home."""
@@ -164,7 +172,7 @@ class CopterPilot(Pilot):
         """Fly straight to a place, and brake before it."""
         to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
         away_m, below_m = math.hypot(to_north_m, to_east_m), height_m - motion.height_m
-        speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), CM * self._parameters["WPNAV_SPEED"])
+        speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), self._cruise_mps())
         sinks, climbs = CM * self._parameters["WPNAV_SPEED_DN"], CM * self._parameters["WPNAV_SPEED_UP"]
         sink_mps = -within(PER_S * below_m, -sinks, climbs)
         self._fly(speed * to_north_m / max(away_m, HOME_M), speed * to_east_m / max(away_m, HOME_M), sink_mps, yaw_rad)

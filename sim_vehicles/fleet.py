@@ -15,7 +15,8 @@ from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.copter import Copter
 from sim_vehicles.plane import Plane
-from sim_vehicles.px4 import Px4Copter, Px4Plane
+from sim_vehicles.px4 import Px4Plane
+from sim_vehicles.px4_copter import Px4Copter
 from sim_vehicles.vehicle import Vehicle
 
 KINDS: dict[Family, Callable[[int, VehicleConfig, Fleet, Instant], Vehicle]] = {

@@ -13,17 +13,15 @@ from airlink.frame import Frame
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
-from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
-from sim_vehicles.autopilot.modes import Condition, CopterMode, FlightMode, Mode, Px4Mode, Request, select
+from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode, Px4Mode, Request, select
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.copter import CopterPilot
 from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
 
 COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
@@ -265,42 +263,6 @@ class Px4(Vehicle):
 
     def _come_up(self, mode: FlightMode) -> None:  # noqa: ARG002 - always in HOLD
         super()._come_up(self.flown[Px4Mode.HOLD])
-
-
-class Px4Copter(Px4):
-    """An emulated PX4 multirotor."""
-
-    mav_type = m.MAV_TYPE_QUADROTOR
-    guided_mode = Px4Mode.OFFBOARD
-    flown = tables.AS_COPTER
-    flier: CopterPilot
-    """Its pilot, typed as a CopterPilot."""
-
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
-        """Return who flies a multirotor."""
-        self.flier = CopterPilot(config, steering, self.parameters)
-        return self.flier
-
-    def lift_off(self, height_m: float) -> None:
-        """Climb straight up."""
-        self.flier.mode = CopterMode.GUIDED
-        self.flier.rise(height_m)
-
-    def follow(self, message: Setpoint) -> None:
-        """Fly to a place, or a velocity; whatever else is asked has it stand."""
-        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
-        yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
-        if place_m is not None:
-            self.flier.go_to(place_m, yaw_rad)
-        elif velocity_mps is not None:
-            self.flier.obey(velocity_mps, yaw_rad, self.now)
-        else:
-            self.flier.stop()
-
-    def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
-        """Fly straight to a place, its nose ahead, and stay there."""
-        here = self.body.motion
-        self.flier.go_to(place_m, math.atan2(place_m[1] - here.east_m, place_m[0] - here.north_m))
 
 
 class Px4Plane(Px4):

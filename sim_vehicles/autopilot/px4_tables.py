@@ -166,6 +166,8 @@ def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterK
     if model.hovers:
         return common | {
             "MPC_LAND_SPEED": floating(0.6, 4, 0.7),
+            "MPC_TKO_SPEED": floating(1, 5, 1.5),
+            "MPC_XY_CRUISE": floating(3, 20, 5.0),
             "MPC_XY_VEL_MAX": floating(0, 20, max(12.0, model.speed_max_mps)),
             "MPC_Z_VEL_MAX_DN": floating(0.5, 4, 1.5),
             "MPC_Z_VEL_MAX_UP": floating(0.5, 8, 3.0),

@@ -180,6 +180,6 @@ def test_a_px4_is_repositioned_in_hold(px4):
     place = {"x": LAT + round(20.0 * E7_PER_M), "y": LON, "z": 105.0}
     assert px4.air.command_int(REPOSITION, -1, CHANGE_MODE, 0, math.nan, frame=6, **place) == WRONG_FRAME
     assert px4.air.command_int(REPOSITION, -1, CHANGE_MODE, 0, math.nan, frame=5, **place) == ACCEPTED
-    px4.air.run(25.0)
+    px4.air.run(40.0)
     assert px4.vehicle.mode is Px4Mode.HOLD
     assert px4.place == pytest.approx((20.0, 0.0, 95.0), abs=0.3)

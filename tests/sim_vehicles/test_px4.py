@@ -342,7 +342,7 @@ def test_one_that_is_armed_already_takes_off_when_it_is_told(px4):
     copter = px4(in_air=False)
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
     assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
-    copter.wait(12.0)
+    copter.wait(16.0)
     assert copter.motion.height_m == pytest.approx(10.0, abs=0.3)
     assert copter.mode == HOLD
 
@@ -353,7 +353,7 @@ def test_by_its_mode_alone_it_takes_off_to_its_parameters_height(px4, armed_firs
     orders = [lambda: copter.set_mode(TAKEOFF), lambda: copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1)[0]]
     for order in reversed(orders) if armed_first else orders:
         assert order() == ACCEPTED
-    copter.wait(8.0)
+    copter.wait(12.0)
     assert copter.motion.height_m == pytest.approx(copter.vehicle.parameters["MIS_TAKEOFF_ALT"], abs=0.3)
 
 

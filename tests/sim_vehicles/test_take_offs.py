@@ -114,3 +114,20 @@ def test_a_px4_rolls_and_climbs_as_measured(make_air):
         assert flight.at(time_s).height_m == pytest.approx(height_m, abs=2.5)
     assert flight.reached_s(50.0) == pytest.approx(12.6, abs=1.0)
     assert air.fleet.vehicles[0].mode is Px4Mode.HOLD
+
+
+def test_a_px4_multirotor_spools_up_and_climbs_slowly_to_10_m(make_air):
+    """Then it flies 60 m north by DO_REPOSITION. Measured on PX4 1.17's built-in simulator."""
+    air = make_air(in_air=False, model=model_of("px4_copter", 5))
+    air.run(4.0)
+    air.command_long(22, 0, 0, 0, math.nan, math.nan, math.nan, 20.0)
+    assert air.command_long(ARM, 1) == 0
+    flight = TakeOff(air)
+    flight.fly(25.0)
+    for time_s, height_m in {4.6: 0.2, 6.6: 2.1, 8.6: 4.4, 10.6: 7.1, 12.6: 10.3, 14.6: 14.5, 16.7: 18.4}.items():
+        assert flight.at(time_s).height_m == pytest.approx(height_m, abs=2.8)
+    assert air.fleet.vehicles[0].mode is Px4Mode.HOLD
+    air.command_int(192, -1, 1, 0, math.nan, frame=5, x=350005396, y=1250000000, z=20)
+    for north_m in (2, 10, 18, 26, 35, 43, 52, 58, 61):
+        flight.fly(air.seconds - flight.armed_s + 2.0)
+        assert flight.states[-1].north_m == pytest.approx(north_m, abs=5.5)

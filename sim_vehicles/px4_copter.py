@@ -1,0 +1,99 @@
+"""An emulated PX4 multirotor.
+
+Source: PX4 user guide, "Parameter Reference" (MPC_TKO_SPEED, MPC_XY_CRUISE, NAV_MC_ALT_RAD, MPC_LAND_ALT1); its speeds
+and times are those of PX4 1.17's built-in simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from airlink import mavlink as m
+from sim_vehicles.airframe.motion import Motion, Steering
+from sim_vehicles.autopilot import position_targets
+from sim_vehicles.autopilot import px4_tables as tables
+from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.autopilot.modes import CopterMode, Px4Mode
+from sim_vehicles.autopilot.position_targets import Setpoint, Vector
+from sim_vehicles.config import VehicleConfig
+from sim_vehicles.copter import CopterPilot
+from sim_vehicles.px4 import Px4
+
+SPOOL_UP_S: Final = 4.0
+"""From the order to take off until it leaves the ground."""
+SLOW_TO_M: Final = 10.0
+"""Height up to which it takes off at MPC_TKO_SPEED (MPC_LAND_ALT1)."""
+NEAR_M: Final = 0.8
+"""A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
+
+
+class Px4CopterPilot(CopterPilot):
+    """Flies a multirotor as PX4 does, whose rotors spool up before a take-off."""
+
+    _idle_cycles: int = 0
+    """Cycles of the main loop until it leaves the ground."""
+
+    def rise(self, height_m: float) -> bool:
+        """Take off to a height; return whether that is possible."""
+        self._idle_cycles = round(SPOOL_UP_S / LOOP_S)
+        return super().rise(height_m)
+
+    def _climb(self, motion: Motion, height_m: float) -> None:
+        if self._idle_cycles > 0:
+            self._idle_cycles -= 1
+        else:
+            super()._climb(motion, height_m)
+
+    def _climb_most_mps(self, motion: Motion) -> float:
+        return super()._climb_most_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
+
+    def _cruise_mps(self) -> float:
+        """Return the speed of its ways; places of OFFBOARD are flown to at the greatest."""
+        return super()._cruise_mps() if self.mode is CopterMode.GUIDED else self._parameters["MPC_XY_CRUISE"]
+
+
+class Px4Copter(Px4):
+    """An emulated PX4 multirotor."""
+
+    mav_type = m.MAV_TYPE_QUADROTOR
+    guided_mode = Px4Mode.OFFBOARD
+    flown = tables.AS_COPTER
+    flier: Px4CopterPilot
+    """Its pilot, typed as such."""
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Px4CopterPilot:
+        """Return who flies a multirotor."""
+        self.flier = Px4CopterPilot(config, steering, self.parameters)
+        return self.flier
+
+    def lift_off(self, height_m: float) -> None:
+        """Climb straight up."""
+        self.flier.mode = CopterMode.GUIDED
+        self.flier.rise(height_m)
+
+    def follow_time(self) -> None:
+        """Change to HOLD once it is near the height of its take-off, and climb on to it."""
+        rises_m, here = self.flier.takeoff_m, self.body.motion
+        near = rises_m is not None and abs(rises_m - here.height_m) < NEAR_M
+        if near and self.mode is Px4Mode.TAKEOFF:
+            self.flier.takeoff_m = None
+        super().follow_time()
+        if near and rises_m is not None and self.mode is Px4Mode.HOLD:
+            self.flier.go_to((here.north_m, here.east_m, rises_m), None)
+
+    def follow(self, message: Setpoint) -> None:
+        """Fly to a place, or a velocity; whatever else is asked has it stand."""
+        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
+        yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
+        if place_m is not None:
+            self.flier.go_to(place_m, yaw_rad)
+        elif velocity_mps is not None:
+            self.flier.obey(velocity_mps, yaw_rad, self.now)
+        else:
+            self.flier.stop()
+
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
+        """Fly straight to a place, its nose ahead, and stay there."""
+        here = self.body.motion
+        self.flier.go_to(place_m, math.atan2(place_m[1] - here.east_m, place_m[0] - here.north_m))
