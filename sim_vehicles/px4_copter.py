@@ -14,10 +14,10 @@ from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.modes import CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.copter import CopterPilot
 from sim_vehicles.px4 import Px4
 
 SPOOL_UP_S: Final = 4.0
@@ -50,7 +50,8 @@ class Px4CopterPilot(CopterPilot):
 
     def _cruise_mps(self) -> float:
         """Return the speed of its ways; places of OFFBOARD are flown to at the greatest."""
-        return super()._cruise_mps() if self.mode is CopterMode.GUIDED else self._parameters["MPC_XY_CRUISE"]
+        told = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.told_cmps
+        return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
 
 
 class Px4Copter(Px4):

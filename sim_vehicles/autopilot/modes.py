@@ -32,14 +32,20 @@ class CopterMode(IntEnum):
     """The ArduCopter modes that are emulated, by ArduCopter's numbers."""
 
     STABILIZE = 0
+    ACRO = 1
     ALT_HOLD = 2
     AUTO = 3
     GUIDED = 4
     LOITER = 5
     RTL = 6
+    CIRCLE = 7
     LAND = 9
+    DRIFT = 11
     POSHOLD = 16
     BRAKE = 17
+    GUIDED_NOGPS = 20
+    SMART_RTL = 21
+    ZIGZAG = 24
 
 
 class Px4Mode(IntEnum):
@@ -139,6 +145,26 @@ def system_status(condition: Condition) -> int:
     return ACTIVE if condition is Condition.FLYING else STANDBY
 
 
-BY_THROTTLE = frozenset({CopterMode.STABILIZE, CopterMode.ALT_HOLD, CopterMode.LOITER, CopterMode.POSHOLD})
+BY_THROTTLE = frozenset(
+    {
+        CopterMode.STABILIZE,
+        CopterMode.ACRO,
+        CopterMode.ALT_HOLD,
+        CopterMode.LOITER,
+        CopterMode.CIRCLE,
+        CopterMode.DRIFT,
+        CopterMode.POSHOLD,
+        CopterMode.ZIGZAG,
+    }
+)
 """ArduCopter's modes in which a transmitter's throttle sets the climb; there is none, and without it they sink."""
-NOT_ARMABLE = frozenset({CopterMode.RTL, CopterMode.LAND, CopterMode.BRAKE, CopterMode.AUTO})
+NOT_ARMABLE = frozenset(
+    {
+        CopterMode.AUTO,
+        CopterMode.RTL,
+        CopterMode.CIRCLE,
+        CopterMode.LAND,
+        CopterMode.BRAKE,
+        CopterMode.SMART_RTL,
+    }
+)

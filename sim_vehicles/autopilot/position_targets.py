@@ -70,6 +70,12 @@ def velocity_of(vehicle: Vehicle, setpoint: Setpoint) -> Vector | None:
     return *_turned(vehicle, setpoint, setpoint.vx_mps, setpoint.vy_mps), setpoint.vz_mps
 
 
+def yaw_rate_of(setpoint: Setpoint) -> float:
+    """Return how fast the nose shall turn, rad/s, clockwise; 0: it is told where to point, or nothing."""
+    told = setpoint.type_mask & YAW and not setpoint.type_mask & YAW_RATE and math.isfinite(setpoint.yaw_rate_radps)
+    return setpoint.yaw_rate_radps if told else 0.0
+
+
 def refusal_of_px4(setpoint: Setpoint) -> str | None:
     """Return what a PX4 says of a setpoint that it doesn't take; None of one that it takes."""
     name, frame = setpoint.kind().name, setpoint.coordinate_frame

@@ -78,6 +78,7 @@ ALSO_NAMED: Final = {
     "LAND_SPEED": ("MPC_LAND_SPEED", CM),
     "RTL_ALT": ("RTL_RETURN_ALT", CM),
     "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
+    "RTL_LOIT_TIME": ("RTL_LAND_DELAY", 1000.0),
     "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
     "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
     "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
@@ -171,6 +172,7 @@ def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterK
             "MPC_XY_VEL_MAX": floating(0, 20, max(12.0, model.speed_max_mps)),
             "MPC_Z_VEL_MAX_DN": floating(0.5, 4, 1.5),
             "MPC_Z_VEL_MAX_UP": floating(0.5, 8, 3.0),
+            "RTL_LAND_DELAY": floating(0, 100, 0.0),
         }
     return common | {
         "FW_AIRSPD_MAX": floating(0.5, 40, math.ceil(model.speed_max_mps)),

@@ -14,8 +14,11 @@ from tests.sim_vehicles.conftest import mavlink
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 SET_MODE, ARM, TAKEOFF, INTERVAL, REQUEST = 176, 400, 22, 511, 512
 STABILIZE, AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 0, 3, 4, 5, 6, 9, 17
+ACRO, CIRCLE, DRIFT, GUIDED_NOGPS, SMART_RTL, ZIGZAG = 1, 7, 11, 20, 21, 24
+CONDITION_YAW, CHANGE_SPEED, PAUSE, CHOOSE_ITEM, ROI, ROI_NONE = 115, 178, 193, 224, 195, 197
 PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [500, 0, 30]]}
 VELOCITY_AND_YAW, VELOCITY_ALONE, VELOCITY_ONLY, HEIGHT_TOO = 0x9C7, 0x5C7, 0xDC7, 0x9C3
+PLACE_ALONE = 0xDF8
 MODEL = load_scenario({"vehicles": {"count": 1, "autopilot": "arducopter"}, "path": PATH}).vehicles[0].model
 
 
@@ -25,9 +28,19 @@ class Pilot:
     def __init__(self, air):
         self.air = air
 
-    def tell(self, north, east=0.0, down=0.0, yaw=0.0, mask=VELOCITY_AND_YAW, target=1):
-        fields = (0, target, 1, 1, mask, 0, 0, -40.0, north, east, down, 0, 0, 0, yaw, 0)
+    def tell(self, north, east=0.0, down=0.0, yaw=0.0, mask=VELOCITY_AND_YAW, target=1, rate=0.0):
+        fields = (0, target, 1, 1, mask, 0, 0, -40.0, north, east, down, 0, 0, 0, yaw, rate)
         self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
+
+    def send_to(self, north_m, east_m, height_m):
+        fields = (0, 1, 1, 1, PLACE_ALONE, north_m, east_m, -height_m, 0, 0, 0, 0, 0, 0, 0, 0)
+        self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
+
+    def turned(self, seconds):
+        """Return by how much the nose turns in a time, clockwise, degrees."""
+        before = self.shown.heading_rad
+        self.air.run(seconds)
+        return math.degrees(math.remainder(self.shown.heading_rad - before, math.tau))
 
     def fly(self, seconds, *velocity, **keys):
         """Return the ground velocities (north, east) of each 0.02 s."""
@@ -183,6 +196,126 @@ def test_it_lifts_off_straight_up_in_any_wind_it_stood_in(make_air):
     assert abs(air.state("east_m")) < 0.01
 
 
+@pytest.mark.parametrize(
+    ("params", "to_deg", "seconds"),
+    [
+        ((90, 30, 1, 0), 90, 6),
+        ((45, 30, -1, 1), -45, 5),
+        ((90, 0, 0, 0), 90, 4),
+        ((90, 200, 0, 1), 90, 4),
+        ((360, 20, 0, 0), 0, 4),
+    ],
+)
+def test_condition_yaw_turns_the_nose_to_a_direction_or_by_an_angle(standing, params, to_deg, seconds):
+    assert standing.air.command_long(CONDITION_YAW, *params) == ACCEPTED
+    assert standing.turned(seconds) == pytest.approx(to_deg, abs=2.0)
+
+
+def test_condition_yaw_turns_at_the_rate_and_the_way_round_that_it_says(standing):
+    """From 0 to 90 degrees anticlockwise at 60 degrees/s a real one had turned by 166 degrees after 3 s."""
+    assert standing.air.command_long(CONDITION_YAW, 90, 60, -1, 0) == ACCEPTED
+    assert standing.turned(2.0) == pytest.approx(-105, abs=15)
+    assert standing.turned(4.0) == pytest.approx(-165, abs=15)
+    assert standing.air.command_long(CONDITION_YAW, 90, 10, 1, 1) == ACCEPTED
+    for wrong in ((-10, 30, 1, 0), (400, 30, 1, 0), (10, 30, 1, 2), (math.nan, 30, 1, 0)):
+        assert standing.air.command_long(CONDITION_YAW, *wrong) == FAILED
+    assert standing.turned(3.5) == pytest.approx(34, abs=5)  # these didn't stop it
+
+
+def test_in_other_modes_condition_yaw_is_accepted_and_has_no_effect(standing):
+    standing.air.set_mode(BRAKE)
+    assert standing.air.command_long(CONDITION_YAW, 45, 30, 0, 0) == ACCEPTED
+    assert standing.turned(4.0) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_place_has_the_nose_turn_to_it_again(standing):
+    standing.air.command_long(CONDITION_YAW, 90, 0, 0, 0)
+    standing.air.run(4.0)
+    standing.send_to(standing.motion.north_m + 30.0, 0.0, 100.0)
+    assert standing.turned(5.0) == pytest.approx(-90.0, abs=2.0)
+
+
+def test_a_yaw_rate_turns_the_nose_until_it_is_too_old(standing):
+    """A real one told 0.3 rad/s for 4 s turned by 64 degrees, by another 54 in the next 3 s, and then stopped."""
+    before = standing.shown.heading_rad
+    standing.fly(4.0, 0.0, mask=VELOCITY_ALONE, rate=0.3)
+    assert math.degrees(standing.shown.heading_rad - before) == pytest.approx(64.0, abs=5.0)
+    assert standing.turned(3.5) == pytest.approx(54.0, abs=6.0)
+    assert standing.turned(3.0) == pytest.approx(0.0, abs=2.0)
+
+
+def test_a_velocity_of_0_leaves_the_nose_where_it_points(standing):
+    standing.air.command_long(CONDITION_YAW, 90, 0, 0, 0)
+    standing.air.run(4.0)
+    before = standing.shown.heading_rad
+    standing.fly(3.0, 0.0, 0.0, -0.3, mask=VELOCITY_ONLY)
+    assert standing.shown.heading_rad == pytest.approx(before, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_speeds_hold_for_places_under_way_and_the_next(standing, kind):
+    standing.send_to(200.0, 0.0, 100.0)
+    standing.air.run(5.0)
+    assert standing.air.command_long(CHANGE_SPEED, kind, 3, -1) == ACCEPTED
+    standing.air.run(5.0)
+    assert standing.motion.velocity_north_mps == pytest.approx(3.0, abs=0.1)
+    standing.send_to(300.0, 0.0, 100.0)
+    standing.air.run(4.0)
+    assert standing.motion.velocity_north_mps == pytest.approx(3.0, abs=0.1)
+    assert standing.fly(8.0, 5.0)[-1][0] == pytest.approx(5.0, abs=0.1)
+    standing.send_to(400.0, 0.0, 100.0)
+    standing.air.run(6.0)
+    assert standing.motion.velocity_north_mps > 8.0
+
+
+def test_speeds_that_are_none_are_denied_and_other_modes_fail(standing):
+    for params, result in (
+        ((1, 0), DENIED),
+        ((1, -2), DENIED),
+        ((2, 1), ACCEPTED),
+        ((3, 1), ACCEPTED),
+        ((5, 3), FAILED),
+    ):
+        assert standing.air.command_long(CHANGE_SPEED, *params) == result
+    standing.air.set_mode(BRAKE)
+    assert standing.air.command_long(CHANGE_SPEED, 1, 3) == FAILED
+
+
+def test_paused_it_stands_and_then_goes_on_to_the_newest_place(standing):
+    begin_m = standing.motion.north_m
+    standing.send_to(begin_m + 60.0, 0.0, 100.0)
+    standing.air.run(4.0)
+    assert standing.air.command_long(PAUSE, 0) == ACCEPTED
+    standing.send_to(begin_m + 90.0, 0.0, 100.0)
+    standing.air.run(5.0)
+    assert abs(standing.motion.velocity_north_mps) < 0.1
+    assert standing.air.command_long(PAUSE, 2) == DENIED
+    assert standing.air.command_long(PAUSE, 1) == ACCEPTED
+    standing.air.run(20.0)
+    assert standing.motion.north_m == pytest.approx(begin_m + 90.0, abs=0.5)
+
+
+def test_other_modes_arent_paused(standing):
+    standing.air.set_mode(BRAKE)
+    for goes_on, text in ((0, "Failed to pause"), (1, "Failed to resume")):
+        assert standing.air.command_long(PAUSE, goes_on) == FAILED
+        assert standing.air.ground.of("STATUSTEXT")[-1].text == text
+
+
+def test_its_nose_follows_a_place_of_interest(standing):
+    home = {"x": 350000000, "y": 1250000000}
+    standing.send_to(0.0, 60.0, 100.0)
+    standing.air.run(15.0)
+    assert standing.air.command_int(ROI, frame=6, **home) == ACCEPTED
+    standing.air.run(5.0)
+    assert abs(math.remainder(standing.shown.heading_rad + math.pi / 2, math.tau)) < 0.05
+    assert standing.air.command_long(ROI_NONE) == ACCEPTED
+
+
+def test_without_a_mission_no_item_can_be_chosen(standing):
+    assert [standing.air.command_long(CHOOSE_ITEM, number) for number in (0, 5, -1)] == [FAILED, DENIED, DENIED]
+
+
 @pytest.mark.parametrize("command", [43000, 43001, 43002, 192, 12345])
 def test_what_planes_are_told_is_unsupported(standing, command):
     assert standing.air.command_long(command, 0, 5.0) == UNSUPPORTED
@@ -259,6 +392,41 @@ def test_modes_that_it_hasnt_are_refused(standing, mode):
     assert standing.mode == GUIDED
 
 
+@pytest.mark.parametrize(
+    ("mode", "flags"), [(ACRO, 209), (CIRCLE, 217), (DRIFT, 209), (GUIDED_NOGPS, 209), (ZIGZAG, 217)]
+)
+def test_modes_that_a_client_may_choose_are_taken(standing, mode, flags):
+    assert standing.air.set_mode(mode) == ACCEPTED
+    beat = standing.air.ground.of("HEARTBEAT")[-1]
+    assert (beat.custom_mode, beat.base_mode) == (mode, flags)
+
+
+def test_in_circle_it_flies_round_a_place_ahead_of_it_clockwise_and_sinks(standing):
+    here = standing.motion.north_m, standing.motion.east_m, standing.motion.height_m
+    standing.air.set_mode(CIRCLE)
+    standing.air.run(13.5)  # three quarters of a turn at 20 degrees/s
+    centre_m = here[0] + 10.0
+    assert math.hypot(standing.motion.north_m - centre_m, standing.motion.east_m - here[1]) == pytest.approx(
+        10, abs=1.5
+    )
+    assert standing.motion.height_m < here[2] - 25.0
+    to_centre_rad = math.atan2(here[1] - standing.motion.east_m, centre_m - standing.motion.north_m)
+    assert abs(math.remainder(standing.shown.heading_rad - to_centre_rad, math.tau)) < 0.3
+    assert standing.motion.turn_rate_radps > 0.0
+
+
+def test_a_way_of_30_m_is_flown_as_fast_as_measured(standing):
+    """A real one flew it at up to 6.6 m/s, and stood after 9 s, 0.7 m beyond it at most."""
+    begin_m, speeds = standing.motion.north_m, []
+    standing.send_to(begin_m + 30.0, 0.0, 100.0)
+    for _ in range(500):
+        standing.air.run(0.02)
+        speeds.append(standing.motion.velocity_north_mps)
+    assert max(speeds) == pytest.approx(6.6, rel=0.05)
+    assert abs(speeds[-50]) < 0.3
+    assert standing.motion.north_m == pytest.approx(begin_m + 30.0, abs=0.2)
+
+
 def test_a_mission_isnt_begun(standing):
     assert standing.air.command_long(300) == FAILED
 
@@ -271,17 +439,25 @@ def test_in_loiter_it_sinks_for_want_of_a_transmitter_in_brake_it_stands(standin
     assert abs(standing.motion.velocity_north_mps) < 0.05
     standing.air.set_mode(LOITER)
     standing.air.run(5.0)
-    assert standing.motion.height_m < height_m - 4.0
+    assert standing.motion.climb_mps == pytest.approx(-2.5, abs=0.05)
+    assert standing.motion.height_m < height_m - 8.0
 
 
-def test_rtl_goes_home_at_its_height_and_lands_there(standing):
+@pytest.mark.parametrize(("mode", "waits_s"), [(RTL, 5.0), (SMART_RTL, 0.0)])
+def test_it_goes_home_at_its_height_waits_and_lands_there(standing, mode, waits_s):
     standing.fly(6.0, 5.0)
-    assert standing.air.set_mode(RTL) == ACCEPTED
-    standing.air.run(30.0)
-    assert standing.motion.north_m == pytest.approx(0.0, abs=0.6)
-    standing.air.run(90.0)
+    assert standing.air.set_mode(mode) == ACCEPTED
+    vehicle = standing.air.fleet.vehicles[0]
+    standing.air.run_until(lambda: abs(standing.motion.north_m) < 0.5, 60.0)
+    over_s, height_m = standing.air.seconds, standing.motion.height_m
+    standing.air.run_until(lambda: vehicle.pilot.landed_state == mavlink.MAV_LANDED_STATE_LANDING, 60.0)
+    assert standing.air.seconds - over_s == pytest.approx(waits_s, abs=0.1)
+    assert standing.motion.height_m == pytest.approx(height_m, abs=0.1)
+    standing.air.run_until(lambda: not vehicle.pilot.airborne, 150.0)
+    landed_s = standing.air.seconds
+    standing.air.run_until(lambda: not vehicle.pilot.condition.armed, 150.0)
+    assert standing.air.seconds - landed_s == pytest.approx(2.0, abs=0.05)
     assert standing.motion.height_m == pytest.approx(0.0, abs=0.1)
-    assert not standing.air.fleet.vehicles[0].pilot.condition.armed
 
 
 def test_its_failsafe_sends_it_home_where_that_is_switched_on(standing):

@@ -1,0 +1,253 @@
+"""What an emulated multirotor does in each of ArduCopter's modes. It writes the vehicle's `Steering`."""
+
+from __future__ import annotations
+
+import math
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after
+from flight_model.autopilot_model import within
+from sim_vehicles.airframe.motion import Motion, Steering
+from sim_vehicles.autopilot.board_clock import LOOP_S, NEVER
+from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request
+from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.autopilot.position_targets import Vector
+from sim_vehicles.config import VehicleConfig
+
+CM = 0.01
+TAKEOFF_DONE_M = 0.05
+LOW_M = 10.0
+"""Height below which a landing goes on at LAND_SPEED (LAND_ALT_LOW)."""
+HOME_M = 0.5
+"""A copter this near its home is over it."""
+CLIMB_PER_S = 0.5
+"""How fast what is left of a climb is flown off."""
+PER_S, BRAKES_MPS2 = 0.7, 2.1
+"""The same of a way, and twice the deceleration of a long one; 30 m are flown at up to 6.4 m/s, 60 m at 9.2."""
+TOUCH_DOWN_M = 0.05
+THROTTLE_DOWN_MPS = 2.5
+"""How fast it sinks with the throttle down (PILOT_SPEED_DN)."""
+AS_IT_IS = math.nan
+HOMEWARD = frozenset({CopterMode.RTL, CopterMode.SMART_RTL})
+SEEING = BY_THROTTLE | HOMEWARD | {CopterMode.LAND}
+"""Modes in which it has to look where it is."""
+Circle = tuple[float, float, float, float, float]
+"""Centre, north, east and above the origin (NaN: as high as it is let), radius, m, and speed, m/s, clockwise."""
+
+
+class CopterPilot(Pilot):
+    """One multirotor's condition and mode, and the resulting velocities."""
+
+    def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
+        """Start in the condition of booting."""
+        self._home_over = False
+        self._waits_s = 0.0
+        """How much longer it stays over home before it lands."""
+        self.place_m: Vector | None = None
+        """Where it flies to, or stays: north, east and above the origin."""
+        self._circle: Circle | None = None
+        self._nose_rad = AS_IT_IS
+        """Where its nose is commanded to point."""
+        self._turn_rad, self._turn_rps = 0.0, 0.0
+        """How far it still turns, clockwise, and how fast."""
+        self._seen_m: tuple[float, float] | None = None
+        """The place that its nose follows, north and east."""
+        self.paused = False
+        self.told_cmps: dict[str, float] = {}
+        """Speeds that stand in for parameters."""
+        super().__init__(config, steering, parameters)
+        self.mode = CopterMode.STABILIZE
+
+    @property
+    def under_way(self) -> bool:
+        """Whether it has to look where it is: it takes off, flies to a place, comes home, lands, sinks or turns."""
+        goes = self.takeoff_m is not None or self.place_m is not None or self._circle is not None
+        turns = self._turn_rad != 0.0 or self._seen_m is not None
+        return (goes or turns or self.mode in SEEING) and self.airborne
+
+    @property
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE, take-offs and landings too."""
+        if self.condition is not Condition.FLYING:
+            return m.MAV_LANDED_STATE_ON_GROUND
+        if self.takeoff_m is not None:
+            return m.MAV_LANDED_STATE_TAKEOFF
+        over = self.mode in HOMEWARD and self._home_over and self._waits_s <= 0.0
+        lands = self.mode is CopterMode.LAND or over
+        return m.MAV_LANDED_STATE_LANDING if lands else m.MAV_LANDED_STATE_IN_AIR
+
+    def arm(self, motion: Motion) -> bool:  # noqa: ARG002 - it stands until it takes off
+        """Arm; return whether the mode and the condition allow it."""
+        return self.mode not in NOT_ARMABLE and self.request(Request.ARM)
+
+    def enter(self, mode: FlightMode, motion: Motion) -> None:  # noqa: ARG002 - it stands where it is
+        """Change the mode; it stands until that has it do something."""
+        self.mode = CopterMode(mode)
+        self.takeoff_m, self._home_over = None, False
+        self._waits_s = self._parameters["RTL_LOIT_TIME"] / 1000.0 if mode is CopterMode.RTL else 0.0
+        self._seen_m, self.paused = None, False
+        self.told_cmps.clear()
+        self.stop()
+
+    def fly_straight(self, motion: Motion) -> None:  # noqa: ARG002 - likewise
+        """Stand: that is what one without setpoints does."""
+        self.stop()
+
+    def stop(self) -> None:
+        """Stand where it is."""
+        self.silent_at, self.place_m, self._circle = NEVER, None, None
+        self._point(AS_IT_IS)
+        self.stand()
+
+    def stand(self) -> None:
+        """Stand for now."""
+        self._fly(0.0, 0.0, 0.0)
+
+    def go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
+        """Fly to a place and stay there; `yaw_rad` None: the nose stays where it is."""
+        self.silent_at, self.place_m, self._circle = NEVER, place_m, None
+        self._point(AS_IT_IS if yaw_rad is None else yaw_rad)
+
+    def go_round(self, circle: Circle) -> None:
+        """Fly round a place, the nose to it."""
+        self.silent_at, self.place_m, self._circle = NEVER, None, circle
+
+    def obey(self, velocity_mps: Vector, yaw_rad: float | None, now: Instant) -> None:
+        """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: the nose stays where it is."""
+        self.place_m = self._circle = None
+        north, east, down = velocity_mps
+        most_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
+        share = min(1.0, most_mps / speed) if speed > 0.0 else 0.0
+        self._point(AS_IT_IS if yaw_rad is None else yaw_rad)
+        self._fly(share * north, share * east, down)
+        self.silent_at = after(now, self._parameters["GUID_TIMEOUT"])
+
+    def turn(self, nose_rad: float, by_rad: float, rate_rps: float) -> None:
+        """Turn the nose, from where it is commanded to point, by an angle, clockwise, at a rate."""
+        self._point(nose_rad)
+        self._turn_rad, self._turn_rps = by_rad, rate_rps
+
+    def turn_on(self, nose_rad: float, rate_rps: float) -> None:
+        """Turn the nose at a rate, clockwise, until GUID_TIMEOUT."""
+        self.turn(nose_rad, rate_rps * self._parameters["GUID_TIMEOUT"], abs(rate_rps))
+
+    def look_at(self, place_m: tuple[float, float] | None) -> None:
+        """Turn the nose to a place, north and east, m, and keep it there; None: no more."""
+        self._turn_rad, self._seen_m = 0.0, place_m
+
+    def commanded_nose(self, shown_rad: float) -> float:
+        """Return where the nose is commanded to point, where it points, `shown_rad`, if that is nowhere."""
+        return shown_rad if math.isnan(self._nose_rad) else self._nose_rad
+
+    def rise(self, height_m: float) -> bool:
+        """Take off to a height; return whether that is possible."""
+        if self.mode is not CopterMode.GUIDED or self.condition is not Condition.ARMED or height_m <= 0.0:
+            return False
+        self.takeoff_m = height_m
+        return self.request(Request.LIFT_OFF)
+
+    def progress(self, motion: Motion) -> bool:
+        """Go on with what it does; return whether it has just touched the ground."""
+        self._follow_nose(motion)
+        if self.takeoff_m is not None:
+            self._climb(motion, self.takeoff_m)
+        elif self.place_m is not None:
+            self._fly_towards(motion, *self.place_m)
+        elif self._circle is not None:
+            self._fly_round(motion, self._circle)
+        elif self.mode in HOMEWARD and (not self._home_over or self._waits_s > 0.0):
+            self._go_home(motion)
+        elif self.mode in SEEING:
+            return self._sink(motion)
+        return False
+
+    def _follow_nose(self, motion: Motion) -> None:
+        """Turn the nose on by a cycle, or to the place that it follows."""
+        if self._seen_m is not None:
+            self._nose_rad = math.atan2(self._seen_m[1] - motion.east_m, self._seen_m[0] - motion.north_m)
+        elif self._turn_rad != 0.0:
+            most_rad = self._turn_rps * LOOP_S
+            step_rad = within(self._turn_rad, -most_rad, most_rad)
+            self._nose_rad += step_rad
+            self._turn_rad -= step_rad
+        self._steering.yaw_rad = self._nose_rad
+
+    def _sink(self, motion: Motion) -> bool:
+        """Sink, slowly where it lands and is low; return whether it has just touched the ground."""
+        if self.mode in BY_THROTTLE:
+            sink_mps = THROTTLE_DOWN_MPS
+        else:
+            sink_mps = CM * self._parameters["LAND_SPEED" if motion.height_m < LOW_M else "WPNAV_SPEED_DN"]
+        self._fly(0.0, 0.0, sink_mps)
+        if motion.height_m > TOUCH_DOWN_M:
+            return False
+        self.stop()
+        return self.request(Request.TOUCH_DOWN)
+
+    def _climb(self, motion: Motion, height_m: float) -> None:
+        left_m = height_m - motion.height_m
+        if left_m < TAKEOFF_DONE_M:
+            self.takeoff_m = None
+            self.stop()
+        else:
+            self._fly(0.0, 0.0, -min(CLIMB_PER_S * left_m + TAKEOFF_DONE_M, self._climb_most_mps(motion)))
+
+    def _climb_most_mps(self, motion: Motion) -> float:  # noqa: ARG002 - the same at every height
+        """Return how fast it climbs in a take-off, at most."""
+        return CM * self._parameters["WPNAV_SPEED_UP"]
+
+    def _cruise_mps(self) -> float:
+        """Return how fast it flies to a place, at most."""
+        return self._most_mps("WPNAV_SPEED")
+
+    def _go_home(self, motion: Motion) -> None:
+        """Climb to RTL_ALT, unless it is higher already or SMART_RTL is its mode, fly straight home, and wait there."""
+        start, height_m = self._config.start, CM * self._parameters["RTL_ALT"]
+        near = math.hypot(start.north_m - motion.north_m, start.east_m - motion.east_m) < HOME_M
+        self._home_over = self._home_over or near
+        if self._home_over:
+            self._waits_s -= LOOP_S
+        low = height_m - motion.height_m > HOME_M and self.mode is CopterMode.RTL
+        if low and not self._home_over:
+            self._fly_towards(motion, motion.north_m, motion.east_m, height_m)
+        else:
+            self._fly_towards(motion, start.north_m, start.east_m, motion.height_m)
+
+    def _fly_round(self, motion: Motion, circle: Circle) -> None:
+        """Fly round a place and towards the circle, the nose to its centre."""
+        north_m, east_m, height_m, radius_m, speed_mps = circle
+        from_north_m, from_east_m = motion.north_m - north_m, motion.east_m - east_m
+        away_m = max(math.hypot(from_north_m, from_east_m), HOME_M)
+        out, sinks_mps = within(PER_S * (radius_m - away_m), -abs(speed_mps), abs(speed_mps)), THROTTLE_DOWN_MPS
+        if not math.isnan(height_m):
+            sinks_mps = self._sink_to(height_m - motion.height_m)
+        elif motion.height_m <= TOUCH_DOWN_M:
+            self._circle = None
+        north, east = from_north_m / away_m, from_east_m / away_m
+        self._nose_rad = math.atan2(-east, -north)
+        self._fly(out * north - speed_mps * east, out * east + speed_mps * north, sinks_mps)
+
+    def _fly_towards(self, motion: Motion, north_m: float, east_m: float, height_m: float) -> None:
+        """Fly straight to a place, and brake before it."""
+        to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
+        away_m = math.hypot(to_north_m, to_east_m)
+        speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), self._cruise_mps())
+        share = speed / max(away_m, HOME_M)
+        self._fly(share * to_north_m, share * to_east_m, self._sink_to(height_m - motion.height_m))
+
+    def _sink_to(self, below_m: float) -> float:
+        """Return the speed down, m/s, to a height that it is below of."""
+        return -within(CLIMB_PER_S * below_m, -self._most_mps("WPNAV_SPEED_DN"), self._most_mps("WPNAV_SPEED_UP"))
+
+    def _most_mps(self, name: str) -> float:
+        """Return the speed that it was told, or else that of the parameter of that name."""
+        return CM * self.told_cmps.get(name, self._parameters[name])
+
+    def _point(self, nose_rad: float) -> None:
+        """Have the nose point somewhere, and turn no further."""
+        self._nose_rad, self._turn_rad, self._seen_m = nose_rad, 0.0, None
+
+    def _fly(self, north_mps: float, east_mps: float, down_mps: float) -> None:
+        self._steering.velocity_mps = (0.0, 0.0, 0.0) if self.paused else (north_mps, east_mps, down_mps)
+        self._steering.yaw_rad = self._nose_rad
