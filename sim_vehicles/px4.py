@@ -13,6 +13,7 @@ from airlink.frame import Frame
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
+from formation_scenario.surroundings import Fault
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import NEVER
@@ -47,7 +48,7 @@ class Px4(Vehicle):
     guided_mode = Px4Mode.HOLD
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
-    by_hand = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.STABILIZED})
+    by_hand = tables.BY_STICKS
     failsafe_keys = tables.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
@@ -57,6 +58,8 @@ class Px4(Vehicle):
     mode: Px4Mode
     intended: Px4Mode
     """What was last asked for; a failsafe flies another."""
+    sticks: bool = False
+    """Whether a pilot has its transmitter."""
     _rise_m: float
     _lost: bool
     _greeted: bool
@@ -67,6 +70,14 @@ class Px4(Vehicle):
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return PX4's parameters for its kind."""
         return tables.Px4Parameters(tables.parameters(config, self.fleet.config.cruise_mps))
+
+    @abstractmethod
+    def change_speed(self, speed_mps: float) -> None:
+        """Fly at a speed in HOLD from now on."""
+
+    @abstractmethod
+    def change_height(self, height_m: float) -> None:
+        """Fly at a height above the origin in HOLD."""
 
     @abstractmethod
     def lift_off(self, height_m: float) -> None:
@@ -82,6 +93,12 @@ class Px4(Vehicle):
         return self.now < self._fresh_until
 
     @property
+    def armable(self) -> bool:
+        """Whether it is ready, in a mode that has what it needs and doesn't end a flight."""
+        lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in tables.BY_STICKS and not self.sticks
+        return self.ready and not lacks and self.mode not in tables.NOT_ARMABLE
+
+    @property
     def in_failsafe(self) -> bool:
         """Whether its ground station's heartbeats or its setpoints are missing."""
         return self.failsafe.active or self._lost
@@ -91,15 +108,25 @@ class Px4(Vehicle):
         if mode is not self.mode:
             self.mode = Px4Mode(mode)
             self.pilot.enter(self.flown[self.mode], self.body.motion)
-            if self.mode is Px4Mode.OFFBOARD:
-                self.pilot.silent_at = self._fresh_until
+            self.pilot.silent_at = self._fresh_until if self.mode is Px4Mode.OFFBOARD else NEVER
             self.tell_heartbeat()
 
+    def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
+        """Begin or end a fault; a pilot comes with a transmitter."""
+        if fault.kind == "pilot":
+            self.sticks = not ends
+        super().inject(fault, now, ends=ends)
+
     def switch(self, number: float) -> bool:
-        """Change to a mode by its number; return whether that was allowed: OFFBOARD needs setpoints, once armed."""
-        chosen = select(self.pilot.condition, number, frozenset(self.flown))
-        if chosen is None or (chosen == Px4Mode.OFFBOARD and self.pilot.condition.armed and not self.fresh):
-            self.say(CRITICAL, "Switching to this mode is currently not available")
+        """Change to a mode by its number; return whether that was allowed.
+
+        Armed, OFFBOARD needs setpoints, and modes of a pilot need a transmitter; disarmed, none needs anything.
+        """
+        chosen = select(self.pilot.condition, number, frozenset(self.flown) - {Px4Mode.ORBIT})
+        lacks = (chosen == Px4Mode.OFFBOARD and not self.fresh) or (chosen in tables.BY_STICKS and not self.sticks)
+        if chosen is None or (lacks and self.pilot.condition.armed):
+            named = "this mode" if chosen is None else Px4Mode(chosen).name.capitalize()
+            self.say(CRITICAL, f"Switching to {named} is currently not available")
             return False
         self.intended, self._lost = Px4Mode(chosen), False
         self.enter(self.intended)
@@ -108,9 +135,8 @@ class Px4(Vehicle):
         return True
 
     def arm(self, *, force: bool) -> bool:
-        """Arm, and take off if that is its mode; refused before it is ready and in modes that end a flight."""
-        stale = self.mode is Px4Mode.OFFBOARD and not self.fresh
-        if not force and (not self.ready or stale or self.mode in tables.NOT_ARMABLE):
+        """Arm, and take off if that is its mode; refused while it isn't armable."""
+        if not force and not self.armable:
             self.say(CRITICAL, "Arming denied: Resolve system health failures first")
             return False
         if self.pilot.condition.armed:
@@ -196,6 +222,8 @@ class Px4(Vehicle):
 
     def follow_time(self) -> None:
         """Leave OFFBOARD once setpoints are too old, and TAKEOFF once it is complete."""
+        if self.now >= self.pilot.silent_at:
+            self.pilot.silent_at = NEVER
         if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
@@ -270,7 +298,14 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = tables.AS_PLANE
-    handlers = tables.PLANES_HANDLERS
+
+    def change_speed(self, speed_mps: float) -> None:
+        """Fly at an airspeed in HOLD from now on."""
+        self.pilot.change_speed(self.airspeed(speed_mps), math.inf)
+
+    def change_height(self, height_m: float) -> None:
+        """Circle at a height above the origin."""
+        self.pilot.change_height(height_m)
 
     def lift_off(self, height_m: float) -> None:
         """Roll and climb."""

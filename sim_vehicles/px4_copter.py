@@ -14,7 +14,7 @@ from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
 from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes import CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
@@ -60,6 +60,7 @@ class Px4Copter(Px4):
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
     flown = tables.AS_COPTER
+    handlers = tables.COPTERS_HANDLERS
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 
@@ -67,6 +68,30 @@ class Px4Copter(Px4):
         """Return who flies a multirotor."""
         self.flier = Px4CopterPilot(config, steering, self.parameters)
         return self.flier
+
+    def prepare(self, height_m: float) -> bool:
+        """Change to TAKEOFF, to a height; armed or in flight it climbs. Return whether that was allowed."""
+        if not self.pilot.airborne:
+            return super().prepare(height_m)
+        granted = self.switch(Px4Mode.TAKEOFF)
+        if granted:
+            self.flier.takeoff_m = height_m
+        return granted
+
+    def change_speed(self, speed_mps: float) -> None:
+        """Fly at a speed in HOLD from now on."""
+        self.flier.told_cmps["WPNAV_SPEED"] = tables.CM * speed_mps
+
+    def change_height(self, height_m: float) -> None:
+        """Fly at a height above the origin, where it is."""
+        if self.pilot.airborne:
+            self.flier.go_to((self.body.motion.north_m, self.body.motion.east_m, height_m), None)
+
+    def go_round(self, circle: Circle) -> None:
+        """Change to ORBIT, and fly round a place."""
+        self.intended, self._lost = Px4Mode.ORBIT, False
+        self.enter(Px4Mode.ORBIT)
+        self.flier.go_round(circle)
 
     def lift_off(self, height_m: float) -> None:
         """Climb straight up."""
@@ -87,12 +112,15 @@ class Px4Copter(Px4):
         """Fly to a place, or a velocity; whatever else is asked has it stand."""
         place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
         yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
+        nose_rad = self.flier.commanded_nose(self.body.shown().heading_rad)
         if place_m is not None:
             self.flier.go_to(place_m, yaw_rad)
         elif velocity_mps is not None:
             self.flier.obey(velocity_mps, yaw_rad, self.now)
         else:
             self.flier.stop()
+        if rate_rps := position_targets.yaw_rate_of(message):
+            self.flier.turn_on(nose_rad, rate_rps)
 
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
         """Fly straight to a place, its nose ahead, and stay there."""

@@ -764,6 +764,50 @@ PARAM_SET: Final = Kind(
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
+class ParamError(Message):
+    """PARAM_ERROR (345): why there is no such answer to a request, by MAV_PARAM_ERROR."""
+
+    def __init__(self, target_system: int, target_component: int, param_id: str, param_index: int, error: int) -> None:
+        self.target_system = target_system
+        self.target_component = target_component
+        self.param_id = param_id
+        self.param_index = param_index
+        self.error = error
+
+    def kind(self) -> Kind:
+        return PARAM_ERROR
+
+    def write(self, payload: BytesWriter) -> None:
+        put_i16(payload, self.param_index)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+        put_text(payload, self.param_id, 16)
+        put_u8(payload, self.error)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return ParamError(
+            get_u8(frame, begin + 2, end),
+            get_u8(frame, begin + 3, end),
+            get_text(frame, begin + 4, end, 16),
+            get_i16(frame, begin, end),
+            get_u8(frame, begin + 20, end),
+        )
+
+
+PARAM_ERROR: Final = Kind(
+    "PARAM_ERROR",
+    345,
+    209,
+    (21, 21),
+    ("target_system", "target_component", "param_id", "param_index", "error"),
+    ParamError(0, 0, "", 0, 0),
+)
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
 class FileTransferProtocol(Message):
     """FILE_TRANSFER_PROTOCOL (110): one packet of MAVLink FTP, as bytes."""
 
@@ -895,6 +939,7 @@ KINDS: Final = (
     PARAM_REQUEST_LIST,
     PARAM_VALUE,
     PARAM_SET,
+    PARAM_ERROR,
     FILE_TRANSFER_PROTOCOL,
     LOG_REQUEST_LIST,
     LOG_ENTRY,

@@ -14,25 +14,27 @@ from typing import TYPE_CHECKING, Any, Final
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages import Message
-from airlink.messages.command import MessageInterval, ParamSet, ParamValue
+from airlink.messages.command import MessageInterval, ParamError, ParamRequestRead, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
 from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
+from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 
 if TYPE_CHECKING:
-    from sim_vehicles.px4 import Px4
+    from sim_vehicles.px4 import Px4, Px4Copter
     from sim_vehicles.vehicle import Vehicle
 
 AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.MANUAL: Mode.MANUAL,
     Px4Mode.ALTITUDE: Mode.FBWB,
     Px4Mode.POSITION: Mode.CRUISE,
+    Px4Mode.ACRO: Mode.MANUAL,
     Px4Mode.STABILIZED: Mode.STABILIZE,
     Px4Mode.OFFBOARD: Mode.GUIDED,
     Px4Mode.TAKEOFF: Mode.TAKEOFF,
@@ -40,9 +42,11 @@ AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.RTL: Mode.RTL,
 }
 """A fixed wing's modes, and ArduPlane's that are flown alike. Its landings aren't emulated."""
+BY_STICKS: Final = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.ACRO, Px4Mode.STABILIZED})
+"""Modes that need a transmitter, once it is armed."""
 AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
-    Px4Mode.ALTITUDE: CopterMode.BRAKE,
-    Px4Mode.POSITION: CopterMode.BRAKE,
+    **dict.fromkeys(BY_STICKS, CopterMode.BRAKE),
+    Px4Mode.ORBIT: CopterMode.BRAKE,
     Px4Mode.OFFBOARD: CopterMode.GUIDED,
     Px4Mode.TAKEOFF: CopterMode.GUIDED,
     Px4Mode.HOLD: CopterMode.BRAKE,
@@ -50,7 +54,7 @@ AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.LAND: CopterMode.LAND,
 }
 """A multirotor's modes, and ArduCopter's: sticks that nobody touches have it stand."""
-NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND})
+NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT})
 LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}
 """NAV_DLL_ACT, after a while in HOLD; 1 is HOLD, 0 does nothing."""
 LOST_STREAM: Final = {0: Px4Mode.RTL, 3: Px4Mode.RTL, 4: Px4Mode.LAND, 5: Px4Mode.HOLD}
@@ -86,20 +90,26 @@ ALSO_NAMED: Final = {
     "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
 }
 """What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+BY_NAME: Final = -1
+"""Index of a parameter that is asked for by its name."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 LEAST_CHANGES_US: Final = 500_000
 """CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
 FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
 """HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
+FLAGS: Final = dict.fromkeys(BY_STICKS, telemetry.MODE_FLAGS) | {
+    Px4Mode.ACRO: m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED,
+    Px4Mode.OFFBOARD: FOLLOWS,
+    Px4Mode.ORBIT: FOLLOWS,
+}
 
 
 def heartbeat(v: Px4) -> Message:
     """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
-    flags = telemetry.MODE_FLAGS if v.mode in v.by_hand else FOLLOWS if v.mode is Px4Mode.OFFBOARD else FINDS_ITS_WAY
-    flags |= m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
-    up = m.MAV_STATE_STANDBY if v.ready else m.MAV_STATE_UNINIT
+    flags = FLAGS.get(v.mode, FINDS_ITS_WAY) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    up = m.MAV_STATE_STANDBY if v.armable else m.MAV_STATE_UNINIT
     state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
 
@@ -191,6 +201,15 @@ class Px4Parameters(ParameterServer):
         own, unit = ALSO_NAMED.get(name, (name, 1.0))
         return unit * self._values[own]
 
+    def answers(self, message: Message, sender: Sender) -> list[Message]:
+        """Return the answers to a message; what isn't known is told by PARAM_ERROR."""
+        found = super().answers(message, sender)
+        if found or not isinstance(message, (ParamRequestRead, ParamSet)):
+            return found
+        index = message.param_index if isinstance(message, ParamRequestRead) else BY_NAME
+        unknown = m.MAV_PARAM_ERROR_DOES_NOT_EXIST
+        return [ParamError(sender.system, sender.component, message.param_id, index, unknown)]
+
     def set(self, request: ParamSet) -> ParamValue | None:
         """Change a value that is sent as PX4 takes it, and return the new one."""
         name, value = request.param_id, request.param_value
@@ -269,17 +288,39 @@ def _reposition(vehicle: Px4, given: GivenCommand) -> int:
 
 
 def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
-    """Change the airspeed; in OFFBOARD that is accepted and has no effect."""
-    if vehicle.mode is Px4Mode.HOLD and given.params[1] > 0.0:
-        vehicle.pilot.change_speed(vehicle.airspeed(given.params[1]), math.inf)
+    """Change the speed; in OFFBOARD that is accepted and has no effect, as is what is no speed."""
+    if vehicle.mode is Px4Mode.HOLD and 0.0 < given.params[1] < math.inf:
+        vehicle.change_speed(given.params[1])
     return ACCEPTED
 
 
 def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
-    if not math.isfinite(given.params[0]) or not vehicle.switch(Px4Mode.HOLD):
+    """Hold, at an altitude above sea level; at the one that it has where that is none."""
+    if not vehicle.switch(Px4Mode.HOLD):
         return REJECTED
-    vehicle.pilot.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
+    if math.isfinite(given.params[0]):
+        vehicle.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
     return ACCEPTED
+
+
+def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
+    """Fly round a place, anticlockwise for a negative radius or speed; what isn't finite is as it is, or as usual."""
+    radius_m, speed_mps = (
+        told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
+    )
+    here, origin = vehicle.body.motion, vehicle.fleet.origin
+    centre_m = here.north_m, here.east_m
+    if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
+        north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
+        centre_m = north_m, east_m
+    height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
+    vehicle.go_round((*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps)))
+    return ACCEPTED
+
+
+def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
+    vehicle.say(m.MAV_SEVERITY_CRITICAL, "Mission start denied! No valid mission")
+    return DENIED
 
 
 def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
@@ -311,7 +352,19 @@ def _request_message(vehicle: Px4, given: GivenCommand) -> int:
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
+ORBIT: Final = 1.0, 1.0
+"""Radius, m, and speed, m/s, of a circle of which none is told."""
+UNHEEDED: Final = (
+    m.MAV_CMD_DO_SET_ROI_LOCATION,
+    m.MAV_CMD_DO_SET_ROI_NONE,
+    m.MAV_CMD_DO_SET_ROI,
+    m.MAV_CMD_DO_GO_AROUND,
+    m.MAV_CMD_RUN_PREARM_CHECKS,
+    m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+)
+"""Accepted without an effect here: of a camera, a landing's approach, checks, and a version that few ask for."""
 HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+    **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
@@ -324,9 +377,9 @@ HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
-}
-PLANES_HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = HANDLERS | {
     m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+    m.MAV_CMD_MISSION_START: _start_mission,
 }
 """All others are UNSUPPORTED."""
+COPTERS_HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}

@@ -152,6 +152,7 @@ Protocol (FTP)".
             Declared("PARAM_REQUEST_LIST", "all parameters."),
             Declared("PARAM_VALUE", "a parameter's value, as a float whatever its type."),
             Declared("PARAM_SET", "change a parameter."),
+            Declared("PARAM_ERROR", "why there is no such answer to a request, by MAV_PARAM_ERROR."),
             Declared("FILE_TRANSFER_PROTOCOL", "one packet of MAVLink FTP, as bytes."),
             Declared("LOG_REQUEST_LIST", "asks for the list of stored logs."),
             Declared("LOG_ENTRY", "one stored log, of `num_logs`; there is none where that is 0."),

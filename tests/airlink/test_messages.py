@@ -119,7 +119,9 @@ def test_frames_are_pymavlinks_to_the_byte_and_each_side_reads_the_others(kind, 
     pymavlink_reads(ours, kind, wire, tuple(wire)[: len(KIND[kind].fields)])
     we_read(source(kind)(**wire).pack(peer(sequence=200)), message)
 
-    of_version_1 = dialect_v1.mavlink_map[KIND[kind].message_id]
+    of_version_1 = dialect_v1.mavlink_map.get(KIND[kind].message_id)
+    if of_version_1 is None:  # it came with version 2
+        return
     base = {name: wire[name] for name in of_version_1.fieldnames}  # it has no extension fields
     older = FrameWriter(7, 9).encode(message, version=1)
     assert older == of_version_1(**base).pack(peer(dialect_v1))

@@ -11,12 +11,14 @@ from pymavlink import mavutil
 from airlink import mavlink as m
 from airlink.endpoint import Address
 from formation_scenario import load_scenario
+from formation_scenario.surroundings import Fault
 from sim_vehicles.autopilot.modes import Condition
 from tests.sim_vehicles.conftest import mavlink
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 2, 3, 4, 9
 HOLD, TAKEOFF, RTL, LAND = 0x03040000, 0x02040000, 0x05040000, 0x06040000
-OFFBOARD, POSITION = 0x00060000, 0x00030000
+OFFBOARD, POSITION, ORBIT = 0x00060000, 0x00030000, 0x01030000
+MANUAL, ALTITUDE, ACRO, STABILIZED = 0x00010000, 0x00020000, 0x00050000, 0x00070000
 VELOCITY_AND_YAW, VELOCITY_ALONE, PLACE_ALONE = 0x9C7, 0x5C7, 0xDF8
 LOCAL, BODY_OFFSET, BODY = 1, 9, 8
 PATH = {"speed_mps": 14, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
@@ -51,8 +53,8 @@ class Px4:
                 every()
             self.air.run(0.1)
 
-    def tell(self, *velocity, mask=VELOCITY_AND_YAW, frame=LOCAL, place=(0.0, 0.0, 0.0), yaw=0.0):
-        fields = (0, 1, 1, frame, mask, *place, *velocity, 0, 0, 0, yaw, 0)
+    def tell(self, *velocity, mask=VELOCITY_AND_YAW, frame=LOCAL, place=(0.0, 0.0, 0.0), yaw=0.0, rate=0.0):
+        fields = (0, 1, 1, frame, mask, *place, *velocity, 0, 0, 0, yaw, rate)
         self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
 
     def stand(self):
@@ -189,6 +191,37 @@ def test_flags_tell_pymavlink_its_mode(px4, mode, flags, name):
     assert mavutil.mode_string_v10(beat) == name
 
 
+@pytest.mark.parametrize("model", [COPTER, PLANE])
+@pytest.mark.parametrize(
+    ("mode", "flags", "name"),
+    [
+        (MANUAL, 81, "Manual"),
+        (ALTITUDE, 81, "Altitude"),
+        (POSITION, 81, "Position"),
+        (ACRO, 65, "Acro"),
+        (STABILIZED, 81, "Stabilized"),
+    ],
+)
+def test_modes_of_a_pilot_need_a_transmitter_once_it_is_armed(px4, model, mode, flags, name):
+    standing, flying = px4(model, in_air=False), px4(model)
+    assert standing.set_mode(mode) == ACCEPTED
+    assert standing.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [REJECTED]
+    standing.wait(1.0)
+    beat = standing.air.ground.of("HEARTBEAT")[-1]
+    assert (beat.base_mode, beat.custom_mode, beat.system_status) == (flags, mode, m.MAV_STATE_UNINIT)
+    assert flying.set_mode(mode) == REJECTED
+    assert "".join(flying.texts).endswith(f"Switching to {name} is currently not available")
+    assert flying.mode == HOLD
+
+
+@pytest.mark.parametrize("model", [COPTER, PLANE])
+def test_a_pilot_with_a_transmitter_takes_over(px4, model):
+    vehicle = px4(model)
+    vehicle.vehicle.inject(Fault(at_s=0, vehicles=[1], kind="pilot", mode="MANUAL"), vehicle.vehicle.now, ends=False)
+    assert vehicle.mode == MANUAL
+    assert vehicle.set_mode(POSITION) == ACCEPTED
+
+
 def test_flags_in_offboard(px4):
     copter = px4()
     copter.offboard()
@@ -242,6 +275,19 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
     assert copter.mode == OFFBOARD
     copter.wait(1.0, every=copter.stand)
     assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_ACTIVE
+
+
+@pytest.mark.parametrize("model", [COPTER, PLANE])
+def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
+    """What it still turned for in each cycle was the end of setpoints that it doesn't wait for any more."""
+    vehicle = px4(model)
+    place = {"mask": PLACE_ALONE, "place": (900.0, 0.0, -80.0)}
+    vehicle.wait(0.5, every=lambda: vehicle.tell(0.0, 0.0, 0.0, **place))
+    assert vehicle.set_mode(OFFBOARD) == ACCEPTED
+    vehicle.wait(0.5, every=lambda: vehicle.tell(0.0, 0.0, 0.0, **place))
+    assert vehicle.set_mode(HOLD) == ACCEPTED
+    vehicle.wait(2.0)
+    assert vehicle.vehicle.pilot.silent_at > vehicle.vehicle.now
 
 
 def test_setpoints_that_say_nothing_are_none(px4):
@@ -323,6 +369,15 @@ def test_take_off_is_to_an_altitude_above_sea_level_and_ends_in_hold(px4, model,
     vehicle.wait(limit_s)
     assert vehicle.mode == HOLD
     assert vehicle.motion.height_m == pytest.approx(20.0, abs=2.5)
+
+
+def test_told_to_take_off_in_flight_a_multirotor_climbs_and_holds(px4):
+    copter = px4(origin_alt_m=5.0)
+    assert copter.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 5.0 + 110.0) == [ACCEPTED]
+    assert copter.mode == TAKEOFF
+    copter.wait(12.0)
+    assert copter.motion.height_m == pytest.approx(110.0, abs=0.3)
+    assert copter.mode == HOLD
 
 
 @pytest.mark.parametrize("home", [LAND, pytest.param(RTL, marks=pytest.mark.slow)])
@@ -428,6 +483,69 @@ def test_in_hold_speed_and_altitude_above_sea_level_are_taken(px4):
     assert plane.motion.height_m == pytest.approx(110.0, abs=1.0)
 
 
+def test_in_hold_a_multirotor_takes_an_altitude_and_a_speed_too(px4):
+    copter = px4(origin_alt_m=30.0)
+    assert copter.results(m.MAV_CMD_DO_CHANGE_ALTITUDE, 120.0, 0) == [ACCEPTED]
+    copter.wait(15.0)
+    assert copter.motion.height_m == pytest.approx(90.0, abs=0.3)
+    assert copter.reposition(copter.motion.north_m + 200.0, 0.0, 120.0) == ACCEPTED
+    copter.wait(4.0)
+    for no_speed in (-1.0, math.nan):
+        assert copter.results(m.MAV_CMD_DO_CHANGE_SPEED, 1, no_speed, -1) == [ACCEPTED]
+    assert copter.results(m.MAV_CMD_DO_CHANGE_SPEED, 1, 2.0, -1) == [ACCEPTED]
+    copter.wait(30.0)
+    assert copter.motion.velocity_north_mps == pytest.approx(2.0, abs=0.2)
+
+
+def test_an_altitude_ends_offboard(px4):
+    copter = px4()
+    copter.offboard()
+    assert copter.results(m.MAV_CMD_DO_CHANGE_ALTITUDE, math.nan, 0) == [ACCEPTED]
+    assert copter.mode == HOLD
+
+
+@pytest.mark.parametrize(("radius_m", "speed_mps", "clockwise"), [(20, 3, True), (20, -2, False), (-20, 2, False)])
+def test_it_orbits_a_place_with_its_nose_to_it(px4, radius_m, speed_mps, clockwise):
+    copter = px4()
+    copter.wait(10.0)
+    here = copter.motion.north_m, copter.motion.east_m
+    assert copter.results(m.MAV_CMD_DO_ORBIT, radius_m, speed_mps, 0, *(math.nan,) * 4) == [ACCEPTED]
+    copter.wait(60.0)
+    assert (copter.shown, copter.air.ground.of("HEARTBEAT")[-1].base_mode) == (ORBIT, 145)
+    north_m, east_m = copter.motion.north_m - here[0], copter.motion.east_m - here[1]
+    assert math.hypot(north_m, east_m) == pytest.approx(20.0, abs=3.0)
+    nose_rad = copter.vehicle.sensed.heading_rad
+    assert abs(math.remainder(nose_rad - math.atan2(-east_m, -north_m), math.tau)) < 0.2
+    turns = north_m * copter.motion.velocity_east_mps - east_m * copter.motion.velocity_north_mps
+    assert (turns > 0.0) == clockwise
+
+
+def test_a_yaw_rate_turns_the_nose(px4):
+    """A real one told 0.3 rad/s turned by 57 degrees in 4 s; told a velocity alone it kept its nose."""
+    copter = px4()
+    copter.offboard()
+    before = copter.vehicle.sensed.heading_rad
+    copter.wait(4.0, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=VELOCITY_ALONE, rate=0.3))
+    turned_rad = copter.vehicle.sensed.heading_rad - before
+    assert math.degrees(turned_rad) == pytest.approx(60.0, abs=6.0)
+    copter.wait(3.0, every=lambda: copter.tell(2.0, 0.0, 0.0, mask=0xDC7))
+    assert copter.vehicle.sensed.heading_rad - before == pytest.approx(turned_rad, abs=0.15)
+
+
+@pytest.mark.parametrize("model", [COPTER, PLANE])
+def test_what_it_accepts_without_an_effect_here(px4, model):
+    vehicle = px4(model)
+    for command in (195, 197, 201, 191, 401, 519):
+        assert vehicle.results(command) == [ACCEPTED]
+    assert vehicle.mode == HOLD
+
+
+def test_a_mission_that_it_has_not_is_denied(px4):
+    copter = px4()
+    assert copter.results(m.MAV_CMD_MISSION_START) == [DENIED]
+    assert copter.texts[-1] == "Mission start denied! No valid mission"
+
+
 def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
     copter = px4()
 
@@ -498,3 +616,17 @@ def test_an_integer_parameter_is_the_bytes_of_one(px4):
         two,
     )
     assert copter.vehicle.parameters["NAV_DLL_ACT"] == 2
+
+
+def test_a_parameter_that_it_has_not_is_told_as_an_error(px4):
+    copter = px4()
+    for asked in (
+        mavlink.MAVLink_param_request_read_message(1, 1, b"NOPE", -1),
+        mavlink.MAVLink_param_set_message(1, 1, b"NOPE", 1.0, m.MAV_PARAM_TYPE_REAL32),
+        mavlink.MAVLink_param_request_read_message(1, 1, b"", 20000),
+    ):
+        copter.air.ground.send(asked)
+        copter.air.run(0.1)
+    errors = [(each.param_id, each.param_index, each.error) for each in copter.air.ground.of("PARAM_ERROR")]
+    assert errors == [("NOPE", -1, 1), ("NOPE", -1, 1), ("", 20000, 1)]
+    assert copter.air.ground.of("PARAM_VALUE") == []
