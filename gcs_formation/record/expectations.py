@@ -143,12 +143,9 @@ def judge(
         reached = flown_s + 1.5 / scenario.law.rate_hz >= each.to_s
         why = "" if reached else f"flown to {flown_s:.1f} s of {each.to_s:g} s"
         judged = reached or not cut_short
-        gap_s = flight.gap(each.from_s, min(each.to_s, flown_s))
-        if gap_s is not None:
-            reached, judged, why = False, True, f"not recorded from {gap_s[0]:.1f} s to {gap_s[1]:.1f} s"
-        down_s = flight.down_from_s(each.from_s, each.to_s)
-        if down_s is not None:
-            reached, judged, why = False, True, f"nobody flew from {down_s:.1f} s on"
+        down_s, missing = flight.down_from_s(each.from_s, each.to_s), unflown(flight, each.from_s, each.to_s, flown_s)
+        if missing:
+            reached, judged, why = False, True, missing
         if each.metric in FOLLOWER_METRICS:
             chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
             for vehicle in (one for one in flight.followers(scenario) if one in chosen):
@@ -169,6 +166,17 @@ def judge(
                 yield Verdict(each, planned.vehicle_id, value, reached, judged, why)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
+
+
+def unflown(flight: RecordedFlight, from_s: float, to_s: float, flown_s: float) -> str:
+    """Return what of a window of mission time no formation was seen in, in words; "" if it was all the time.
+
+    `flown_s`: when the flight ended, whose end may be before the window's.
+    """
+    down_s, gap_s = flight.down_from_s(from_s, to_s), flight.gap(from_s, min(to_s, flown_s))
+    if down_s is not None:
+        return f"nobody flew from {down_s:.1f} s on"
+    return "" if gap_s is None else f"not recorded from {gap_s[0]:.1f} s to {gap_s[1]:.1f} s"
 
 
 def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> bool:

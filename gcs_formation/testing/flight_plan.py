@@ -22,6 +22,8 @@ from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import fly, run
 from gcs_formation.phases import COMMANDED
+from gcs_formation.record.expectations import unflown
+from gcs_formation.record.flight import RecordedFlight, split
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import PHASES, read_parquet
@@ -129,8 +131,14 @@ class FlownFlight:
         return self
 
     def keeps_apart(self, least_m: float) -> Self:
-        """Claim that no two vehicles come nearer to each other than `least_m`."""
+        """Claim that no two vehicles come nearer to each other than `least_m`, in a flight that was seen to its end.
+
+        As with `expect`, vehicles that lie on the ground, and ticks that aren't recorded, are no success.
+        """
         __tracebackhide__ = True
+        end_s = self.figures["duration_s"]
+        missing = unflown(self._flight, 0.0, end_s, end_s)
+        self._require(not missing, f"not {least_m:g} m apart all through the flight: {missing}")
         nearest_m = self.figures["safety"]["min_separation_m"]
         seen = nearest_m is not None
         self._require(seen and nearest_m >= least_m, f"vehicles {nearest_m} m apart; expected: {least_m:g} m or more")
@@ -155,6 +163,11 @@ class FlownFlight:
     @cached_property
     def _columns(self) -> Mapping[str, Array]:
         return read_parquet(self.directory / TIMESERIES)
+
+    @property
+    def _flight(self) -> RecordedFlight:
+        count = len(self.scenario.vehicles)
+        return split({name: each.reshape(-1, count) for name, each in self._columns.items()}, self.scenario)
 
     def _series_of(self, vehicle: VehicleId) -> Mapping[str, Array]:
         columns = self._columns

@@ -13,7 +13,7 @@ from formation_scenario.expectation import Expectation
 from gcs_formation.record.expectations import Verdict
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import write_parquet
+from gcs_formation.record.timeseries import read_parquet, write_parquet
 from gcs_formation.testing.flight_plan import FlownFlight, in_words
 
 TIME_S = np.arange(-20, 301) / 10.0
@@ -126,6 +126,30 @@ def test_separation_and_safety_are_claims_too(tmp_path):
         flight.keeps_apart(13)
     with pytest.raises(AssertionError, match="not as expected\n  clearance was 1 m"):
         flight.meets_its_expectations()
+
+
+def test_vehicles_that_all_lie_on_the_ground_are_not_kept_apart(tmp_path):
+    """Their distances until they crashed are no claim on the rest of the flight: `expect` is broken there, too."""
+    flight = flown(tmp_path)
+    columns = dict(read_parquet(tmp_path / TIMESERIES))
+    columns["airborne"] = np.where(np.repeat(TIME_S, 3) < 20.0, 1.0, 0.0)
+    write_parquet(tmp_path / TIMESERIES, [columns])
+    with pytest.raises(AssertionError, match="not 10 m apart all through the flight: nobody flew from 20.0 s on"):
+        flight.keeps_apart(10)
+    columns["airborne"][-3] = 1.0  # one flies at the end
+    write_parquet(tmp_path / TIMESERIES, [columns])
+    replace(flight).keeps_apart(10)
+
+
+def test_a_flight_of_which_a_part_is_not_recorded_keeps_nobody_apart(tmp_path):
+    flight = flown(tmp_path)
+    columns = {
+        name: each[np.abs(np.repeat(TIME_S, 3) - 15.0) > 4.0]
+        for name, each in read_parquet(tmp_path / TIMESERIES).items()
+    }
+    write_parquet(tmp_path / TIMESERIES, [columns])
+    with pytest.raises(AssertionError, match="not recorded from 10.9 s to 19.1 s"):
+        flight.keeps_apart(10)
 
 
 def test_many_violations_are_counted(tmp_path):
