@@ -277,6 +277,20 @@ def _delay_margin_s(loop: Complex) -> float:
     return float(np.min(phase / FREQUENCIES[crossings]))
 
 
+def stable_delay_s(loop: Complex, integrators: int) -> float:
+    """Return the least delay, s, that makes a loop unstable; 0 where it is without any, by Nyquist's count.
+
+    All poles of it but its `integrators` lie on the left; a factor s/(s + 1) takes each of these away.
+
+    Args:
+        loop: at `FREQUENCIES`; its gain is below 1 beyond.
+        integrators: how many poles at 0 it has.
+    """
+    s = 1j * FREQUENCIES
+    turned = np.unwrap(np.angle((1.0 + loop) * (s / (s + 1.0)) ** integrators))
+    return _delay_margin_s(loop) if max(abs(turned[0]), abs(turned[-1])) < np.pi / 2 else 0.0
+
+
 def left_by_filter(
     sample: tuple[float, float, float], walk_mps: float, lag_s: float, period_s: float
 ) -> tuple[float, float]:

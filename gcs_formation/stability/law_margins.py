@@ -13,6 +13,7 @@ from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.setpoint import TRAIL_S
+from gcs_formation.stability.aircraft import AircraftResponse, aircraft_responses
 from gcs_formation.stability.consensus_margins import ground_consensus_loops
 from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
@@ -49,12 +50,13 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
     gains_range, nominal = gain_range(scenario), nominal_gains(scenario)
 
     @cache
-    def axis(gains: PidGains, plant: Plant) -> tuple[float, float]:
-        return loop_margin(gains, plant, gains_range), worst_loop_margin(gains, plant, gains_range)
+    def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None) -> tuple[float, float]:
+        least_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
+        return least_s, worst_loop_margin(gains, plant, gains_range, aircraft)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
-        plants = _plants(scenario, model, x_rc_m)
-        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, strict=True)}
+        plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.speed_mps)
+        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, aircraft, strict=True)}
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
@@ -86,8 +88,9 @@ def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[flo
 def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
     gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
+    aircraft = aircraft_responses(model, scenario.path.speed_mps)
     return {
-        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i]) for of_slot in plants))
+        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i]) for of_slot in plants))
         for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
     }
 
@@ -118,7 +121,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
 def scenario_delay_margin(scenario: Scenario) -> float:
     """Return the delay margin, s, of the loop that has the least, at the small-signal gains."""
     loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
-    return min((delay_margin(loop.open_loop()) for loop in loops), default=math.inf)
+    return min((loop.delay_margin_s() for loop in loops), default=math.inf)
 
 
 def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:

@@ -11,10 +11,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
-from gcs_formation.stability.pid_margins import Loop, Plant, Rational, delay_margin, stacked
+from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 
 _GRID = 4000
 LAGS_OFF = 0.3
@@ -76,7 +75,7 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
     Returns:
         Both margins; (0, 0) when the loop is unstable without delay.
     """
-    if delay_margin(loop.open_loop()) <= 0.0:
+    if loop.delay_margin_s() <= 0.0:
         return MismatchMargin(0.0, 0.0)
     return MismatchMargin.of(mismatch_crossings(loop, nominal_delay_s, loop), nominal_delay_s)
 
@@ -236,18 +235,13 @@ def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
     directed = np.iscomplexobj(exact.numerator)
     w = np.concatenate((-_FREQUENCIES[::-1], _FREQUENCIES)) if directed else _FREQUENCIES
     s = 1j * w
-    origin = (s / (s + 1.0)) ** _poles_at_origin(exact)
+    origin = (s / (s + 1.0)) ** exact.integrators
     return _OnGrid(w, 1.0 + exact.at(w), late.at(w), np.exp(-s * delay_s), origin)
 
 
 def _lags_off(loop: Loop, share: float) -> list[Loop]:
     """Return the loop around autopilots with every lag off by a share of itself, in all combinations of the signs."""
     return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
-
-
-def _poles_at_origin(open_loop: Rational) -> int:
-    values: npt.NDArray[np.float64] = np.abs(open_loop.denominator)
-    return len(values) - len(np.trim_zeros(values, "b"))
 
 
 class LoopDelay(NamedTuple):
@@ -273,13 +267,14 @@ class Usage:
         self._margins_s: dict[tuple[float, int], float] = {}
 
     def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
-        """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known."""
+        """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known.
+
+        It is infinite where there is no margin, however well the delay is known.
+        """
         if math.isnan(delay.mean_s):
             return math.nan
-        if not self._predicted:
-            return _share(delay.mean_s, self.margin_s(delay.mean_s, bandwidth))
-        mismatch_s = DEVIATIONS * delay.scatter_s
-        return _share(mismatch_s, self.margin_s(delay.mean_s, bandwidth)) if mismatch_s > 0.0 else 0.0
+        used_s = DEVIATIONS * delay.scatter_s if self._predicted else delay.mean_s
+        return _share(used_s if used_s > 0.0 else 0.0, self.margin_s(delay.mean_s, bandwidth))
 
     def of_lags(self, delay: LoopDelay, off: float) -> float:
         """Return the share of their margin against wrong lags that loops with prediction use.
@@ -308,7 +303,7 @@ class Usage:
             of_each = (
                 (predicted_mismatch_margin(loop, step * STEP_S).least() for loop in slowed)
                 if self._predicted
-                else (delay_margin(loop.open_loop()) for loop in slowed)
+                else (loop.delay_margin_s() for loop in slowed)
             )
             self._margins_s[key] = min(of_each, default=math.inf)
         return self._margins_s[key]

@@ -1,4 +1,4 @@
-"""Delay margins of the three PID loops (13)-(14) closed over the link around the autopilot model (7).
+"""Delay margins of the three PID loops (13)-(14) closed over the link around the autopilot model (7), or the aircraft.
 
 The leader doesn't react in them: its motion is an input, and the feed-forward is not part of the loop.
 """
@@ -15,10 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
+from flight_model.gain_design import FREQUENCIES
 from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer
+from gcs_formation.stability.aircraft import AircraftResponse
 
 Coefficients = Array | Complex
 MID_RANGE: Triple = (0.5, 0.5, 0.5)
@@ -81,6 +83,12 @@ class Rational(NamedTuple):
         s = np.asarray(1j * np.asarray(frequency, dtype=np.float64), dtype=np.complex128)
         return np.asarray(_values(self.numerator, s) / _values(self.denominator, s))
 
+    @property
+    def integrators(self) -> int:
+        """How many poles at 0 it has."""
+        values: npt.NDArray[np.float64] = np.abs(self.denominator)
+        return len(values) - len(np.trim_zeros(values, "b"))
+
     def closed_loop_poles(self) -> Complex:
         """Poles with unit negative feedback."""
         return _roots(_sum(self.denominator, self.numerator))
@@ -92,6 +100,8 @@ class Loop:
 
     pid: PidGains
     plant: Plant
+    aircraft: AircraftResponse | None = None
+    """What flies instead of the plant's model (7)."""
 
     def slowed(self, bandwidth: float) -> Loop:
         """The loop with gains for a share of its bandwidth."""
@@ -105,8 +115,15 @@ class Loop:
         """The loop that feeds back another combination of the plant's states."""
         return replace(self, plant=self.plant._replace(output=row))
 
+    def delay_margin_s(self) -> float:
+        """Delay margin, s, around the aircraft where there is one; 0 or less when unstable without delay."""
+        loop = self.open_loop()
+        if self.aircraft is None:
+            return delay_margin(loop)
+        return self.aircraft.delay_margin_s(loop.at(FREQUENCIES), loop.integrators)
+
     def open_loop(self) -> Rational:
-        """L(s), without delay."""
+        """L(s) around (7), without delay."""
         (pid_zeros, pid_poles), (zeros, poles) = self.pid.transfer(), self.plant.transfer()
         return Rational(_product(pid_zeros, zeros), _product(pid_poles, poles))
 
@@ -193,29 +210,42 @@ def _margins_s(open_loops: Rational) -> list[float]:
 
 
 def loop_margin(
-    nominal: PidGains, plant: Plant, gain_range: GainRange = FIXED_GAINS, outputs: Triple = SMALL_SIGNAL
+    nominal: PidGains,
+    plant: Plant,
+    gain_range: GainRange = FIXED_GAINS,
+    outputs: Triple = SMALL_SIGNAL,
+    aircraft: AircraftResponse | None = None,
 ) -> float:
     """Delay margin, s, with the gains at the scheduler's outputs."""
-    return delay_margin(Loop(gain_range.gains(nominal, outputs), plant).open_loop())
+    return Loop(gain_range.gains(nominal, outputs), plant, aircraft).delay_margin_s()
 
 
 @cache
-def worst_loop_margin(nominal: PidGains, plant: Plant, gain_range: GainRange) -> float:
+def worst_loop_margin(
+    nominal: PidGains, plant: Plant, gain_range: GainRange, aircraft: AircraftResponse | None = None
+) -> float:
     """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
 
     It holds for frozen gains; it says nothing about how fast they may change. The least lies at a corner, as a rule.
     """
 
     def least(of: Sequence[Triple]) -> tuple[float, Triple]:
-        loops = [Loop(gain_range.gains(nominal, outputs), plant).open_loop() for outputs in of]
-        return min(zip(delay_margins(loops), of, strict=True))
+        loops = [Loop(gain_range.gains(nominal, outputs), plant, aircraft) for outputs in of]
+        return min(zip(_margins_of(loops), of, strict=True))
 
     if gain_range.span == 0.0:
-        return loop_margin(nominal, plant, gain_range, MID_RANGE)
+        return loop_margin(nominal, plant, gain_range, MID_RANGE, aircraft)
     margin_s, outputs = least(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
     for step in _FINER:
         margin_s, outputs = min((margin_s, outputs), least(_around(outputs, step)))
     return margin_s
+
+
+def _margins_of(loops: Sequence[Loop]) -> list[float]:
+    """Return the delay margin of each loop, s, all around aircraft or none."""
+    if loops[0].aircraft is not None:
+        return [each.delay_margin_s() for each in loops]
+    return delay_margins([each.open_loop() for each in loops])
 
 
 def _around(outputs: Triple, step: float) -> list[Triple]:

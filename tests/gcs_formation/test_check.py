@@ -28,7 +28,7 @@ from gcs_formation.app.check_warnings import (
 )
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
-from gcs_formation.stability import consensus_delay_margin
+from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
 from tests.flights.conftest import scenario as flight
 from tests.flights.in_memory import World
 
@@ -385,6 +385,18 @@ def test_a_loop_that_is_unstable_without_delay_stands_nothing_else() -> None:
     assert "loop x is unstable without any delay" in told["warnings"]
     assert (told["lag_margin"]["x"], told["mismatch_margin_lags_off_s"]["x"]) == (0.0, 0.0)
     assert not [text for text in told["warnings"] if text.startswith("loop x: at")]
+
+
+def test_gains_that_are_unstable_around_the_aircraft_have_no_margin_though_equation_7_would_have_one() -> None:
+    """ArduPlanes on the gains for noise never settle: 5 m along x in 180 s. By (7) alone the margin was 2.675 s."""
+    keys = {"vehicles": {"count": 2, "model": "arduplane"}, "path": {"waypoints_m": [[0, 0, 150], [5000, 0, 150]]}}
+    noise, auto = (load_scenario(keys | {"law": {"type": "pid", "gains": gains}}) for gains in ("noise", "auto"))
+    told = check_report(noise)
+    assert [text for text in told["warnings"] if text.startswith("law.speed: unstable around the aircraft")]
+    assert told["delay_margin_s"]["x"] == told["delay_margin_worst_s"]["x"] == scenario_delay_margin(noise) == 0.0
+    assert told["mismatch_margin_s"]["x"] == told["lag_margin"]["x"] == 0.0
+    assert 0.0 < told["delay_margin_s"]["y"] < told["loop_delay_s"], "by (7) alone 0.617 s"
+    assert min(check_report(auto)["delay_margin_s"].values()) > 1.0
 
 
 def test_a_margin_of_nothing_has_no_sign() -> None:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from flight_model.gain_design import FREQUENCIES
 from formation_scenario import load_scenario
 from formation_scenario.model import graph_adjacency
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
+from gcs_formation.stability.aircraft import AircraftResponse
 from gcs_formation.stability.consensus_margins import ground_consensus_loops, laplacian
 from gcs_formation.stability.mismatch import BANDWIDTHS, predicted_mismatch_margin
 from gcs_formation.stability.pid_margins import Loop, delay_margin, forward_plant, right_plant
@@ -57,6 +62,31 @@ def test_the_bandwidth_is_the_greatest_that_uses_no_more(mean_s: float, most: fl
 
 def test_a_delay_that_does_not_scatter_is_predicted_over_whatever_it_is() -> None:
     assert Usage([FORWARD], predicted=True).of(LoopDelay(2.0, 0.0)) == 0.0
+
+
+def test_a_loop_that_is_unstable_without_delay_uses_all_of_its_margin_however_well_the_delay_is_known() -> None:
+    unstable = Loop(PidGains(-1.0, 0.0, 0.0), FORWARD.plant)
+    for predicted in (False, True):
+        assert Usage([unstable], predicted=predicted).of(LoopDelay(0.1, 0.0)) == math.inf
+
+
+def test_loops_are_stable_around_the_aircraft_or_have_no_margin() -> None:
+    """ArduPlane's airspeed swings on the gains for noise; at a tenth of their bandwidth it doesn't."""
+    keys = {"vehicles": {"count": 2, "model": "arduplane"}, "path": {"waypoints_m": [[0, 0, 150], [5000, 0, 150]]}}
+    (axes,) = law_loops(load_scenario(keys | {"law": {"type": "pid", "gains": "noise"}})).values()
+    for predicted in (False, True):
+        usage = Usage(axes["x"], predicted=predicted)
+        assert usage.of(LoopDelay(0.1, 0.001)) == math.inf
+        assert usage.of(LoopDelay(0.1, 0.001), 0.1) < 0.2
+    (loop,) = axes["x"]
+    assert delay_margin(loop.open_loop()) == pytest.approx(2.675, abs=1e-3), "around (7)"
+
+
+def test_around_an_aircraft_that_flies_as_equation_7_says_the_margin_is_that_of_equation_7() -> None:
+    """As far as the grid of frequencies, 2 % apart, shows it."""
+    same = AircraftResponse(np.ones(FREQUENCIES.size, dtype=np.complex128))
+    for loop in LOOPS.values():
+        assert replace(loop, aircraft=same).delay_margin_s() == pytest.approx(loop.delay_margin_s(), rel=0.03)
 
 
 def test_two_deviations_are_held_against_the_mismatch_margin() -> None:

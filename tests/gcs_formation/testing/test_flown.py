@@ -134,7 +134,7 @@ def test_vehicles_that_all_lie_on_the_ground_are_not_kept_apart(tmp_path):
     columns = dict(read_parquet(tmp_path / TIMESERIES))
     columns["airborne"] = np.where(np.repeat(TIME_S, 3) < 20.0, 1.0, 0.0)
     write_parquet(tmp_path / TIMESERIES, [columns])
-    with pytest.raises(AssertionError, match="not 10 m apart all through the flight: nobody flew from 20.0 s on"):
+    with pytest.raises(AssertionError, match=r"not 10 m apart all through the flight: nobody flew from 20.0 s on"):
         flight.keeps_apart(10)
     columns["airborne"][-3] = 1.0  # one flies at the end
     write_parquet(tmp_path / TIMESERIES, [columns])
@@ -148,7 +148,7 @@ def test_a_flight_of_which_a_part_is_not_recorded_keeps_nobody_apart(tmp_path):
         for name, each in read_parquet(tmp_path / TIMESERIES).items()
     }
     write_parquet(tmp_path / TIMESERIES, [columns])
-    with pytest.raises(AssertionError, match="not recorded from 10.9 s to 19.1 s"):
+    with pytest.raises(AssertionError, match=r"not recorded from 10.9 s to 19.1 s"):
         flight.keeps_apart(10)
 
 
