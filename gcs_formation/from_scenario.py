@@ -21,6 +21,8 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 
+MOST_REPEATED_S = 1.0
+"""The time for which (7) can be trusted in gusts: averages over longer ones follow it instead of the vehicle."""
 LEAST_OF_DECLARED = 0.25
 """Share of a declared noise below which its estimate doesn't go."""
 HOLD_SHARE = 0.8
@@ -55,16 +57,19 @@ def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[Aut
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
     """Return the noise of every column's telemetry as it is declared; emulated vehicles' is none but rounding.
 
-    Noise that several samples share can't be seen from one sample to the next, so what is declared of it is the least.
+    Errors that several samples share can't be seen from one sample to the next, so what is declared of them is the
+    least. Those that last (`correlation_s`) count as they are: no average over the time for which model (7) can be
+    trusted in gusts makes them less, so a filter that trusted it for longer would only lose the vehicle.
     """
     sigma, least = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
     for column, vehicle in enumerate(vehicles, first):
         if isinstance(vehicle.navigation, NoisyNavigation):
-            white, shared = _noise(vehicle.navigation), _shared(vehicle.navigation, scenario.telemetry.rate_hz)
-            sigma[column] = np.maximum(shared * white, RESOLUTION)
-            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if shared == 1.0 else 1.0), RESOLUTION)
+            white, repeated = _noise(vehicle.navigation), _repeated(vehicle.navigation, scenario.telemetry.rate_hz)
+            seen = repeated == 1.0 and vehicle.navigation.correlation_s == 0.0
+            sigma[column] = np.maximum(repeated * white, RESOLUTION)
+            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if seen else 1.0), RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = UNDECLARED
     stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
@@ -79,9 +84,12 @@ def _noise(keys: NoisyNavigation) -> Array:
     return np.array((position_m, position_m, velocity_mps, velocity_mps, keys.airspeed_sigma_mps, heading_rad))
 
 
-def _shared(keys: NoisyNavigation, telemetry_hz: float) -> float:
-    """Return the factor by which the standard deviation is widened where several samples share one error."""
-    return math.sqrt(max(1.0, telemetry_hz / keys.rate_hz, 2.0 * keys.correlation_s * telemetry_hz))
+def _repeated(keys: NoisyNavigation, telemetry_hz: float) -> float:
+    """Return the factor by which the standard deviation is widened where a sensor's error is in several samples.
+
+    They then tell as much as one, unless that lasts longer than `MOST_REPEATED_S`.
+    """
+    return math.sqrt(max(1.0, min(telemetry_hz / keys.rate_hz, telemetry_hz * MOST_REPEATED_S)))
 
 
 def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:

@@ -341,6 +341,24 @@ def test_of_whom_nothing_is_declared_noise_is_taken_as_of_a_gnss_receiver_and_of
         assert not each._stated
 
 
+@pytest.mark.parametrize(
+    ("keys", "factor", "least"),
+    [
+        ({}, 1.0, 0.25),
+        ({"correlation_s": 20}, 1.0, 1.0),
+        ({"rate_hz": 2.5}, 2.0, 2.0),  # an error is in four samples, which tell as much as one
+        ({"rate_hz": 0.5, "correlation_s": 20}, math.sqrt(10.0), math.sqrt(10.0)),  # those of a second
+    ],
+)
+def test_errors_that_last_are_taken_as_large_as_they_are_and_no_smaller(keys, factor: float, least: float):
+    """Averages over the time for which model (7) can be trusted don't make them less."""
+    vehicles = {"count": 2, "navigation": {"source": "noisy", **keys}}
+    noise, _ = declared_noise(load_scenario(scenario(vehicles=vehicles, telemetry={"rate_hz": 10})))
+    white = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
+    np.testing.assert_allclose(noise.sigma(), factor * white)
+    np.testing.assert_allclose(np.sqrt(noise._least), least * white)
+
+
 def test_the_controller_filters_what_noisy_vehicles_tell():
     """The second of three flies straight on; its samples have the declared noise."""
     controller = FormationController(load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": "noisy"}})))
