@@ -27,7 +27,8 @@ from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterK
 from sim_vehicles.config import VehicleConfig
 
 if TYPE_CHECKING:
-    from sim_vehicles.px4 import Px4, Px4Copter
+    from sim_vehicles.px4 import Px4
+    from sim_vehicles.px4_copter import Px4Copter
     from sim_vehicles.vehicle import Vehicle
 
 AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {

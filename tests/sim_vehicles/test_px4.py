@@ -217,7 +217,7 @@ def test_modes_of_a_pilot_need_a_transmitter_once_it_is_armed(px4, model, mode, 
 @pytest.mark.parametrize("model", [COPTER, PLANE])
 def test_a_pilot_with_a_transmitter_takes_over(px4, model):
     vehicle = px4(model)
-    vehicle.vehicle.inject(Fault(at_s=0, vehicles=[1], kind="pilot", mode="MANUAL"), vehicle.vehicle.now, ends=False)
+    vehicle.vehicle.inject(Fault(at_s=0, kind="pilot", mode="MANUAL"), vehicle.vehicle.now, ends=False)
     assert vehicle.mode == MANUAL
     assert vehicle.set_mode(POSITION) == ACCEPTED
 
