@@ -47,13 +47,18 @@ STEP_S: Final = 1.0
 class ClockFilter:
     """A Kalman filter of a clock's offset and drift."""
 
-    def __init__(self, believed_drift: float) -> None:
-        """Start with a standard deviation of the clock's rate."""
+    def __init__(
+        self, believed_drift: float, offset_noise: float = OFFSET_NOISE, drift_noise: float = DRIFT_NOISE
+    ) -> None:
+        """Start with a standard deviation of the clock's rate.
+
+        Offset (s) and drift are taken to wander by `offset_noise` and `drift_noise` per square root of a second.
+        """
         self.offset_s: float = math.nan
         """The clock minus ours at the reference."""
         self.drift: float = 0.0
         """Rate of change of the offset."""
-        self._believed_drift = believed_drift
+        self._believed_drift, self._offset_noise, self._drift_noise = believed_drift, offset_noise, drift_noise
         self._reference = Instant(0)
         self._p00: float = 1.0
         self._p01: float = 0.0
@@ -75,10 +80,13 @@ class ClockFilter:
         self._p00, self._p01 = variance, 0.0
 
     def correct(self, at: Instant, sample_s: float, variance: float) -> float:
-        """Take a sample of the offset, s; return the logarithm of its likelihood, but for a constant."""
-        self._advance(at)
+        """Take a sample of the offset, s; return the logarithm of its likelihood, but for a constant.
+
+        One that comes late, behind a newer one, is held against what the offset was then.
+        """
+        self.advance(at)
         total = self._p00 + variance
-        innovation_s = sample_s - self.offset_s
+        innovation_s = sample_s - self.predict(at)
         gain0, gain1 = self._p00 / total, self._p01 / total
         self.offset_s += gain0 * innovation_s
         self.drift += gain1 * innovation_s
@@ -97,14 +105,32 @@ class ClockFilter:
         since_s = (now - self._reference) / NANOSECONDS
         return since_s - (clock_s - self._reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
 
-    def _advance(self, to: Instant) -> None:
-        elapsed_s = max(0.0, (to - self._reference) / NANOSECONDS)
+    @property
+    def reference(self) -> Instant:
+        """Of which instant its offset is."""
+        return self._reference
+
+    @property
+    def offset_variance(self) -> float:
+        """Variance of the offset, s²."""
+        return self._p00
+
+    @property
+    def drift_deviation(self) -> float:
+        """Standard deviation of the drift."""
+        return math.sqrt(max(0.0, self._p11))
+
+    def advance(self, to: Instant) -> None:
+        """Let the clock run on to an instant; it never runs back."""
+        if to <= self._reference:
+            return
+        elapsed_s = (to - self._reference) / NANOSECONDS
         self.offset_s += self.drift * elapsed_s
         self._reference = to
         grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
-        self._p00 = self._p00 + grown + squared(OFFSET_NOISE) * elapsed_s
+        self._p00 = self._p00 + grown + squared(self._offset_noise) * elapsed_s
         self._p01 += elapsed_s * self._p11
-        self._p11 += squared(DRIFT_NOISE) * elapsed_s
+        self._p11 += squared(self._drift_noise) * elapsed_s
 
 
 class ClockSync:

@@ -15,7 +15,7 @@ from collections import deque
 from statistics import median
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
-from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.clock_sync import ClockFilter, ClockSync
 
 DRIFT = 1e-4
 """Standard deviation of the drift of a crystal that nothing is known of."""
@@ -48,22 +48,23 @@ class GnssClock:
     def __init__(self, loop_s: float) -> None:
         """Start with nothing known; `loop_s` is the period of the loop on which the vehicle answers."""
         self._loop_s = loop_s
-        self.drift = 0.0
-        """How much faster than our clock it runs."""
         self.samples = 0
         self.jump_s = 0.0
         """By how much its UTC has jumped since `utc` was trusted, 0 if it hasn't; the jump isn't followed."""
-        self._middle_s = math.nan
-        self._offset_s = 0.0
-        self._variance = (1.0, 0.0, DRIFT**2)
+        self._filter = ClockFilter(DRIFT, OFFSET_NOISE, DRIFT_NOISE)
         self._trips = deque[float](maxlen=WINDOW)
         self._off = deque[tuple[float, float]](maxlen=WINDOW)
-        self._steps = deque[float](maxlen=UNSTEADY_STEPS)
+        self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
         self._readings = 0
         self._left_s: float | None = None
         """Time since boot of the last reading while disarmed."""
         self._first_s = math.nan
+
+    @property
+    def drift(self) -> float:
+        """How much faster than our clock it runs."""
+        return self._filter.drift
 
     @property
     def shortest_s(self) -> float:
@@ -76,8 +77,7 @@ class GnssClock:
             return "it sends no UTC"
         if self.samples < FEWEST:
             return "it has answered too few requests"
-        lasting_s = self._middle_s - self._steps[0] if len(self._steps) == UNSTEADY_STEPS else math.inf
-        if lasting_s < UNSTEADY_S:
+        if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
             return "its clock doesn't run steadily"
         if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > UNKNOWN_DRIFT_S:
             return "it was armed before it was first heard, and its clock has drifted since"
@@ -85,20 +85,20 @@ class GnssClock:
 
     def probe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
         """Take an answered TIMESYNC request."""
-        trip_s, middle_s = (received - sent) / NANOSECONDS, (sent + received) / 2 / NANOSECONDS
+        trip_s, middle = seconds_between(sent, received), Instant((sent + received) // 2)
         self._trips.append(trip_s)
         wait_s, variance = self._wait(trip_s)
         # The wait for the answering loop comes before the vehicle reads its clock: the midpoint is half of it late.
-        sample_s = (vehicle_time_ns - (sent + received) / 2) / NANOSECONDS - wait_s / 2
+        sample_s = (vehicle_time_ns - middle) / NANOSECONDS - wait_s / 2
         self.samples += 1
         if self.samples == 1:
-            self._middle_s, self._offset_s, self._variance = middle_s, sample_s, (variance, 0.0, DRIFT**2)
+            self._filter.begin(middle, sample_s, variance)
             return
-        self._advance(middle_s)
-        off_s = sample_s - self._offset_s
+        self._filter.advance(middle)
+        off_s = sample_s - self._filter.predict(middle)
         self._off.append((off_s, variance))
-        if abs(off_s) <= GATE_SIGMAS * math.sqrt(self._variance[0] + variance) + GATE_S:
-            self._correct(off_s, variance)
+        if abs(off_s) <= GATE_SIGMAS * math.sqrt(self._filter.offset_variance + variance) + GATE_S:
+            self._filter.correct(middle, sample_s, variance)
         self._judge_step()
 
     def utc(self, unix_s: float, boot_s: float, *, armed: bool) -> None:
@@ -127,8 +127,8 @@ class GnssClock:
 
         A link that takes d longer up than down makes it d/2 more.
         """
-        boot_s = self._middle_s + self._offset_s
-        return self.to_utc_s(boot_s) - self._middle_s
+        reference_s = self._filter.reference / NANOSECONDS
+        return self.to_utc_s(reference_s + self._filter.offset_s) - reference_s
 
     def _left(self) -> float:
         """Return the time since boot at which its UTC left the receiver's."""
@@ -152,24 +152,6 @@ class GnssClock:
         rest_s = (1.0 - share) * (trip_s - mean_s)
         return wait_s, RESOLUTION_S**2 + (max(0.0, scatter_s2 - loop_s2) + rest_s**2) / 4
 
-    def _advance(self, to_s: float) -> None:
-        elapsed_s = max(0.0, to_s - self._middle_s)
-        p00, p01, p11 = self._variance
-        self._offset_s += self.drift * elapsed_s
-        self._middle_s = to_s
-        self._variance = (
-            p00 + elapsed_s * (2 * p01 + elapsed_s * p11) + OFFSET_NOISE**2 * elapsed_s,
-            p01 + elapsed_s * p11,
-            p11 + DRIFT_NOISE**2 * elapsed_s,
-        )
-
-    def _correct(self, off_s: float, variance: float) -> None:
-        p00, p01, p11 = self._variance
-        gain0, gain1 = p00 / (p00 + variance), p01 / (p00 + variance)
-        self._offset_s += gain0 * off_s
-        self.drift += gain1 * off_s
-        self._variance = ((1 - gain0) * p00, (1 - gain0) * p01, p11 - gain1 * p01)
-
     def _judge_step(self) -> None:
         """Take what the last round trips have in common for a change of the link's split, not of the clock."""
         if len(self._off) < WINDOW:
@@ -178,10 +160,10 @@ class GnssClock:
         variance = median(variance for _, variance in self._off)
         if abs(step_s) <= STEP_SIGMAS * math.sqrt(variance / WINDOW) + STEP_S:
             return
-        self._offset_s += step_s
-        self._variance = (variance, 0.0, self._variance[2])
+        reference = self._filter.reference
+        self._filter.step(reference, self._filter.offset_s + step_s, variance)
         self._off.clear()
-        self._steps.append(self._middle_s)
+        self._steps.append(reference)
 
 
 class StampMap:

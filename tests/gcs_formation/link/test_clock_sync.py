@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.clock_sync import ClockFilter, ClockSync
 
 
 def probe(
@@ -237,3 +237,15 @@ def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
         delays_s.append(sync.one_way_s)
     assert np.median(scatters_s[20:]) == pytest.approx(0.04 * math.sqrt(2), rel=0.2)
     assert np.std(delays_s[20:]) < 0.04 / math.sqrt(2) / 3.0
+
+
+@pytest.mark.parametrize("drift", [0.015, -100e-6])
+def test_an_answer_that_comes_late_tells_of_the_offset_then(drift: float) -> None:
+    """Taken for the offset of now, one of a second ago would move it by the drift times a second: 11 ms of 15."""
+    known = ClockFilter(0.02)
+    known.begin(Instant(0), 0.0, 1e-6)
+    for quarter in range(1, 401):
+        known.correct(after(Instant(0), quarter / 4), drift * quarter / 4, 1e-6)
+    known.correct(after(Instant(0), 99.0), drift * 99.0, 1e-6)
+    assert known.reference == after(Instant(0), 100.0)
+    assert known.predict(after(Instant(0), 100.0)) == pytest.approx(drift * 100.0, abs=1e-6)
