@@ -14,6 +14,10 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 SLACK_S = 5e-3
 """How far UTC may be beyond what causality allows: the errors of stamps and of round trips."""
+IN_USE_S = 10e-3
+"""The same of UTC that is in use."""
+AGAIN_S = 10.0
+"""UTC that was given up is used again once nothing has been against it for so long."""
 SLEW = 0.01
 """Rate at which the mapping of stamps in flight follows what is found, s a second."""
 
@@ -30,9 +34,9 @@ class UtcBounds(NamedTuple):
     reach_s: float
     """Half of its shortest round trip."""
 
-    def allows(self, utc_s: float) -> bool:
+    def allows(self, utc_s: float, slack_s: float = SLACK_S) -> bool:
         """Return whether no datagram would have arrived before it was sent."""
-        return abs(utc_s - self.middle_s) <= self.reach_s + SLACK_S
+        return abs(utc_s - self.middle_s) <= self.reach_s + slack_s
 
 
 def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
@@ -65,6 +69,8 @@ class CommonClock:
         self._utc_s = math.nan
         """UTC minus our clock, as used; NaN before there is any."""
         self._said: dict[VehicleId, tuple[bool, bool]] = {}
+        self._given_up: dict[VehicleId, tuple[Instant, str]] = {}
+        """Whose UTC was in use and isn't: when something was against it last, and what."""
         self._last: Instant | None = None
 
     def watch(self, now: Instant) -> None:
@@ -87,7 +93,7 @@ class CommonClock:
             self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
 
     def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
-        why = self._why_not(vehicle, bounds)
+        why = self._still(vehicle, self._why_not(vehicle, bounds), now)
         flies = vehicle.member is Member.FLYING
         vehicle.round_trips.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
         jump_s = vehicle.round_trips.gnss.jump_s if vehicle.round_trips.gnss else 0.0
@@ -98,12 +104,24 @@ class CommonClock:
             found = went_on if jump_s else "its stamps are mapped by its UTC"
             self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
 
+    def _still(self, vehicle: Vehicle, why: str | None, now: Instant) -> str | None:
+        """Return why a vehicle's UTC isn't used: it isn't taken up again at once where it was given up."""
+        given_up = self._given_up.get(vehicle.identity)
+        if why is not None and (given_up or vehicle.round_trips.stamps.by_utc):
+            self._given_up[vehicle.identity] = now, why
+        elif given_up and seconds_between(given_up[0], now) < AGAIN_S:
+            return given_up[1]
+        elif given_up:
+            del self._given_up[vehicle.identity]
+        return why
+
     def _why_not(self, vehicle: Vehicle, bounds: UtcBounds | None) -> str | None:
+        stamps = vehicle.round_trips.stamps
         if bounds is None:
-            return vehicle.round_trips.gnss.why_not() if vehicle.round_trips.gnss else None
+            return stamps.gnss.why_not(used=stamps.by_utc) if stamps.gnss else None
         if math.isnan(self._utc_s):
             return "vehicles disagree about it, and no majority is right"
-        if bounds.allows(self._utc_s):
+        if bounds.allows(self._utc_s, IN_USE_S if stamps.by_utc else SLACK_S):
             return None
         least_s = abs(bounds.middle_s - self._utc_s) - bounds.reach_s
         return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
@@ -111,6 +129,6 @@ class CommonClock:
 
 def _bounds(vehicle: Vehicle) -> UtcBounds | None:
     clock = vehicle.round_trips.gnss
-    if clock is None or clock.why_not() is not None:
+    if clock is None or clock.why_not(used=vehicle.round_trips.stamps.by_utc) is not None:
         return None
     return UtcBounds(clock.station_utc_s(), clock.shortest_s / 2)

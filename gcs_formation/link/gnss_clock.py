@@ -5,7 +5,8 @@ the slope of the round trips' midpoints, and a step in them is the link's: its s
 
 UTC comes from the vehicle's receiver only while it is disarmed, and only forwards; then it runs on the vehicle's own
 crystal (ArduPilot, AP_RTC). A slow clock therefore left UTC when it was armed, a fast one when it booted. Both are
-corrected by the drift.
+corrected by the drift since then, which needs that the better known the longer it is: 0.5 ppm, which is as well as the
+filter ever knows it, are 1.8 ms in an hour and 33 ms in 18.
 """
 
 from __future__ import annotations
@@ -37,7 +38,11 @@ OLDEST_UNIX_S = 1.5e9
 """UTC before July 2017 hasn't been set."""
 JUMP_S = 0.01
 UNKNOWN_DRIFT_S = 0.01
-"""Drift since an unknown instant that is too much to know UTC by."""
+"""Drift that is too much to know UTC by, if it isn't known, or not since when."""
+SIGMAS = 3.0
+"""Standard deviations of the drift up to which it is looked at."""
+IN_USE = 2.0
+"""UTC that is in use stays so up to this many times what keeps other UTC from being used."""
 UNKNOWN_WAYS_S = math.nan, math.nan
 EPOCH = Instant(0)
 
@@ -71,17 +76,28 @@ class GnssClock:
         """Shortest of the recent round trips."""
         return min(self._trips, default=math.nan)
 
-    def why_not(self) -> str | None:
-        """Return why its UTC can't be used, None when it can."""
+    def why_not(self, *, used: bool = False) -> str | None:
+        """Return why its UTC can't be used, None when it can; `used`: it is in use."""
         if math.isnan(self._utc_s):
             return "it sends no UTC"
         if self.samples < FEWEST:
             return "it has answered too few requests"
         if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
             return "its clock doesn't run steadily"
-        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > UNKNOWN_DRIFT_S:
+        most_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
+        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
             return "it was armed before it was first heard, and its clock has drifted since"
+        unsure_s = self.unsure_s()
+        if unsure_s > most_s:
+            return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
         return None
+
+    def unsure_s(self) -> float:
+        """Return by how much its UTC may be off as its drift isn't known better, s, by three standard deviations."""
+        off = SIGMAS * self._filter.drift_deviation
+        boot_s = self._filter.reference / NANOSECONDS + self._filter.offset_s
+        gained_s = self._gained_s(self.drift, boot_s)
+        return max(abs(self._gained_s(self.drift + each, boot_s) - gained_s) for each in (off, -off))
 
     def probe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
         """Take an answered TIMESYNC request."""
@@ -120,7 +136,7 @@ class GnssClock:
 
     def to_utc_s(self, boot_s: float) -> float:
         """Return UTC, s since 1970, at a time since boot."""
-        return boot_s + self._utc_s - self.drift * (boot_s - self._left())
+        return boot_s + self._utc_s - self._gained_s(self.drift, boot_s)
 
     def station_utc_s(self) -> float:
         """Return UTC minus our clock, s, if the link took equally long up and down.
@@ -130,11 +146,11 @@ class GnssClock:
         reference_s = self._filter.reference / NANOSECONDS
         return self.to_utc_s(reference_s + self._filter.offset_s) - reference_s
 
-    def _left(self) -> float:
-        """Return the time since boot at which its UTC left the receiver's."""
-        if self.drift >= 0:
-            return 0.0
-        return self._first_s / 2 if self._left_s is None else self._left_s
+    def _gained_s(self, drift: float, boot_s: float) -> float:
+        """Return what its UTC has gained on the receiver's by a time since boot, with a drift."""
+        if drift >= 0:
+            return drift * boot_s
+        return drift * (boot_s - (self._first_s / 2 if self._left_s is None else self._left_s))
 
     def _wait(self, trip_s: float) -> tuple[float, float]:
         """Return the part of a round trip that was the wait for the answering loop, and the variance of the midpoint.
@@ -167,35 +183,51 @@ class GnssClock:
 
 
 class StampMap:
-    """The mapping in use; a change of it in flight is spread over time."""
+    """The mapping in use; a change of it in flight is spread over time.
+
+    By UTC it is a straight line that is drawn anew at each tick, not at each answer, so that it can be.
+    """
 
     def __init__(self, round_trips: ClockSync, gnss: GnssClock | None) -> None:
         """Begin by round trips; `gnss` is the clock against UTC, None where nobody asks for that."""
         self.gnss = gnss
         self._round_trips = round_trips
         self._utc_s: float | None = None
-        self._slew_s = 0.0
+        self._slew_s = self._line_s = self._at_line_s = self._rate = 0.0
+        """By UTC: what our clock shows, s, when the vehicle's shows `_line_s`, and at what rate the two go."""
+
+    @property
+    def by_utc(self) -> bool:
+        """Whether stamps are mapped by UTC."""
+        return self._utc_s is not None
 
     def use_utc(self, utc_s: float | None, now: Instant, slew_s: float) -> None:
         """Map by the vehicle's UTC, given what UTC minus our clock is; None: by round trips.
 
-        A change comes gradually, by at most `slew_s` a call.
+        A change, also of what its UTC is taken for, comes gradually, by at most `slew_s` a call.
         """
-        if (utc_s is None) != (self._utc_s is None) and self._round_trips.samples:
+        if self._round_trips.samples and not (utc_s is None and self._utc_s is None):
             stamp_s = now / NANOSECONDS + self._round_trips.offset_s
-            before = self.to_instant(stamp_s)
-            self._utc_s, self._slew_s = utc_s, 0.0
+            before, self._slew_s = self.to_instant(stamp_s), 0.0
+            self._utc_s = utc_s
+            self._draw(stamp_s)
             self._slew_s = seconds_between(self.to_instant(stamp_s), before)
         self._utc_s = utc_s
         self._slew_s -= math.copysign(min(abs(self._slew_s), slew_s), self._slew_s)
 
     def to_instant(self, stamp_s: float) -> Instant:
         """Return our instant for its time since boot, s."""
-        if self.gnss is None or self._utc_s is None:
+        if self._utc_s is None:
             instant = self._round_trips.to_instant(stamp_s)
         else:
-            instant = after(EPOCH, self.gnss.to_utc_s(stamp_s) - self._utc_s)
+            instant = after(EPOCH, self._at_line_s + self._rate * (stamp_s - self._line_s))
         return after(instant, self._slew_s) if self._slew_s else instant
+
+    def _draw(self, stamp_s: float) -> None:
+        """Draw the line by UTC through what its clock shows at a time since boot."""
+        if self.gnss is not None and self._utc_s is not None:
+            self._line_s, self._at_line_s = stamp_s, self.gnss.to_utc_s(stamp_s) - self._utc_s
+            self._rate = 1.0 - self.gnss.drift
 
     def ways_s(self, one_way_s: float) -> tuple[float, float]:
         """Return the delays up and down, s, of a round trip that took twice `one_way_s`; NaN where UTC isn't used."""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS
+from airlink.clock import NANOSECONDS, Instant, after
+from airlink.messages.system import Timesync
+from gcs_formation.fleet.common_clock import CommonClock
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
+from gcs_formation.vehicle.vehicle import Member
 from tests.flights.in_memory import World
 from tests.flights.test_message_intervals import interval, tell
 
@@ -114,6 +119,33 @@ def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_ro
     assert measured_ms(flown, 3) == (None, None)
     assert rms_m(flown, 2, "x") < TOLERANCE_M
     assert rms_m(flown, 3, "x") == pytest.approx(3.5, abs=0.15)
+
+
+def test_a_fast_clock_that_has_been_up_for_hours_is_mapped_by_round_trips_and_said_so_once():
+    """By UTC, 18 h at a drift known to 1 ppm or worse had its vehicle metres off its slot for two minutes."""
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "clock": {"offset_s": 65_000, "drift_ppm": 100}}]
+    world = World(duration_s=20, vehicles=vehicles, telemetry=GNSS, links={"default": {"delay_ms": 200}})
+    world.run()
+    (said,) = [event.text for event in world.notes.events if event.kind == "clock" and str(event.vehicle) == "2"]
+    assert said.startswith("UTC isn't used: its clock's drift isn't known well enough")
+    assert world.worst_m() < 0.15
+
+
+def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
+    """Its bounds come and go by a few ms about what is allowed: one that is used is allowed more, and waits after."""
+    trips = RoundTrips(0.0, by_utc=True)
+    vehicle = SimpleNamespace(identity=2, round_trips=trips, member=Member.FLYING, clock=trips.clock)
+    said = list[str]()
+    common = CommonClock(cast(Any, {2: vehicle}), 1.6e9, lambda _now, _kind, text, _vehicle=None: said.append(text))
+    for tick in range(400):
+        sent = after(Instant(0), tick / 4)
+        trips.request(sent)
+        trips.measure(Timesync(sent, sent), sent)
+        off_s = 0.03 if 100 <= tick < 102 else 0.004 + 0.004 * (tick < 200 and tick % 2)  # 5 ms are allowed, then 10
+        cast(Any, trips.gnss).utc(1.6e9 + tick / 4 + off_s, tick / 4, armed=False)
+        common.watch(sent)
+        assert trips.stamps.by_utc == (8 <= tick < 100 or tick >= 239), tick
+    assert [text[:9] for text in said] == ["its stamp", "UTC isn't", "its stamp"]
 
 
 def jump(world: World, number: int, seconds: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 
@@ -11,7 +12,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, after
 from gcs_formation.fleet.common_clock import UtcBounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.gnss_clock import GnssClock, StampMap
+from gcs_formation.link.gnss_clock import UNKNOWN_DRIFT_S, GnssClock, StampMap
 
 UTC_AT_0_S = 1.6e9
 LOOP_S = 0.02
@@ -197,6 +198,65 @@ def test_a_slow_clock_that_was_armed_unseen_has_drifted_by_an_unknown_amount():
     made.now_s = 1000.0
     made.fly(1100.0)
     assert "armed before" in str(made.clock.why_not())
+
+
+def test_a_fast_clock_that_has_been_up_for_18_h_is_never_known_well_enough():
+    """Half a ppm, which is as well as its drift gets known, is 32 ms in 65,000 s: 0.7 m at 22 m/s."""
+    made = Made(100e-6, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 65_000.0
+    for to_s in (65_003.0, 65_100.0, 65_900.0):
+        made.fly(to_s)
+        assert "drift isn't known well enough" in str(made.clock.why_not())
+        assert abs(made.utc_error_s()) < made.clock.unsure_s()
+
+
+@pytest.mark.parametrize("drift", [40e-6, 5e-6])
+def test_a_fast_clock_that_has_been_up_for_an_hour_is_used_once_its_drift_is_known(drift: float) -> None:
+    made = Made(drift, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 3600.0
+    made.fly(3610.0)
+    assert made.clock.why_not() is not None
+    made.fly(3900.0)
+    assert made.clock.why_not() is None
+    assert abs(made.utc_error_s()) < UNKNOWN_DRIFT_S
+
+
+def test_utc_in_use_is_given_up_at_twice_what_keeps_it_from_being_used():
+    made = Made(40e-6, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 3600.0
+    while made.clock.samples < 8 or made.clock.unsure_s() > 2 * UNKNOWN_DRIFT_S:
+        made.fly(made.now_s + 1.0)
+    assert made.clock.unsure_s() > UNKNOWN_DRIFT_S
+    assert made.clock.why_not() is not None
+    assert made.clock.why_not(used=True) is None
+
+
+def test_a_slow_clock_whose_arming_was_seen_is_extrapolated_since_then_alone():
+    """However long it was up before: it was set until it was armed."""
+    made = Made(-40e-6, constant(0.1, 0.1), armed_s=20_060.0)
+    made.now_s = 20_000.0
+    made.fly(20_120.0)
+    assert made.clock.why_not() is None
+    assert abs(made.utc_error_s()) < 0.002
+
+
+def test_a_drift_that_gets_better_known_moves_the_mapping_no_faster_than_promised():
+    """In an hour 3 ppm are 11 ms: they come at 1 ms a tick, whenever the answer comes."""
+    made = Made(40e-6, constant(0.1, 0.1), armed_s=0.0)
+    made.now_s = 3600.0
+    made.fly(3602.0)
+    trips = ClockSync(LOOP_S)
+    stamps, moved_s = StampMap(trips, made.clock), list[float]()
+    for _ in range(200):
+        made.fly(made.now_s + 0.25)
+        sent = after(Instant(0), made.now_s)
+        trips.observe(sent, round(made.boot_s(made.now_s + 0.1) * NANOSECONDS), after(sent, 0.2))
+        boot_s = made.boot_s(made.now_s)
+        before = stamps.to_instant(boot_s)
+        stamps.use_utc(UTC_AT_0_S, sent, 0.001 if stamps.by_utc else math.inf)
+        moved_s.append((stamps.to_instant(boot_s) - before) / NANOSECONDS)
+    assert max(abs(each_s) for each_s in moved_s[1:]) < 1.1e-3
+    assert abs(sum(moved_s[1:])) > 0.02  # as it had to
 
 
 def test_what_most_allow_is_agreed_on_and_stands():
