@@ -51,6 +51,7 @@ class Copter(Vehicle):
     mav_type = m.MAV_TYPE_QUADROTOR
     capabilities = 64495
     unasked = HEARTBEAT_ALONE
+    tells_time_at_once = True
     guided_mode = CopterMode.GUIDED
     ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE

@@ -32,7 +32,8 @@ class Fleet(Engine):
     """Flies all vehicles; each has a socket of its own.
 
     A cycle of the main loop moves the vehicles to its instant, then handles what has arrived (so replies are sent on
-    the loop, as a real autopilot's are), then sends what is due. A late timer catches up cycle by cycle.
+    the loop, as a real autopilot's are), then sends what is due. A late timer catches up cycle by cycle. Where the real
+    one's loop is quicker than this, the time alone is told as it is asked for: delays are measured by that.
     """
 
     def __init__(self, config: FleetConfig, now: Instant = Instant(0), truth: TruthListener | None = None) -> None:

@@ -10,6 +10,8 @@ from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
 from airlink.messages import Message
+from airlink.messages.payload import MARKER_V2
+from airlink.messages.system import Timesync
 from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
@@ -20,6 +22,7 @@ UNHEARD: Final = Instant(-1)
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
+_TIMESYNC: Final = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 
 class Peer:
@@ -84,6 +87,20 @@ class Link:
         if len(self._inbox) < MAX_INBOX:
             datagram.arrived = now
             self._inbox.append(datagram)
+
+    def time_asked(self, datagram: Datagram, now: Instant) -> Timesync | None:
+        """Return the TIMESYNC request that is all of a datagram from a known peer, None if it is anything else."""
+        data, peer = datagram.data, self._peers.get(datagram.peer)
+        if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
+            return None
+        frames = StreamParser().feed(data)
+        if len(frames) != 1 or len(frames[0].raw) != len(data) or not self._is_for_us(frames[0]):
+            return None
+        asked = frames[0].message
+        if not isinstance(asked, Timesync) or asked.tc1_ns:
+            return None
+        peer.heard = now
+        return asked
 
     @property
     def next_arrival(self) -> Instant:

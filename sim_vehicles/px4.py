@@ -43,6 +43,7 @@ class Px4(Vehicle):
     unasked = tables.STREAMS
     builders = tables.BUILDERS
     asks_time = False
+    tells_time_at_once = True
     stores_missions = False
     locks = True
     guided_mode = Px4Mode.HOLD

@@ -61,6 +61,8 @@ class Vehicle(ABC):
     """Whether it asks others for their time (TIMESYNC)."""
     stores_missions: ClassVar[bool] = True
     """Whether missions can be written to it."""
+    tells_time_at_once: ClassVar[bool] = False
+    """Whether it answers TIMESYNC as it comes, not in its main loop."""
     locks: ClassVar[bool] = False
     """Whether its link hears the first sender alone, until it restarts."""
     guided_mode: ClassVar[FlightMode]
@@ -148,6 +150,12 @@ class Vehicle(ABC):
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
+        if self.tells_time_at_once and not (self._frozen or self.pilot.crashed):
+            asked = self.link.time_asked(datagram, now)
+            if asked is not None:
+                told_ns = self._clock.nanoseconds(now) // 1000 * 1000
+                self.link.answer(datagram.peer, Timesync(told_ns, asked.ts1_ns))
+                return
         self.link.receive(datagram, now)
         self.wake = min(self.wake, now)
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 import pytest
 
 from airlink import mavlink as m
-from tests.sim_vehicles.conftest import mavlink
+from airlink.clock import after
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter, StreamParser
+from airlink.messages.system import Timesync
+from tests.sim_vehicles.conftest import GROUND, mavlink
 from tests.sim_vehicles.test_copter import MODEL
-from tests.sim_vehicles.test_px4 import COPTER
+from tests.sim_vehicles.test_px4 import COPTER, PLANE
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 REBOOT, ARM = m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, m.MAV_CMD_COMPONENT_ARM_DISARM
@@ -73,3 +77,17 @@ def test_a_px4_has_no_mission_and_takes_none(make_air):
     air.run(0.1)
     assert [each.count for each in air.ground.of("MISSION_COUNT")] == [0]
     assert [each.type for each in air.ground.of("MISSION_ACK")] == [m.MAV_MISSION_UNSUPPORTED]
+
+
+@pytest.mark.parametrize(("model", "waits"), [(None, True), (MODEL, False), (COPTER, False), (PLANE, False)])
+def test_time_is_told_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, model, waits):
+    """A PX4's receiver is a thread of its own, an ArduCopter's loop takes 2.5 ms; an ArduPlane's 20 ms."""
+    air = make_air(**({"model": model} if model else {}))
+    air.run(3.5)
+    air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    air.run(0.1)
+    fleet, between = air.fleet, after(air.fleet.next_timer(), -0.007)
+    fleet.datagrams_to_send()
+    fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7)))], between)
+    told = [StreamParser().feed(datagram.data)[0].message for datagram in fleet.datagrams_to_send()]
+    assert [each.tc1_ns for each in told] == ([] if waits else [between // 1000 * 1000])
