@@ -121,7 +121,8 @@ class SequenceTracker:
         Return whether it shows that more frames were lost than was known, or fewer.
         """
         silent = now - heard >= STALE_AFTER_NS and self._newest != ANY
-        if self.received % MODULUS == 0 and not silent:
+        marked = self.received == self._next.received and self._newest != ANY  # and a frame was repeated since
+        if self.received % MODULUS == 0 and not silent and not marked:
             self._since, self._next = self._next, self._mark(now)
         if sequence == self._expected and not silent:
             self.received += 1

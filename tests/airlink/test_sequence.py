@@ -111,6 +111,16 @@ def heard_for(tracker, seconds):
     return heard
 
 
+def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
+    """At a count of 256 k each of them would begin it anew: of 640 frames in 15 s, 512 less were seen as lost."""
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    for _ in range(3):
+        tracker.observe(20 * 64 - 1 & 255, after(heard, 0.001), heard)
+    tracker.observe((20 * 64 + 640) % MODULUS, after(heard, 15.0), heard)
+    assert (tracker.repeated, tracker.missed) == (3, 640)
+
+
 @pytest.mark.parametrize("answers", [0, 320])
 def test_a_silence_has_lost_what_is_sent_unasked_and_answers_or_none(answers):
     """15 s: 640 by itself and 320 answers; numbers alone can't tell 640 from 896."""

@@ -136,7 +136,7 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
     trips = RoundTrips(0.0, by_utc=True)
     vehicle = SimpleNamespace(identity=2, round_trips=trips, member=Member.FLYING, clock=trips.clock)
     said = list[str]()
-    common = CommonClock(cast(Any, {2: vehicle}), 1.6e9, lambda *event: said.append(event[2]))
+    common = CommonClock(cast(Any, {2: vehicle}), 1.6e9, cast(Any, lambda *event: said.append(event[2])))
     for tick in range(400):
         sent = after(Instant(0), tick / 4)
         trips.request(sent)
