@@ -54,6 +54,12 @@ class CommandQueue:
     _waiting: deque[Command] = field(default_factory=deque[Command])
     _attempt: int = 0
     _next_attempt: Instant = Instant(0)
+    _first_attempt: Instant = Instant(0)
+    _answered: int = 0
+    """How many attempts of the command under way have been answered."""
+    _late: tuple[int, int, Instant] = (0, 0, Instant(0))
+    """What was accepted before all of its attempts were answered: its id, how many weren't, and until when that may
+    come."""
 
     def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
         """Start with these commands, and drop any earlier ones."""
@@ -66,6 +72,8 @@ class CommandQueue:
         if self.outcome is not Outcome.WAITING or now < self._next_attempt:
             return None
         command = self._waiting[0]
+        if not self._attempt:
+            self._first_attempt, self._answered = now, 0
         if isinstance(command, CommandLong):
             command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
@@ -84,12 +92,14 @@ class CommandQueue:
         """
         if self.outcome is not Outcome.WAITING or ack.command != self._waiting[0].command or not self._attempt:
             return None
-        if ack.result == UNDER_WAY:
+        if ack.result == UNDER_WAY or self._is_late(ack, now):
             return None
+        self._answered += 1
         if ack.result == m.MAV_RESULT_ACCEPTED:
             if early:
                 return None
             accepted = self._waiting.popleft()
+            self._expect_late(ack.command, now)
             self._attempt, self._next_attempt, self.since = 0, now, now
             self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
             return accepted
@@ -97,6 +107,24 @@ class CommandQueue:
         if ack.result not in TRY_AGAIN:
             self.outcome = Outcome.REFUSED
         return None
+
+    def _expect_late(self, command: int, now: Instant) -> None:
+        """Note what else is to come of a command that has just been accepted: a round trip after its last attempt.
+
+        That takes no longer than since its first one.
+        """
+        if self._attempt > self._answered:
+            round_trip_s = seconds_between(self._first_attempt, now)
+            until = after(self._next_attempt, round_trip_s - RETRY_S)
+            self._late = command, self._attempt - self._answered, until
+
+    def _is_late(self, ack: CommandAck, now: Instant) -> bool:
+        """Return whether an acknowledgement is a repeated one of a command before, of the same id; it is one less."""
+        command, count, until = self._late
+        late = ack.command == command and count > 0 and now <= until
+        if late:
+            self._late = command, count - 1, until
+        return late
 
 
 class SetpointChannel:

@@ -106,3 +106,27 @@ def test_a_command_int_has_no_confirmation_and_is_repeated_as_it_is():
     queue = CommandQueue()
     queue.begin((command,), START)
     assert queue.due(START) == queue.due(after(START, RETRY_S)) == command
+
+
+def test_a_repeated_acknowledgement_accepts_nothing_of_the_same_id() -> None:
+    """Over a round trip of 1 s each request is sent twice, and answered twice."""
+    first, second = (CommandLong(7, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=id_) for id_ in (30, 33))
+    queue = CommandQueue()
+    queue.begin((first, second), START)
+    assert [queue.due(after(START, at_s)) is not None for at_s in (0.0, RETRY_S)] == [True, True]
+    assert queue.acknowledge(accepted(first), after(START, 1.0)) is not None
+    assert queue.due(after(START, 1.0)) == second
+    assert queue.acknowledge(accepted(first), after(START, 1.0 + RETRY_S)) is None
+    assert queue.acknowledge(accepted(second), after(START, 2.0)) == second
+    assert queue.outcome is Outcome.ACCEPTED
+
+
+def test_an_acknowledgement_that_was_lost_is_not_waited_for_longer_than_a_round_trip() -> None:
+    first, second = (CommandLong(7, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=id_) for id_ in (30, 33))
+    queue = CommandQueue()
+    queue.begin((first, second), START)
+    for at_s in (0.0, RETRY_S):
+        queue.due(after(START, at_s))
+    queue.acknowledge(accepted(first), after(START, RETRY_S + 0.1))  # the second one's: the first was lost
+    queue.due(after(START, RETRY_S + 0.1))
+    assert queue.acknowledge(accepted(second), after(START, 2 * RETRY_S + 0.2)) == second
