@@ -20,7 +20,7 @@ from sim_vehicles.autopilot.failsafe import LONG_FAILSAFE
 from sim_vehicles.autopilot.missions import E7, Item, Missions
 from sim_vehicles.autopilot.modes import STRAIGHT_ON, FlightMode, Mode, select
 from sim_vehicles.autopilot.parameters import ParameterServer, planes
-from sim_vehicles.autopilot.pilot import Pilot
+from sim_vehicles.autopilot.pilot import Pilot, Target
 from sim_vehicles.autopilot.telemetry import UNASKED
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import WARNING, Vehicle
@@ -104,6 +104,7 @@ class MissionFlight:
         elif item.command in CIRCLES:
             self._pilot.circle(*self._leg.to_m, height_m)
         elif item.command == m.MAV_CMD_NAV_WAYPOINT:
+            self._pilot.target = Target(*self._leg.to_m, here)
             self._pilot.change_height(height_m)
         elif item.command == m.MAV_CMD_DO_CHANGE_SPEED and self._parameters.is_airspeed(item.params[1]):
             self._pilot.change_speed(item.params[1], math.inf)

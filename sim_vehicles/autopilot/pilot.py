@@ -25,6 +25,8 @@ LOOK_AHEAD_M: Final = 60.0
 BELOW_GROUND_M: Final = 3.0
 """How far below the ground the glide slope is continued, because the height lags."""
 TAKEOFF_DONE_M: Final = 2.0
+NO_WAY_M: Final = 1e-3
+"""A way shorter than this has no direction."""
 TOUCH_DOWN_M: Final = 0.1
 AUTOLAND: Final = Mode.AUTOLAND
 BOOTING: Final = Condition.BOOTING
@@ -46,11 +48,16 @@ class Approach(NamedTuple):
     lead_m: float
     """Distance by which the height setpoint leads the glide slope, to make up for the height's lag."""
 
+    @property
+    def begin_m(self) -> tuple[float, float]:
+        """Where it begins, north and east."""
+        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
+        return self.north_m - self.length_m * cos, self.east_m - self.length_m * sin
+
     def circle(self, radius_m: float) -> tuple[float, float]:
         """Return the centre, north and east, m, of the clockwise circle tangent to the approach at its start."""
-        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
-        north_m = self.north_m - self.length_m * cos - radius_m * sin
-        return north_m, self.east_m - self.length_m * sin + radius_m * cos
+        north_m, east_m = self.begin_m
+        return north_m - radius_m * math.sin(self.direction_rad), east_m + radius_m * math.cos(self.direction_rad)
 
     def begins(self, motion: Motion) -> bool:
         """Return whether a vehicle on that circle is low enough and aligned with the approach."""
@@ -75,6 +82,14 @@ class Approach(NamedTuple):
         return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
 
 
+class Target(NamedTuple):
+    """The place that is flown to or circled, and where the way there begins, north and east, m; None: it is circled."""
+
+    north_m: float
+    east_m: float
+    begin_m: tuple[float, float] | None = None
+
+
 class Pilot:
     """One vehicle's condition and mode, and the resulting flight. The ground is level, at the origin's height."""
 
@@ -89,6 +104,8 @@ class Pilot:
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.silent_at: Instant = NEVER
         """When a setpoint that isn't repeated is over: never, of a plane's."""
+        self.target: Target | None = None
+        """Where it flies to, or circles, or did so last; None: nowhere yet."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self._config = config
@@ -170,8 +187,25 @@ class Pilot:
         self.circle(motion.north_m, motion.east_m, motion.height_m)
         self.steer(motion.heading_rad, course=False, lateral_mps2=math.inf)
 
+    def to_go(self, motion: Motion) -> tuple[float, float, float]:
+        """Return its target's bearing, rad, and distance, m, and how far left of the way, or off the circle, it is, m.
+
+        A circle's outside counts positive. Source: ArduPilot, AP_L1_Control (`crosstrack_error`).
+        """
+        target = self.target
+        if target is None:
+            return motion.heading_setpoint_rad, 0.0, 0.0
+        north_m, east_m = target.north_m - motion.north_m, target.east_m - motion.east_m
+        distance_m, bearing_rad = math.hypot(north_m, east_m), math.atan2(east_m, north_m)
+        if target.begin_m is None:
+            return bearing_rad, distance_m, distance_m - self.radius_m
+        along_north_m, along_east_m = target.north_m - target.begin_m[0], target.east_m - target.begin_m[1]
+        area_m2 = along_north_m * east_m - along_east_m * north_m
+        return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), NO_WAY_M)
+
     def circle(self, north_m: float, east_m: float, height_m: float) -> None:
         """Circle a position clockwise."""
+        self.target = Target(north_m, east_m)
         self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
         self.change_height(height_m)
         self.circle_again()
@@ -242,6 +276,7 @@ class Pilot:
         if circles and not approach.begins(motion):
             return False
         course_rad, height_m = approach.guide(motion)
+        self.target = Target(approach.north_m, approach.east_m, approach.begin_m)
         self.change_speed(self._parameters["AIRSPEED_MIN"], math.inf)
         self.steer(course_rad, course=True, lateral_mps2=math.inf)
         self.change_height(height_m)

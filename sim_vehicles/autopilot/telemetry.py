@@ -182,12 +182,13 @@ def global_position_int(v: Vehicle) -> Message:
 
 
 def nav_controller_output(v: Vehicle) -> Message:
-    """Return NAV_CONTROLLER_OUTPUT: what it steers for, and what it lacks of it."""
+    """Return NAV_CONTROLLER_OUTPUT: where its target is, and what it lacks of that."""
     motion = v.sensed
-    nose, target = signed(motion.heading_rad), signed(motion.heading_setpoint_rad)
+    bearing, distance, aside = v.pilot.to_go(motion)
+    bearing = signed(bearing)
     high = motion.height_setpoint_m - motion.height_m
     fast = _read(v, motion.airspeed_setpoint_mps - motion.airspeed_mps)
-    return NavControllerOutput(_bank(motion), 0.0, nose, target, 0.0, high, fast, 0.0)
+    return NavControllerOutput(_bank(motion), 0.0, bearing, bearing, distance, high, fast, aside)
 
 
 def _read(v: Vehicle, true_mps: float) -> float:

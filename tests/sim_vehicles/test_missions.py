@@ -240,6 +240,25 @@ def test_a_mission_is_flown_from_the_ground_to_its_end_and_home(parked):
     assert current(parked) == (0, COMPLETE)
 
 
+def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_told(flying):
+    upload(flying, item(1, lat=35.0, lon=125.02))
+    flying.set_mode(AUTO)
+    flying.run(20.0)
+    told = flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
+    _, east, _ = flying.fleet.origin.to_ned(math.radians(35.0), math.radians(125.02), 0.0)
+    north_m, east_m = flying.state("north_m"), flying.state("east_m")
+    assert told.wp_dist == pytest.approx(math.hypot(north_m, east - east_m), abs=23.0)
+    assert told.target_bearing == pytest.approx(math.degrees(math.atan2(east - east_m, -north_m)), abs=3.0)
+    assert told.xtrack_error == pytest.approx(north_m, abs=15.0)
+    flying.set_mode(LOITER)
+    flying.run(40.0)
+    circle, told = flying.fleet.bodies[0].steering, flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
+    assert told.wp_dist == pytest.approx(circle.radius_m, rel=0.1)
+    assert told.xtrack_error == pytest.approx(told.wp_dist - circle.radius_m, abs=1.0)
+    heading = flying.ground.of("VFR_HUD")[-1].heading
+    assert (told.target_bearing - heading) % 360 == pytest.approx(90.0, abs=10.0)  # to the right, of a clockwise one
+
+
 def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying):
     upload(flying, item(1, lat=35.003), item(2, lat=35.02), item(3, UNLIMITED, lat=35.012))
     assert flying.set_mode(AUTO) == OK
