@@ -13,7 +13,7 @@ from airlink.clock import after
 from airlink.frame import Frame
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
-from sim_vehicles.autopilot.board_clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER, delayed
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.copter_tables import HANDLERS, copters
 from sim_vehicles.autopilot.failsafe import COPTER_FAILSAFE
@@ -102,7 +102,7 @@ class Copter(Vehicle):
         if not armed and self.ready:
             self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
         if armed and not self.pilot.airborne:
-            self.disarm_at = after(self.now, self.parameters["DISARM_DELAY"])
+            self.disarm_at = delayed(self.now, self.parameters["DISARM_DELAY"])
         return armed
 
     def take_off(self, height_m: float) -> bool:

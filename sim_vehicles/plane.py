@@ -11,11 +11,12 @@ from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import Instant, seconds_between
 from airlink.messages.mission import MissionItemReached
 from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.failsafe import LONG_FAILSAFE
 from sim_vehicles.autopilot.missions import E7, Item, Missions
 from sim_vehicles.autopilot.modes import STRAIGHT_ON, FlightMode, Mode, select
@@ -132,7 +133,7 @@ class MissionFlight:
             self._circling_since, self._circling_from_rad = now, motion.heading_rad
         if item.command == m.MAV_CMD_NAV_LOITER_TIME:
             return seconds_between(self._circling_since, now) >= item.params[0]
-        turns = (motion.heading_rad - self._circling_from_rad) / math.tau
+        turns = abs(motion.heading_rad - self._circling_from_rad) / math.tau
         return item.command == m.MAV_CMD_NAV_LOITER_TURNS and turns >= item.params[0]
 
     def _advance(self, item: Item) -> None:
@@ -223,7 +224,7 @@ class Plane(Vehicle):
 
     def landed(self) -> None:
         """Disarm a while after it has touched down."""
-        self.disarm_at = after(self.now, self.parameters["LAND_DISARMDELAY"])
+        self.disarm_at = delayed(self.now, self.parameters["LAND_DISARMDELAY"])
 
     def _begin_mission(self) -> None:
         if self.flies_mission:

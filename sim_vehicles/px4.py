@@ -16,7 +16,7 @@ from airlink.messages.system import Heartbeat, Ping, Statustext
 from formation_scenario.surroundings import Fault
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
-from sim_vehicles.autopilot.board_clock import NEVER
+from sim_vehicles.autopilot.board_clock import NEVER, delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
 from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode, Px4Mode, Request, select
@@ -146,7 +146,7 @@ class Px4(Vehicle):
         if not self.pilot.request(Request.ARM):
             return False
         self.say(INFO, self.armed_text)
-        self.disarm_at = after(self.now, self.parameters["COM_DISARM_PRFLT"])
+        self.disarm_at = delayed(self.now, self.parameters["COM_DISARM_PRFLT"])
         self._climb_in_takeoff()
         self.tell_heartbeat()
         return True
@@ -199,7 +199,7 @@ class Px4(Vehicle):
 
     def landed(self) -> None:
         """Disarm a while after it has touched down."""
-        self.disarm_at = after(self.now, self.parameters["COM_DISARM_LAND"])
+        self.disarm_at = delayed(self.now, self.parameters["COM_DISARM_LAND"])
 
     def take_mode(self, message: SetMode, frame: Frame) -> bool:
         """Change to a mode by the old message, which is acknowledged like the command, but once."""

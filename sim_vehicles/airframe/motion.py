@@ -177,6 +177,7 @@ class Steering:
         self.centre_north_m: float = 0.0
         self.centre_east_m: float = 0.0
         self.radius_m: float = 1.0
+        """Of the circle; negative: anticlockwise."""
         self.stopped: bool = True
         """Throttle at 0."""
         self.takes_off: bool = False
@@ -195,11 +196,12 @@ class Steering:
         return course_rad - _crab(course_rad, state)
 
     def _round(self, state: FlightState, tau_psi_s: float) -> float:
-        """Return the course that leads onto the clockwise circle and along it."""
+        """Return the course that leads onto the circle and along it: clockwise, of a negative radius the other way."""
         north_m, east_m = state.north_m - self.centre_north_m, state.east_m - self.centre_east_m
-        off_rad = CAPTURE * (math.hypot(north_m, east_m) / self.radius_m - 1.0)
+        side = 1.0 if self.radius_m > 0.0 else -1.0
+        off_rad = CAPTURE * (math.hypot(north_m, east_m) / abs(self.radius_m) - 1.0)
         off_rad = within(off_rad, -math.pi / 2.0, math.pi / 2.0)
-        course_rad = math.atan2(east_m, north_m) + math.pi / 2.0 + off_rad
+        course_rad = math.atan2(east_m, north_m) + side * (math.pi / 2.0 + off_rad)
         if abs(off_rad) < ON_CIRCLE_RAD:
             course_rad += tau_psi_s * state.airspeed_mps / self.radius_m
         return course_rad

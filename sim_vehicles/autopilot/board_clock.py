@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant, nanoseconds, rounded
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, rounded
 
 LOOP_HZ: Final = 50
 """Rate of an emulated autopilot's main loop, as ArduPlane's, on which it flies, reads and sends."""
 LOOP_S: Final = 1.0 / LOOP_HZ
 NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
+
+
+def delayed(now: Instant, delay_s: float) -> Instant:
+    """Return when a delay is over: never, of one of 0 or less, by which autopilots' parameters switch it off."""
+    return after(now, delay_s) if delay_s > 0.0 else NEVER
 
 
 class BoardClock:

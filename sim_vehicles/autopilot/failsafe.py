@@ -13,8 +13,8 @@ from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode
 from sim_vehicles.autopilot.parameters import ParameterServer
 
-ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO}
-"""FS_LONG_ACTN: return, glide, AUTO; 0 and 3 fly on."""
+ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO, 5: Mode.AUTOLAND}
+"""FS_LONG_ACTN: return, glide, AUTO, land; all others fly on."""
 
 
 class FailsafeKeys(NamedTuple):

@@ -45,10 +45,15 @@ PACKED: dict[int, tuple[int, str]] = {
     m.MAV_PARAM_TYPE_REAL32: (4, "<f"),
 }
 """MAV_PARAM_TYPE -> the type's number in the file and its `struct` format."""
+BITS = {m.MAV_PARAM_TYPE_INT8: 8, m.MAV_PARAM_TYPE_INT16: 16, m.MAV_PARAM_TYPE_INT32: 32}
+"""Widths of the integers."""
 
 
 class ParameterKind(NamedTuple):
-    """A parameter's type, its range and its initial value; a value outside is set to the nearest bound."""
+    """A parameter's type, the range of what is used, and its initial value.
+
+    A value outside of the range is stored and told as it was sent, and used as the nearest bound.
+    """
 
     type: int
     least: float
@@ -66,24 +71,32 @@ def planes(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]
     model = config.model
     radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
     return {
-        "AIRSPEED_CRUISE": floating(5, 100, cruise_mps),
-        "AIRSPEED_MAX": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.ceil(model.speed_max_mps)),
-        "AIRSPEED_MIN": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 100, math.floor(model.speed_min_mps)),
+        "AIRSPEED_CRUISE": floating(5, 1000, cruise_mps),
+        "AIRSPEED_MAX": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.ceil(model.speed_max_mps)),
+        "AIRSPEED_MIN": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.floor(model.speed_min_mps)),
         "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
-        "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 200, 55),
-        "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 700, 400),
-        "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 1, 0),
-        "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 4, 0),
-        "FS_LONG_TIMEOUT": floating(1, 300, 5),
+        "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 32767, 55),
+        "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 32767, 400),
+        "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
+        "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
+        "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
         "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
         "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
         "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config)))),
-        "RTL_ALTITUDE": floating(10, 1000, 100),
-        "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 200, 50),
-        "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, radius_m),
+        "RTL_ALTITUDE": floating(-1, 1e5, 100),
+        "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 0, 32767, 50),
+        "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, -32767, 32767, radius_m),
         "WP_RADIUS": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
     }
+
+
+def _stored(kind: int, value: float) -> float:
+    """Return a value as a parameter of a type holds it: integers are cut off, and saturate at their width alone."""
+    if kind not in BITS:
+        return value
+    beyond = 1 << (BITS[kind] - 1)
+    return int(min(max(value, -beyond), beyond - 1))
 
 
 def _steepest_deg(config: VehicleConfig) -> float:
@@ -122,8 +135,9 @@ class ParameterServer:
         return [] if value is None else [value]
 
     def __getitem__(self, name: str) -> float:
-        """Return a value."""
-        return self._values[name]
+        """Return a value as it is used."""
+        kind = self._kinds[name]
+        return min(max(self._values[name], kind.least), kind.most)
 
     def entries(self) -> list[tuple[str, int, float]]:
         """Return the name, MAV_PARAM_TYPE and value of each."""
@@ -165,8 +179,7 @@ class ParameterServer:
         if kind is None or not math.isfinite(value):
             return None
         if name not in FIXED:
-            within = min(max(value, kind.least), kind.most)
-            self._change(name, within if kind.type == m.MAV_PARAM_TYPE_REAL32 else int(within))
+            self._change(name, _stored(kind.type, value))
         return self._reported(name, UNINDEXED)
 
     def _change(self, name: str, value: float) -> None:

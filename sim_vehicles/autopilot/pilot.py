@@ -1,7 +1,6 @@
 """What an emulated fixed wing does in each of ArduPlane's modes. It writes the vehicle's `Steering`.
 
-Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, circles are always clockwise, and there
-is no flare.
+Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, there is no flare.
 """
 
 from __future__ import annotations
@@ -55,7 +54,10 @@ class Approach(NamedTuple):
         return self.north_m - self.length_m * cos, self.east_m - self.length_m * sin
 
     def circle(self, radius_m: float) -> tuple[float, float]:
-        """Return the centre, north and east, m, of the clockwise circle tangent to the approach at its start."""
+        """Return the centre, north and east, m, of the circle tangent to the approach at its start.
+
+        `radius_m`: negative of an anticlockwise one.
+        """
         north_m, east_m = self.begin_m
         return north_m - radius_m * math.sin(self.direction_rad), east_m + radius_m * math.cos(self.direction_rad)
 
@@ -141,7 +143,7 @@ class Pilot:
     @property
     def radius_m(self) -> float:
         """Radius of the present or last circle, m."""
-        return self._steering.radius_m
+        return abs(self._steering.radius_m)
 
     @property
     def landing(self) -> bool:
@@ -173,8 +175,8 @@ class Pilot:
         self._tell_condition()
         self.fly_straight(motion)
         if mode is Mode.RTL:
-            start = self._config.start
-            self.circle(start.north_m, start.east_m, self._parameters["RTL_ALTITUDE"])
+            start, height_m = self._config.start, self._parameters["RTL_ALTITUDE"]
+            self.circle(start.north_m, start.east_m, motion.height_m if height_m < 0.0 else height_m)
         elif self.landing:
             radius_m = self._circle_radius_m()
             self.circle(*self._approach().circle(radius_m), self._parameters["AUTOLAND_WP_ALT"])
@@ -204,7 +206,7 @@ class Pilot:
         return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), NO_WAY_M)
 
     def circle(self, north_m: float, east_m: float, height_m: float) -> None:
-        """Circle a position clockwise."""
+        """Circle a position."""
         self.target = Target(north_m, east_m)
         self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
         self.change_height(height_m)
@@ -297,7 +299,8 @@ class Pilot:
 
     def _circle_radius_m(self) -> float:
         tightest_m = self._steering.speed_mps / self._config.model.turn_rate_max_rps
-        return max(self._parameters["WP_LOITER_RAD"], TIGHTEST_SHARE * tightest_m)
+        asked_m = self._parameters["WP_LOITER_RAD"]
+        return math.copysign(max(abs(asked_m), TIGHTEST_SHARE * tightest_m), asked_m)
 
     def _tell_condition(self) -> None:
         steering, rises = self._steering, self.takeoff_m is not None

@@ -378,6 +378,14 @@ def test_on_the_ground_it_disarms_by_itself(grounded):
     assert not grounded.fleet.vehicles[0].pilot.condition.armed
 
 
+def test_with_a_delay_of_0_it_never_disarms_by_itself(grounded):
+    grounded.ground.send(grounded.ground.dialect.param_set_encode(1, 1, b"DISARM_DELAY", 0, 2))
+    grounded.set_mode(GUIDED)
+    grounded.command_long(ARM, 1)
+    grounded.run(30.0)
+    assert grounded.fleet.vehicles[0].pilot.condition.armed
+
+
 def test_unasked_it_sends_heartbeats_alone(grounded):
     telemetry = {each.get_type() for _, each in grounded.ground.heard} - {"HEARTBEAT", "STATUSTEXT", "TIMESYNC"}
     assert telemetry == set()

@@ -10,10 +10,14 @@ HEADING, ALTITUDE = 43002, 43001
 ACCEPTED, FAILED = 0, 4
 
 
-@pytest.mark.parametrize("wind_mps", [(0.0, 0.0, 0.0), pytest.param((-5.0, 4.0, 0.0), marks=pytest.mark.slow)])
-def test_it_lands_where_it_took_off_the_same_way_and_disarms_itself(make_air, wind_mps):
+@pytest.mark.parametrize(
+    ("wind_mps", "radius_m"),
+    [((0.0, 0.0, 0.0), 115), ((0.0, 0.0, 0.0), -115), pytest.param((-5.0, 4.0, 0.0), 115, marks=pytest.mark.slow)],
+)
+def test_it_lands_where_it_took_off_the_same_way_and_disarms_itself(make_air, wind_mps, radius_m):
     air = make_air(in_air=False, wind_mps=wind_mps)
     air.run(3.1)
+    air.ground.send(air.ground.dialect.param_set_encode(1, 1, b"WP_LOITER_RAD", radius_m, 9))
     air.set_mode(TAKEOFF)
     air.command_long(ARM, 1)
     air.run_until(lambda: air.state("height_m") > 45.0, limit_s=60.0)

@@ -74,6 +74,46 @@ def test_setting_tells_the_new_value_in_the_parameter_s_own_type(flying, kind):
     assert ask(flying, b"TKOFF_ALT")[0].param_value == 70.0
 
 
+@pytest.mark.parametrize(
+    ("name", "sent", "stored"),
+    [
+        (b"TKOFF_ALT", 60.7, 60.0),
+        (b"TKOFF_ALT", -3.0, -3.0),
+        (b"TKOFF_ALT", 500.0, 500.0),
+        (b"TKOFF_ALT", 1e9, 32767.0),
+        (b"AIRSPEED_CRUISE", 500.0, 500.0),
+        (b"AIRSPEED_CRUISE", 1.0, 1.0),
+        (b"WP_LOITER_RAD", -80.0, -80.0),
+        (b"FS_LONG_ACTN", 5.0, 5.0),
+        (b"FS_GCS_ENABL", 9.0, 9.0),
+        (b"FS_GCS_ENABL", 200.0, 127.0),
+        (b"RTL_ALTITUDE", -1.0, -1.0),
+    ],
+)
+def test_what_is_sent_is_stored_and_told_and_integers_saturate_at_their_width_alone(flying, name, sent, stored):
+    assert put(flying, name, sent)[0].param_value == stored
+    assert ask(flying, name)[0].param_value == stored
+
+
+def test_a_negative_radius_is_circled_anticlockwise(flying):
+    put(flying, b"WP_LOITER_RAD", -130.0)
+    flying.set_mode(LOITER)
+    flying.run(60.0)
+    north_m, east_m = flying.state("north_m"), flying.state("east_m")
+    before_rad = flying.state("heading_rad")
+    flying.run(5.0)
+    assert flying.state("heading_rad") - before_rad == pytest.approx(-5 * 22 / 130, rel=0.1)
+    circle = flying.fleet.bodies[0].steering
+    assert math.hypot(north_m - circle.centre_north_m, east_m - circle.centre_east_m) == pytest.approx(130.0, abs=5.0)
+
+
+def test_a_return_at_a_negative_height_keeps_its_own(flying):
+    put(flying, b"RTL_ALTITUDE", -1.0)
+    flying.set_mode(RTL)
+    flying.run(30.0)
+    assert flying.state("height_m") == pytest.approx(100.0, abs=0.5)
+
+
 @pytest.mark.parametrize(("name", "value"), [(b"NONE", 1.0), (b"TKOFF_ALT", math.nan), (b"TKOFF_ALT", math.inf)])
 def test_setting_nonsense_is_answered_by_silence_and_changes_nothing(flying, name, value):
     assert put(flying, name, value) == []
