@@ -28,7 +28,6 @@ from airlink.messages.payload import (
     put_i32,
     put_u8,
     put_u16,
-    put_zeros,
 )
 
 
@@ -259,12 +258,13 @@ MISSION_SET_CURRENT: Final = Kind(
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class MissionCurrent(Message):
-    """MISSION_CURRENT (42): sequence number of the active item, number of items, and MISSION_STATE."""
+    """MISSION_CURRENT (42): the active item's number, how many there are, their state, whether the mode flies them."""
 
-    def __init__(self, seq: int, total: int = 0, mission_state: int = 0) -> None:
+    def __init__(self, seq: int, total: int = 0, mission_state: int = 0, mission_mode: int = 0) -> None:
         self.seq = seq
         self.total = total
         self.mission_state = mission_state
+        self.mission_mode = mission_mode
 
     def kind(self) -> Kind:
         return MISSION_CURRENT
@@ -273,13 +273,20 @@ class MissionCurrent(Message):
         put_u16(payload, self.seq)
         put_u16(payload, self.total)
         put_u8(payload, self.mission_state)
-        put_zeros(payload, 1)
+        put_u8(payload, self.mission_mode)
 
     def read(self, frame: bytes, begin: i64, end: i64) -> Message:
-        return MissionCurrent(get_u16(frame, begin, end), get_u16(frame, begin + 2, end), get_u8(frame, begin + 4, end))
+        return MissionCurrent(
+            get_u16(frame, begin, end),
+            get_u16(frame, begin + 2, end),
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+        )
 
 
-MISSION_CURRENT: Final = Kind("MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state"), MissionCurrent(0))
+MISSION_CURRENT: Final = Kind(
+    "MISSION_CURRENT", 42, 28, (2, 6), ("seq", "total", "mission_state", "mission_mode"), MissionCurrent(0)
+)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)

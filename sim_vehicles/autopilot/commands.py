@@ -17,7 +17,7 @@ from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval
 from airlink.messages.mission import MissionItem, MissionItemInt
 from flight_model.autopilot_model import finite
-from sim_vehicles.autopilot.missions import from_message
+from sim_vehicles.autopilot.mission_items import from_message
 from sim_vehicles.autopilot.modes import Mode
 
 if TYPE_CHECKING:

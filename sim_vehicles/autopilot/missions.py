@@ -1,9 +1,6 @@
 """One vehicle's mission: its items, and the protocol by which ground stations write and read it.
 
-Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive and
-keeps only those parts of an item that it uses. Two differences are deliberate: heights above terrain are heights
-above home (the ground is level), and commands that the emulator can't fly, such as NAV_LAND, are refused rather than
-kept.
+Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive.
 
 Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always
 empty, as is an emulated PX4's mission, whose items would begin with the first one.
@@ -14,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -37,32 +34,8 @@ from airlink.messages.system import Statustext
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.begin_and_end import StartState
 from sim_vehicles.autopilot.board_clock import NEVER
+from sim_vehicles.autopilot.mission_items import E7, Item, from_message, in_degrees, to_message
 
-E7 = 1e7
-HIGHEST_M = 2**23 / 100
-"""ArduPlane keeps heights of items as 24-bit integers of centimetres."""
-FRAMES = {
-    m.MAV_FRAME_GLOBAL: m.MAV_FRAME_GLOBAL,
-    m.MAV_FRAME_GLOBAL_INT: m.MAV_FRAME_GLOBAL,
-    m.MAV_FRAME_GLOBAL_RELATIVE_ALT: m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    m.MAV_FRAME_GLOBAL_TERRAIN_ALT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-    m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-}
-"""Accepted frames -> the frame with which an item is read back."""
-KEPT: dict[int, tuple[bool, bool, bool, bool]] = {
-    m.MAV_CMD_NAV_WAYPOINT: (False, True, True, False),
-    m.MAV_CMD_NAV_LOITER_UNLIM: (False, False, True, False),
-    m.MAV_CMD_NAV_LOITER_TURNS: (True, False, True, True),
-    m.MAV_CMD_NAV_LOITER_TIME: (True, False, False, False),
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: (False, False, False, False),
-    m.MAV_CMD_NAV_TAKEOFF: (True, False, False, False),
-    m.MAV_CMD_DO_JUMP: (True, True, False, False),
-    m.MAV_CMD_DO_CHANGE_SPEED: (True, True, True, False),
-}
-"""Accepted commands -> which of their four parameters are kept; of NAV_LOITER_TIME its direction, and whole seconds."""
-PLACELESS = frozenset({m.MAV_CMD_NAV_RETURN_TO_LAUNCH, m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_CHANGE_SPEED})
-YAW_MAY_BE_NAN = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_LOITER_UNLIM, m.MAV_CMD_NAV_TAKEOFF})
 MOST_ITEMS = 655
 ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
 """Time until a missing item is requested again, and until the upload is abandoned."""
@@ -71,63 +44,6 @@ PLAN = m.MAV_MISSION_TYPE_MISSION
 EMPTY_LISTS = (PLAN, m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY)
 RECEIVED = Statustext(m.MAV_SEVERITY_INFO, "Flight plan received")
 GIVEN_UP = Statustext(m.MAV_SEVERITY_WARNING, "Mission upload timeout")
-
-
-class Item(NamedTuple):
-    """A stored item: latitude and longitude in 1e-7 degrees, height in m relative to its frame."""
-
-    command: int
-    frame: int
-    params: tuple[float, float, float, float]
-    x: int
-    y: int
-    z: float
-
-
-def from_message(message: MissionItem | MissionItemInt) -> Item | int:
-    """Return the item of a message, or the MAV_MISSION_RESULT that refuses it."""
-    kept = KEPT.get(message.command)
-    if kept is None:
-        return m.MAV_MISSION_UNSUPPORTED
-    given = message.param1, message.param2, message.param3, message.param4
-    for place, value in enumerate(given):
-        yaw = place == 3 and message.command in YAW_MAY_BE_NAN
-        if not (math.isfinite(value) or (yaw and math.isnan(value))):
-            return m.MAV_MISSION_INVALID_PARAM1 + place
-    params = given[0] * kept[0], given[1] * kept[1], given[2] * kept[2], given[3] if kept[3] else 0.0
-    if message.command == m.MAV_CMD_NAV_LOITER_TIME:
-        params = float(int(given[0])), 0.0, -1.0 if given[2] < 0.0 else 1.0, float(given[3] > 0.0)
-    if message.command in PLACELESS:
-        return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
-    where = _place(message)
-    return where if isinstance(where, int) else Item(message.command, FRAMES[message.frame], params, *where)
-
-
-def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:
-    """Return the message with which an item is read back."""
-    fields = item.frame, item.command, int(current), 1, *item.params, item.x, item.y, item.z
-    return MissionItemInt(system, component, seq, *fields)
-
-
-def in_degrees(message: MissionItemInt) -> MissionItem:
-    """Return the older form of an item, with latitude and longitude as floats in degrees."""
-    fields: dict[str, Any] = message.values() | {"x": message.x / E7, "y": message.y / E7}
-    return MissionItem(**fields)
-
-
-def _place(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | int:
-    """Return latitude, longitude in 1e-7 degrees and height, or the MAV_MISSION_RESULT that refuses them."""
-    if message.frame not in FRAMES:
-        return m.MAV_MISSION_UNSUPPORTED_FRAME
-    scale = 1.0 if isinstance(message, MissionItemInt) else E7
-    lat, lon = message.x * scale, message.y * scale
-    if not abs(lat) <= 90 * E7:
-        return m.MAV_MISSION_INVALID_PARAM5_X
-    if not abs(lon) <= 180 * E7:
-        return m.MAV_MISSION_INVALID_PARAM6_Y
-    if not abs(message.z) <= HIGHEST_M:
-        return m.MAV_MISSION_INVALID_PARAM7
-    return round(lat), round(lon), message.z
 
 
 class Sender(NamedTuple):
@@ -165,15 +81,17 @@ class Missions:
         self._stored = stored
         self.items: list[Item] = [home()]
         self.current: int
-        """Number of the current item; 0 before the mission has begun and after it has ended."""
+        """Number of the current item, after the mission's end of the last; 0 before it has begun."""
         self.state: int
-        """MISSION_STATE, as long as there are items."""
+        """MISSION_STATE, as long as there are items; of a mission that is left it is NOT_STARTED."""
+        self.in_mode: bool
+        """Whether the vehicle's mode is the one that flies missions."""
         self._home = home
         self.restart()
 
     def restart(self) -> None:
         """Start afresh, as after power-up; the items are kept."""
-        self.current, self.state = 0, m.MISSION_STATE_NOT_STARTED
+        self.current, self.state, self.in_mode = 0, m.MISSION_STATE_NOT_STARTED, False
         self._upload: Upload | None = None
 
     @property
@@ -182,15 +100,17 @@ class Missions:
         return len(self.items) > 1
 
     def reported(self) -> MissionCurrent:
-        """Return MISSION_CURRENT: the item that it flies to, and how many there are."""
+        """Return MISSION_CURRENT: the item that it flies to, how many there are, and whether it flies by them."""
         state = self.state if self.flyable else m.MISSION_STATE_NO_MISSION
-        return MissionCurrent(self.current, max(0, len(self.items) - 1), state)
+        return MissionCurrent(self.current, max(0, len(self.items) - 1), state, int(self.in_mode))
 
     def choose(self, seq: float) -> bool:
         """Make an item the current one, the first for 0; return False if there is no item of that number."""
         if not 0 <= seq < len(self.items) or not self.flyable:
             return False
         self.current = max(1, int(seq))
+        if self.state == m.MISSION_STATE_COMPLETE:
+            self.state = m.MISSION_STATE_NOT_STARTED
         return True
 
     def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
@@ -255,7 +175,9 @@ class Missions:
         count = message.count if isinstance(message, MissionCount) else 0
         if count > MOST_ITEMS:
             return [_ack(sender, m.MAV_MISSION_NO_SPACE)]
-        self._shorten(count)
+        del self.items[count:]
+        if isinstance(message, MissionClearAll):
+            self.current, self.state = 0, m.MISSION_STATE_NOT_STARTED
         if count:
             return [self._ask(Upload(sender, 0, count - 1, now, now), now, fresh=True)]
         return [_ack(sender, ACCEPTED), *([RECEIVED] if isinstance(message, MissionCount) else [])]
@@ -285,11 +207,6 @@ class Missions:
             return [self._ask(upload, now, fresh=True)]
         self._upload = None
         return [_ack(sender, ACCEPTED), RECEIVED]
-
-    def _shorten(self, count: int) -> None:
-        del self.items[count:]
-        if self.current >= len(self.items):
-            self.current, self.state = 0, m.MISSION_STATE_NOT_STARTED
 
     def _ask(self, upload: Upload, now: Instant, *, fresh: bool = False) -> MissionRequest:
         """Return the request for the next item; `fresh`: it is requested for the first time."""

@@ -108,6 +108,10 @@ class Pilot:
         """When a setpoint that isn't repeated is over: never, of a plane's."""
         self.target: Target | None = None
         """Where it flies to, or circles, or did so last; None: nowhere yet."""
+        self.final: Approach | None = None
+        """The final approach of a mission's landing; None: it flies no such."""
+        self._asked_m = 0.0
+        """Radius that the present circle was asked for with, m; 0: WP_LOITER_RAD."""
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self._config = config
@@ -147,8 +151,8 @@ class Pilot:
 
     @property
     def landing(self) -> bool:
-        """Whether it is in AUTOLAND and hasn't touched down."""
-        return self.airborne and self.mode is AUTOLAND
+        """Whether it is in AUTOLAND, or lands by a mission, and hasn't touched down."""
+        return self.airborne and (self.mode is AUTOLAND or self.final is not None)
 
     def request(self, request: Request) -> bool:
         """Make the transition that the table of conditions allows; return whether there is one."""
@@ -169,7 +173,7 @@ class Pilot:
 
     def enter(self, mode: FlightMode, motion: Motion) -> None:
         """Change the mode; setpoints of the previous one are dropped."""
-        self.mode = mode
+        self.mode, self.final = mode, None
         self.guided_by_setpoints = False
         self.takeoff_m = self._parameters["TKOFF_ALT"] if mode is Mode.TAKEOFF and not self.airborne else None
         self._tell_condition()
@@ -205,8 +209,9 @@ class Pilot:
         area_m2 = along_north_m * east_m - along_east_m * north_m
         return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), NO_WAY_M)
 
-    def circle(self, north_m: float, east_m: float, height_m: float) -> None:
-        """Circle a position."""
+    def circle(self, north_m: float, east_m: float, height_m: float, radius_m: float = 0.0) -> None:
+        """Circle a position; `radius_m`: negative of an anticlockwise circle, 0 for WP_LOITER_RAD."""
+        self._asked_m = radius_m
         self.target = Target(north_m, east_m)
         self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
         self.change_height(height_m)
@@ -284,22 +289,32 @@ class Pilot:
         self.change_height(height_m)
         return motion.height_m < TOUCH_DOWN_M and self.request(Request.TOUCH_DOWN)
 
+    def land_at(self, north_m: float, east_m: float, motion: Motion) -> None:
+        """Land straight ahead from here at a place, if it is in the air."""
+        if not self.airborne:
+            return
+        to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
+        length_m = max(math.hypot(to_north_m, to_east_m), 1.0)
+        direction_rad = math.atan2(to_east_m, to_north_m)
+        self.final = Approach(north_m, east_m, direction_rad, length_m, motion.height_m, self._lead_m())
+        self._steering.kind = COURSE
+
     def _approach(self) -> Approach:
-        """Return the final approach, which touches down where braking from there ends at home."""
-        model, start, speed_mps = self._config.model, self._config.start, self._parameters["AIRSPEED_MIN"]
-        lag_m = speed_mps * (model.tau_ha_s + model.tau_hb_s)
-        return Approach(
-            start.north_m,
-            start.east_m,
-            self.landing_rad or 0.0,
-            self._parameters["AUTOLAND_WP_DIST"],
-            self._parameters["AUTOLAND_WP_ALT"],
-            speed_mps**2 / (2.0 * model.accel_max_mps2) + lag_m,
-        )
+        """Return the final approach, which touches down where braking from there ends at home, or at its place."""
+        if self.final is not None:
+            return self.final
+        start, length_m = self._config.start, self._parameters["AUTOLAND_WP_DIST"]
+        height_m, direction_rad = self._parameters["AUTOLAND_WP_ALT"], self.landing_rad or 0.0
+        return Approach(start.north_m, start.east_m, direction_rad, length_m, height_m, self._lead_m())
+
+    def _lead_m(self) -> float:
+        """Return how far before its end a landing touches down: the way of braking, and of the height's lag."""
+        model, speed_mps = self._config.model, self._parameters["AIRSPEED_MIN"]
+        return speed_mps**2 / (2.0 * model.accel_max_mps2) + speed_mps * (model.tau_ha_s + model.tau_hb_s)
 
     def _circle_radius_m(self) -> float:
         tightest_m = self._steering.speed_mps / self._config.model.turn_rate_max_rps
-        asked_m = self._parameters["WP_LOITER_RAD"]
+        asked_m = self._asked_m or self._parameters["WP_LOITER_RAD"]
         return math.copysign(max(abs(asked_m), TIGHTEST_SHARE * tightest_m), asked_m)
 
     def _tell_condition(self) -> None:

@@ -178,8 +178,8 @@ isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission 
             Declared("MISSION_SET_CURRENT", "continue the mission at this item."),
             Declared(
                 "MISSION_CURRENT",
-                "sequence number of the active item, number of items, and MISSION_STATE.",
-                last="mission_state",
+                "the active item's number, how many there are, their state, whether the mode flies them.",
+                last="mission_mode",
                 optional="total",
             ),
             Declared(

@@ -10,10 +10,11 @@ from formation_scenario.surroundings import Fault
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 OK, ERROR, BAD_FRAME, UNSUPPORTED, NO_SPACE, BAD_SEQUENCE, DENIED, CANCELLED = 0, 1, 2, 3, 4, 13, 14, 15
-WAYPOINT, UNLIMITED, TURNS, TIME, RTL_ITEM, TAKEOFF, JUMP, SPEED = 16, 17, 18, 19, 20, 22, 177, 178
+WAYPOINT, UNLIMITED, TURNS, TIME, RTL_ITEM, LAND, TAKEOFF, JUMP, SPEED = 16, 17, 18, 19, 20, 21, 22, 177, 178
+TO_HEIGHT, DELAY, LAND_START, TAG, TO_TAG = 31, 112, 189, 600, 601
 SET_CURRENT, START, ARM = 224, 300, 400
 AUTO, RTL, LOITER, GUIDED = 10, 11, 12, 15
-NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5
+NONE, NOT_STARTED, ACTIVE, COMPLETE = 1, 2, 3, 5
 HOME = (0, 0, WAYPOINT, 350000000, 1250000000, 0.0)
 
 
@@ -106,6 +107,40 @@ def test_items_with_floats_are_written_and_read_by_those_who_ask_for_them(flying
     assert read(flying, 1).x == pytest.approx(350100000, abs=40)
     floats = read(flying, 1, floats=True)
     assert (floats.x, floats.y) == pytest.approx((35.01, 125.0), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("command", "sent", "kept"),
+    [
+        (WAYPOINT, (3.7, 300, 300, 45), (0, 255, 255, 0)),
+        (WAYPOINT, (0, 9, 5, 0), (0, 9, 5, 0)),
+        (UNLIMITED, (0, 0, -70, 0), (0, 0, -70, 0)),
+        (TURNS, (2.5, 0, 300, 0), (2, 0, 300, 0)),
+        (TURNS, (0.5, 0, -60, 1), (0.5, 0, -60, 1)),
+        (LAND, (20, 0, 0, 0), (20, 0, 0, 1)),
+        (LAND, (1, 1, 0, math.nan), (1, 0, 0, 1)),
+        (TO_HEIGHT, (1, -60, 0, 1), (0, -60, 0, 1)),
+        (93, (1, 1, 0, 0), (1, 1, 0, 0)),
+        (DELAY, (1.5, 1, 0, 0), (1.5, 0, 0, 0)),
+        (115, (90, 10, 1, 0), (90, 10, 1, 0)),
+        (183, (5, 1500, 1, 1), (5, 1500, 0, 0)),
+        (LAND_START, (1, 1, 0, 0), (0, 0, 0, 0)),
+        (201, (3, 1, 0, 0), (3, 0, 0, 0)),
+        (206, (25.5, 0, 1, 0), (25.5, 0, 1, 0)),
+        (TAG, (7, 1, 0, 0), (7, 0, 0, 0)),
+        (TO_TAG, (7, 2, 0, 0), (7, 2, 0, 0)),
+        (2000, (0, 1, 1, 0), (0, 1, 1, 0)),
+    ],
+)
+def test_of_any_item_what_fits_is_kept(flying, command, sent, kept):
+    assert upload(flying, item(1, command, params=sent)) == [("MISSION_ACK", OK)]
+    back = read(flying, 1)
+    assert (back.command, back.param1, back.param2, back.param3, back.param4) == (command, *kept)
+
+
+def test_an_item_without_a_place_may_have_any_frame(flying):
+    assert upload(flying, item(1, frame=2), item(2, 183, frame=2), item(3, SPEED, frame=1)) == [("MISSION_ACK", OK)]
+    assert [read(flying, seq).frame for seq in (1, 2, 3)] == [0, 0, 0]
 
 
 @pytest.mark.parametrize(("sent", "back"), [(0, 0), (5, 0), (3, 3), (6, 3), (10, 10), (11, 10)])
@@ -237,7 +272,7 @@ def test_a_mission_is_flown_from_the_ground_to_its_end_and_home(parked):
     assert math.hypot(parked.state("north_m") - north, parked.state("east_m") - east) < 90.0 + 26.0
     parked.run_until(lambda: mode(parked) == RTL, limit_s=120.0)
     assert [each.seq for each in parked.ground.of("MISSION_ITEM_REACHED")] == [1, 2, 4, 5]
-    assert current(parked) == (0, COMPLETE)
+    assert current(parked) == (6, NOT_STARTED)
 
 
 def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_told(flying):
@@ -264,7 +299,7 @@ def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying)
     assert flying.set_mode(AUTO) == OK
     flying.run_until(lambda: current(flying)[0] == 2, limit_s=60.0)
     flying.set_mode(LOITER)
-    assert current(flying) == (2, PAUSED)
+    assert current(flying) == (2, NOT_STARTED)
     assert flying.command_long(START, 2, 2) == 2
     assert flying.command_long(START) == OK
     assert current(flying) == (2, ACTIVE)
@@ -291,6 +326,69 @@ def test_a_mission_that_only_jumps_has_ended(flying):
     flying.set_mode(AUTO)
     flying.run(1.0)
     assert mode(flying) == RTL
+
+
+def test_a_jump_to_a_tag_that_there_is_not_ends_the_mission(flying):
+    upload(flying, item(1, lat=35.004), item(2, TO_TAG, params=(8, 1, 0, 0)), item(3, TAG, params=(7, 0, 0, 0)))
+    flying.set_mode(AUTO)
+    flying.run_until(lambda: mode(flying) == RTL, limit_s=60.0)
+    assert current(flying) == (2, COMPLETE)
+
+
+def test_it_circles_until_it_is_at_the_height_at_the_radius_and_side_that_the_item_asks_for(flying):
+    upload(flying, item(1, TO_HEIGHT, lat=35.004, z=160.0, params=(0, -130, 0, 0)), item(2, lat=35.03, z=160.0))
+    flying.set_mode(AUTO)
+    flying.run(5.0)
+    assert flying.fleet.bodies[0].steering.radius_m == -130.0
+    flying.run_until(lambda: current(flying)[0] == 2, limit_s=120.0)
+    assert flying.state("height_m") == pytest.approx(160.0, abs=6.0)
+
+
+def test_a_mission_with_a_landing_ends_on_the_ground_at_its_place_disarmed_and_in_auto(parked):
+    upload(
+        parked,
+        item(1, TAKEOFF, z=60.0),
+        item(2, DELAY, params=(1, 0, 0, 0), frame=2),
+        item(3, lat=35.012, lon=125.0, z=60.0),
+        item(4, LAND_START),
+        item(5, LAND, lat=35.004, lon=125.0, z=0.0),
+    )
+    parked.command_long(START)
+    parked.command_long(ARM, 1)
+    parked.run_until(lambda: current(parked)[0] == 5, limit_s=120.0)
+    parked.run_until(lambda: parked.state("height_m") == 0.0, limit_s=300.0)
+    parked.run(30.0)
+    north, _, _ = parked.fleet.origin.to_ned(math.radians(35.004), math.radians(125.0), 0.0)
+    assert math.hypot(parked.state("north_m") - north, parked.state("east_m")) < 50.0
+    beat = parked.ground.of("HEARTBEAT")[-1]
+    assert (beat.custom_mode, beat.base_mode & 128) == (AUTO, 0)
+    assert [each.seq for each in parked.ground.of("MISSION_ITEM_REACHED")] == [1, 3]
+
+
+def test_the_mode_that_flies_missions_is_told_and_the_last_item_stays_the_current_one(flying):
+    upload(flying, item(1, lat=35.004))
+    assert flying.ground.of("MISSION_CURRENT")[-1].mission_mode == 0
+    flying.set_mode(AUTO)
+    flying.run(2.0)
+    assert flying.ground.of("MISSION_CURRENT")[-1].mission_mode == 1
+    flying.run_until(lambda: mode(flying) == RTL, limit_s=60.0)
+    assert current(flying) == (1, COMPLETE)
+    assert flying.ground.of("MISSION_CURRENT")[-1].mission_mode == 0
+    flying.run(20.0)
+    flying.set_mode(AUTO)
+    assert current(flying) == (1, ACTIVE)
+
+
+def test_a_shorter_mission_written_while_an_item_is_flown_lets_that_be_flown_to_its_end(flying):
+    upload(flying, item(1, lat=35.001), item(2, lat=35.002), item(3, lat=35.015))
+    flying.set_mode(AUTO)
+    flying.run_until(lambda: current(flying)[0] == 3, limit_s=60.0)
+    upload(flying, item(1, lat=35.001))
+    assert current(flying) == (3, ACTIVE)
+    assert mode(flying) == AUTO
+    flying.run_until(lambda: mode(flying) == RTL, limit_s=120.0)
+    north, _, _ = flying.fleet.origin.to_ned(math.radians(35.015), math.radians(125.0), 0.0)
+    assert flying.state("north_m") == pytest.approx(north, abs=120.0)
 
 
 def test_a_mission_that_is_flown_cannot_be_cleared(flying):
