@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
+from airlink.frame import Frame
+from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
 from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.failsafe import LONG_FAILSAFE
 from sim_vehicles.autopilot.mission_items import E7, Item
@@ -25,7 +27,7 @@ from sim_vehicles.autopilot.parameters import ParameterServer, planes
 from sim_vehicles.autopilot.pilot import Pilot, Target
 from sim_vehicles.autopilot.telemetry import UNASKED
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import WARNING, Vehicle
+from sim_vehicles.vehicle import INFO, WARNING, Vehicle
 
 if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
@@ -208,6 +210,8 @@ class Plane(Vehicle):
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`."""
+        self._arrives = False
+        """Whether it is on its way to a place that it was told in GUIDED."""
         super().__init__(index, config, fleet, now)
         self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
 
@@ -228,6 +232,7 @@ class Plane(Vehicle):
             if self.pilot.mode is Mode.AUTO:
                 self._mission_flight.pause()
             self.pilot.enter(mode, self.body.motion)
+            self._arrives = False
             self.missions.in_mode = mode is Mode.AUTO
             self._begin_mission()
             self.tell_heartbeat()
@@ -257,7 +262,35 @@ class Plane(Vehicle):
         north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
         if self.pilot.guided_by_setpoints:
             height_m = self.body.steering.height_m
-        self.pilot.circle(north_m, east_m, height_m)
+        self.pilot.circle_guided(north_m, east_m, height_m)
+        self._arrives = True
+
+    def take_other(self, frame: Frame) -> bool:
+        """Take a setpoint of place, of which an ArduPlane flies the height alone; return whether the frame is one.
+
+        Source: ArduPlane, `handle_set_position_target_local_ned` and `..._global_int`.
+        """
+        message = frame.message
+        if not isinstance(message, position_targets.MESSAGES):
+            return False
+        if self.pilot.mode is Mode.GUIDED and not self.ignores:
+            height_m = self._told_height_m(message)
+            if height_m is not None and not self.pilot.guided_by_setpoints:
+                self.pilot.change_height(height_m)
+        return True
+
+    def _told_height_m(self, setpoint: position_targets.Setpoint) -> float | None:
+        """Return the height above the origin that a setpoint tells, or None."""
+        if isinstance(setpoint, SetPositionTargetGlobalInt):
+            if setpoint.coordinate_frame not in commands.ABOVE_SEA_LEVEL + commands.ABOVE_HOME:
+                self.say(WARNING, "Invalid coord frame in SET_POSTION_TARGET_GLOBAL_INT")
+            ignored = setpoint.type_mask & m.POSITION_TARGET_TYPEMASK_Z_IGNORE
+            return None if ignored else commands.height_of(self, setpoint.alt_m, setpoint.coordinate_frame)
+        if setpoint.coordinate_frame != m.MAV_FRAME_LOCAL_OFFSET_NED or not abs(setpoint.z_m) <= commands.HIGHEST_M:
+            return None
+        height_m = self.body.steering.height_m - setpoint.z_m
+        self.say(INFO, f"Change alt to {height_m:.1f}")
+        return height_m
 
     def mode_named(self, name: str) -> FlightMode:
         """Return a mode by its name."""
@@ -272,7 +305,10 @@ class Plane(Vehicle):
             self._mission_flight.resume()
 
     def follow_time(self) -> None:
-        """Continue a mission."""
+        """Continue a mission, and tell of the arrival at a place."""
+        if self._arrives and self.pilot.to_go(self.body.motion)[1] < ON_CIRCLE * self.pilot.radius_m:
+            self._arrives = False
+            self.broadcast(MissionItemReached(0))
         if self.flies_mission:
             for seq in self._mission_flight.turn(self.body.motion, self.now):
                 self.broadcast(MissionItemReached(seq))

@@ -47,6 +47,7 @@ FORCE: Final = 21196
 GUIDED: Final = Mode.GUIDED
 SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
 USUAL_SPEED: Final = -2.0
+MOST_PERCENT: Final = 100.0
 FULL_TURN_DEG: Final = 360.0
 POLE_DEG: Final = 90.0
 HIGHEST_M: Final = 2**31 / 100
@@ -192,8 +193,11 @@ def _arm_disarm(vehicle: Vehicle, given: GivenCommand) -> int:
 
 
 def _legacy_speed(vehicle: Vehicle, given: GivenCommand) -> int:
-    """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air."""
-    kind, speed_mps = given.params[0], given.params[1]
+    """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air.
+
+    A throttle is accepted, and has no effect.
+    """
+    kind, speed_mps, throttle, _ = given.params
     if vehicle.pilot.mode not in SPEED_MODES:
         return FAILED
     if not math.isfinite(speed_mps):
@@ -203,7 +207,7 @@ def _legacy_speed(vehicle: Vehicle, given: GivenCommand) -> int:
     elif kind == AIRSPEED and speed_mps == USUAL_SPEED:
         speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
     elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
-        return FAILED
+        return ACCEPTED if 0.0 < throttle <= MOST_PERCENT else FAILED
     if not vehicle.pilot.guided_by_setpoints:
         vehicle.pilot.change_speed(speed_mps, math.inf)
     return ACCEPTED
@@ -231,6 +235,7 @@ def reposition(vehicle: Vehicle, given: GivenCommand) -> int:
         return FAILED
     if _enter(vehicle, guided) != ACCEPTED:
         return FAILED
+    vehicle.pilot.ask_circle(given.params[2], given.params[3])
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
     return ACCEPTED
 
@@ -244,6 +249,7 @@ def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
     if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not vehicle.guided_mode):
         return m.MAV_MISSION_ERROR
     if item.current == PLACE_NOW:
+        vehicle.pilot.ask_circle(0.0, 0.0)
         vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
     elif not vehicle.pilot.guided_by_setpoints:
         vehicle.pilot.change_height(height_m)
@@ -290,7 +296,20 @@ def _send(vehicle: Vehicle, message_id: float) -> int:
     return ACCEPTED
 
 
+NO_EFFECT = (
+    m.MAV_CMD_DO_SET_RELAY,
+    m.MAV_CMD_DO_SET_SERVO,
+    m.MAV_CMD_DO_REPEAT_SERVO,
+    m.MAV_CMD_DO_SET_ROI_LOCATION,
+    m.MAV_CMD_DO_SET_ROI_NONE,
+    m.MAV_CMD_DO_SET_ROI,
+    m.MAV_CMD_DO_DIGICAM_CONTROL,
+)
+"""Commands to a payload, which are accepted; there is none."""
 HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+    **dict.fromkeys(NO_EFFECT, lambda _vehicle, _given: ACCEPTED),
+    m.MAV_CMD_DO_FENCE_ENABLE: lambda _vehicle, _given: FAILED,
+    m.MAV_CMD_DO_GO_AROUND: lambda _vehicle, _given: FAILED,
     m.MAV_CMD_GUIDED_CHANGE_SPEED: _change_speed,
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _change_altitude,
     m.MAV_CMD_GUIDED_CHANGE_HEADING: _change_heading,

@@ -112,6 +112,9 @@ class Pilot:
         """The final approach of a mission's landing; None: it flies no such."""
         self._asked_m = 0.0
         """Radius that the present circle was asked for with, m; 0: WP_LOITER_RAD."""
+        self._guided_m = 0.0
+        """Radius that GUIDED was told since it was entered, m, 0 for WP_LOITER_RAD; and whether anticlockwise."""
+        self._guided_left = False
         self.landing_rad: float | None = None
         """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self._config = config
@@ -173,7 +176,7 @@ class Pilot:
 
     def enter(self, mode: FlightMode, motion: Motion) -> None:
         """Change the mode; setpoints of the previous one are dropped."""
-        self.mode, self.final = mode, None
+        self.mode, self.final, self._guided_m = mode, None, 0.0
         self.guided_by_setpoints = False
         self.takeoff_m = self._parameters["TKOFF_ALT"] if mode is Mode.TAKEOFF and not self.airborne else None
         self._tell_condition()
@@ -216,6 +219,21 @@ class Pilot:
         self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
         self.change_height(height_m)
         self.circle_again()
+
+    def ask_circle(self, radius_m: float, side: float) -> None:
+        """Take the radius of GUIDED's circles, unless it is 0 or less, and their side: 0 and NaN clockwise.
+
+        Source: ArduPlane, `handle_command_int_do_reposition`.
+        """
+        if math.isfinite(radius_m) and radius_m > 0.0:
+            self._guided_m = radius_m
+        self._guided_left = side != 0.0 and not math.isnan(side)
+
+    def circle_guided(self, north_m: float, east_m: float, height_m: float) -> None:
+        """Circle a position with the radius and on the side that GUIDED was told."""
+        usual_m = self._parameters["WP_LOITER_RAD"]
+        left = self._guided_left or usual_m < 0.0
+        self.circle(north_m, east_m, height_m, (self._guided_m or abs(usual_m)) * (-1.0 if left else 1.0))
 
     def circle_again(self) -> None:
         """Circle the last position again, at the present height setpoint."""

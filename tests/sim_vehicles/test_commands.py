@@ -235,6 +235,81 @@ def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
     assert flying.state("height_m") == pytest.approx(120.0, abs=0.01)
 
 
+def test_reposition_has_a_radius_that_stays_until_the_mode_changes_and_a_side(flying):
+    place = {"x": round(35.005e7), "y": round(125e7), "z": 120.0, "frame": 3}
+    for radius_m, side, flown_m in (
+        (0, 0, 115.0),
+        (150, math.nan, 150.0),
+        (0, 0, 150.0),
+        (-120, 0, 150.0),
+        (0, 1, -150.0),
+        (180, 0, 180.0),
+    ):
+        assert flying.command_int(192, -1, 1, radius_m, side, **place) == ACCEPTED
+        assert flying.fleet.bodies[0].steering.radius_m == flown_m
+    flying.set_mode(LOITER)
+    flying.command_int(192, -1, 1, 0, 0, **place)
+    assert flying.fleet.bodies[0].steering.radius_m == 115.0
+
+
+def test_the_arrival_at_a_place_is_told_once(flying):
+    flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=100.0, frame=3)
+    flying.run(5.0)
+    assert flying.ground.of("MISSION_ITEM_REACHED") == []
+    flying.run(60.0)
+    assert [each.seq for each in flying.ground.of("MISSION_ITEM_REACHED")] == [0]
+
+
+def test_of_setpoints_of_place_the_height_alone_is_flown_and_only_in_guided(flying):
+    steering, dialect = flying.fleet.bodies[0].steering, flying.ground.dialect
+    centre = steering.centre_north_m, steering.centre_east_m
+
+    def tell_global(frame, mask, alt):
+        place = round(35.01e7), round(125.01e7), alt
+        flying.ground.send(
+            dialect.set_position_target_global_int_encode(0, 1, 1, frame, mask, *place, 0, 0, 0, 0, 0, 0, 0, 0)
+        )
+        flying.run(0.1)
+        return steering.height_m
+
+    def tell_local(frame, down):
+        place = 500.0, 500.0, down
+        flying.ground.send(
+            dialect.set_position_target_local_ned_encode(0, 1, 1, frame, 0xDF8, *place, 0, 0, 0, 0, 0, 0, 0, 0)
+        )
+        flying.run(0.1)
+        return steering.height_m
+
+    assert tell_global(6, 0xFFFB, 90.0) == 90.0
+    assert tell_global(6, 0xDF8, 70.0) == 70.0
+    assert tell_global(6, 0xFFFF, 50.0) == 70.0
+    assert tell_global(1, 0xFFFB, 50.0) == 70.0
+    assert flying.ground.of("STATUSTEXT")[-1].text.startswith("Invalid coord frame in SET_POSTION_TARGET")
+    assert tell_local(1, -130.0) == 70.0
+    assert tell_local(7, -20.0) == 90.0
+    assert flying.ground.of("STATUSTEXT")[-1].text == "Change alt to 90.0"
+    assert (steering.centre_north_m, steering.centre_east_m) == centre
+    flying.command_int(ALTITUDE, z=110.0, frame=3)
+    assert tell_global(6, 0xFFFB, 60.0) == 110.0
+    flying.set_mode(LOITER)
+    height_m = steering.height_m
+    assert tell_global(6, 0xFFFB, 60.0) == height_m
+
+
+@pytest.mark.parametrize(
+    ("command", "result"),
+    [*((payload, ACCEPTED) for payload in (181, 183, 184, 195, 197, 201, 203)), (191, FAILED), (207, FAILED)],
+)
+def test_commands_to_a_payload_are_accepted_and_those_it_has_nothing_for_fail(flying, command, result):
+    assert flying.command_long(command, 1) == result
+
+
+def test_a_throttle_is_accepted_with_no_speed(flying):
+    assert flying.command_long(178, 0, -1, 50) == ACCEPTED
+    assert flying.command_long(178, 0, -1, -1) == FAILED
+    assert flying.fleet.bodies[0].steering.speed_mps == 22.0
+
+
 def test_reposition_by_floats_is_unsupported(flying):
     flying.set_mode(LOITER)
     assert flying.command_long(192, -1, 1, 0, 0, 35.005, 125.005, 120.0) == UNSUPPORTED
