@@ -119,8 +119,9 @@ class Copter(Vehicle):
 
     def landed(self) -> None:
         """Disarm once it has found that it has landed."""
-        idle_s = self.parameters["DISARM_DELAY"] if self.pilot.mode in BY_THROTTLE else 0.0
-        self.disarm_at = after(self.now, DISARMS_S + idle_s)
+        found = after(self.now, DISARMS_S)
+        idles = self.pilot.mode in BY_THROTTLE
+        self.disarm_at = delayed(found, self.parameters["DISARM_DELAY"]) if idles else found
 
     @property
     def guided(self) -> bool:
