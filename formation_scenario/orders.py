@@ -45,8 +45,10 @@ def parse_order(text: str) -> Order:
     Raises:
         OrderError: the text isn't an order.
     """
-    word, *rest = text[:MOST_LETTERS].split() or [""]
-    said = " ".join((word, *rest))
+    said = " ".join(text[: MOST_LETTERS + 1].split())
+    if len(text) > MOST_LETTERS:
+        raise OrderError(f"found '{said} …'; allowed: up to {MOST_LETTERS} letters")
+    word, *rest = said.split() or [""]
     if word in ENDS and not rest:
         return Order(said, end=word)
     match word, rest:

@@ -158,6 +158,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from check_warnings.split_errors(scenario)
+    yield from check_warnings.narrow_links(scenario)
     yield from little_left(scenario)
     yield from final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"

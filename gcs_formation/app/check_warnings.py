@@ -14,7 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from airlink import mavlink as m
+from airlink.messages import KINDS
 from flight_model.arrays import Array
+from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
@@ -32,6 +35,8 @@ LEAST_M = 0.05
 SURE = 0.95
 """Share of starts that the estimate covers."""
 HEARTBEAT_S = 1.0
+FRAME_BYTES = 12
+"""Of a MAVLink 2 frame, besides its payload."""
 CELL_S = 0.1
 MOST_S = 120.0
 
@@ -52,6 +57,47 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
                 f"slot{f', from {at_s:g} s on' if at_s else ''}): round trips don't tell how a delay is split, "
                 "telemetry.clock: gnss does"
             )
+
+
+def narrow_links(scenario: Scenario) -> Iterator[str]:
+    """Yield links whose `rate_kbps` is less than what goes over them."""
+    for vehicle in scenario.vehicles:
+        each = scenario.link_steps(vehicle)
+        if not any(step.uplink.rate_kbps or step.downlink.rate_kbps for step in each):
+            continue
+        for way, needed_kbps in zip(("uplink", "downlink"), _traffic_kbps(scenario, vehicle), strict=True):
+            rates = [(rate, step.at_s) for step in each if (rate := getattr(step, way).rate_kbps)]
+            rate_kbps, at_s = min(rates, default=(math.inf, 0.0))
+            if rate_kbps < needed_kbps:
+                since = f" from {at_s:g} s on" if at_s else ""
+                yield (
+                    f"vehicle {vehicle.vehicle_id}: its {way} carries {rate_kbps:g} kbit/s{since}, and up to "
+                    f"{needed_kbps:.1f} go over it: messages wait for each other, and are lost where they wait too long"
+                )
+
+
+def _traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
+    """Return what goes up and down at most, kbit/s: setpoints and telemetry, and the answers to each other's requests.
+
+    A setpoint is told, and acknowledged, at every tick if it changes.
+    """
+    from gcs_formation.fleet.dispatch import PROBE_S  # noqa: PLC0415 - only where a link's rate is limited
+    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415
+
+    autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
+    rates_hz = autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)
+    setpoints = autopilot.setpoint(Setpoint(scenario.path.speed_mps, 0.0, 0.0), FlightState(*[0.0] * 8))
+    asked = _bits(m.MAVLINK_MSG_ID_TIMESYNC) / PROBE_S
+    up = asked + scenario.law.rate_hz * sum(_bits(each.kind().message_id) for each in setpoints)
+    acks_hz = scenario.law.rate_hz * min(len(setpoints), len(autopilot.setpoint_commands))
+    down = asked + acks_hz * _bits(m.MAVLINK_MSG_ID_COMMAND_ACK)
+    down += sum(rate_hz * _bits(message_id) for message_id, rate_hz in rates_hz.items())
+    return up / 1e3, down / 1e3
+
+
+def _bits(message_id: int) -> float:
+    """Return the size of a message's frame."""
+    return 8.0 * (KINDS[message_id].base_length + FRAME_BYTES)
 
 
 def _behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:

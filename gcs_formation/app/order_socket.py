@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
-from formation_scenario.orders import Answer
+from formation_scenario.orders import MOST_LETTERS, Answer
 from gcs_formation.errors import NothingRunningError
 
 SOCKET = "orders.sock"
@@ -105,7 +105,7 @@ def tell(directory: Path, order: str) -> Answer:
         with _short(directory) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
             line.settimeout(ANSWER_S)
             line.connect(str(path))
-            line.sendall(" ".join(order.split()).encode() + b"\n")
+            line.sendall(" ".join(order.split())[: MOST_LETTERS + 1].encode() + b"\n")
             with line.makefile("rb") as answers:
                 return Answer(**json.loads(answers.readline()))
     except (OSError, ValueError, TypeError) as error:

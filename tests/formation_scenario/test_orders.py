@@ -60,3 +60,8 @@ def test_planned_orders_are_checked_before_the_flight(refusal, load):
 def test_a_word_that_is_right_is_not_offered_again():
     with pytest.raises(OrderError, match=r"rtl, land$"):
         parse_order("shape")
+
+
+def test_what_is_too_long_is_refused_and_not_cut():
+    with pytest.raises(OrderError, match="up to 100 letters"):
+        parse_order("speed 2" + 93 * " " + "5 metres")

@@ -135,6 +135,16 @@ def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     assert "law.consensus.graph: found nobody whom all hear" in printed
 
 
+@pytest.mark.parametrize(
+    ("rate_kbps", "ways"), [(0, []), (12, ["downlink", "uplink"]), (14.4, ["downlink"]), (57.6, [])]
+)
+def test_a_link_that_is_too_narrow_for_what_goes_over_it_is_warned_of(rate_kbps: float, ways: list[str]) -> None:
+    """At 14.4 kbit/s and 10 Hz an ArduPlane's messages waited for 0.5 s, and 18 % were lost."""
+    plan = load_scenario(flight(duration_s=5, vehicles={"count": 2}, links={"default": {"rate_kbps": rate_kbps}}))
+    told = [text for text in check_report(plan)["warnings"] if "kbit/s" in text]
+    assert sorted(text.split()[3] for text in told if text.startswith("vehicle 2:")) == ways
+
+
 @pytest.mark.parametrize(("delay_ms", "least_s"), [pytest.param(0, 4.7, marks=pytest.mark.slow), (300, 8.3)])
 def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, least_s: float) -> None:
     """The flight itself tells: with a tenth of a second more than that it begins at once, with less it doesn't."""

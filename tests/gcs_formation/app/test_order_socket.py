@@ -38,6 +38,14 @@ def test_an_order_is_answered_and_the_socket_is_gone_afterwards(directory: Path)
     assert not list(directory.iterdir())
 
 
+def test_an_order_that_is_too_long_is_answered_too(directory: Path) -> None:
+    with ThreadPoolExecutor() as pool, OrderSocket(directory, echo) as orders:
+        asked = pool.submit(tell, directory, "é" * 500)
+        while not asked.done():
+            orders.poll()
+        assert asked.result() == (True, f"heard {'é' * 101}")
+
+
 def test_where_nothing_runs_nobody_answers(directory: Path, tmp_path: Path) -> None:
     for place in (directory, tmp_path / "none"):
         with pytest.raises(NothingRunningError, match="no flight answers in"):
