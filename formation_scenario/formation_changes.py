@@ -34,7 +34,7 @@ difference of speed to even out as well."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
 LEAST_S, LEAST_MPS = 10.0, 1.0
-WORTH_WAITING = 1.5
+WORTH_WAITING = 1.25
 """What gathers this many times as fast once the leader flies straight and level waits for that."""
 NEAR_M = 20.0
 """Within this of its slot a vehicle needs no way planned for it, unless it would meet another on it."""
@@ -95,7 +95,8 @@ def plan_gathering(
     farthest_m = float(np.linalg.norm(begin.position_m - goal_m, axis=1).max())
     if farthest_m < NEAR_M and not ways_meet(begin.position_m, goal_m, conditions):
         return None
-    level = plan_transition(begin, goal_m, at_s, replace(conditions, flight=_level(flight)))
+    at_rest = SlotMotion.at_rest(begin.position_m)
+    level = plan_transition(at_rest, goal_m, at_s, replace(conditions, flight=_level(flight)))
     way = plan_transition(begin, goal_m, at_s, conditions)
     if way.duration_s > WORTH_WAITING * level.duration_s:
         raise NotFlyableError(

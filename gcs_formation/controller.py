@@ -303,6 +303,7 @@ class FormationController:
         if turn is None:
             turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
+        self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
         commands = [self._leader_commands.at(instant) for instant in followed]
         return Lead(tick.leader, at, commands, self.guidance.heading(guided))

@@ -18,7 +18,7 @@ from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader_guidance import LeaderGuidance
+from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 
 MOST_REPEATED_S = 1.0
@@ -105,6 +105,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         run_in_m=scenario.run_in_m,
         hold_radius_m=hold_radius_m(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
+        settle_s=settle_s(scenario),
     )
 
 
@@ -114,6 +115,16 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
         return None
     bounds = scenario.rise_bounds(FOLLOWER_SHARE)
     return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
+
+
+def settle_s(scenario: Scenario) -> float:
+    """Return how long the leader flies straight between a turn and its path, s: until followers are in their slots.
+
+    In frames of their own they come late out of a turn, and aircraft that give height for speed come later.
+    """
+    own_frame = scenario.formation.frame == "follower_heading"
+    by_energy = any(each.airframe is not None for each in column_models(scenario)[1:])
+    return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
 
 
 def hold_radius_m(scenario: Scenario) -> float:

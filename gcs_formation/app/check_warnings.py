@@ -24,8 +24,8 @@ from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.feasibility import refused_orders, unfinished_change
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from formation_scenario.slot_assignment import columns
-from gcs_formation.from_scenario import hold_radius_m
-from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, SETTLE_S
+from gcs_formation.from_scenario import hold_radius_m, settle_s
+from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S
 from gcs_formation.guidance.tracking import join
 
 PLANES_MOST_HZ = 40.0
@@ -149,7 +149,7 @@ def assembly(scenario: Scenario) -> Assembly:
     radius_m, speed_mps = hold_radius_m(scenario), scenario.path.speed_mps
     least_s = _least_run_in_s(scenario) if scenario.start.in_air else None
     # Round from where the leader turns off before the path until it has its start again.
-    before_m, run_in_m = DECISION_S * speed_mps, max(scenario.start.run_in_s, SETTLE_S) * speed_mps
+    before_m, run_in_m = DECISION_S * speed_mps, max(scenario.start.run_in_s, settle_s(scenario)) * speed_mps
     round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
     return Assembly(least_s, (round_m + run_in_m - before_m) / speed_mps + DECISION_S, radius_m)
 

@@ -32,6 +32,8 @@ DECISION_S: Final = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
+LONGEST: Final = 4
+"""How many times as long it gets at most: by once more for each round after which followers weren't in their slots."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
@@ -225,9 +227,11 @@ class LeaderGuidance:
     run_in_m: float
     hold_radius_m: float
     climb_max_mps: float
+    settle_s: float = SETTLE_S
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
+    """How often it has gone round, since followers weren't in their slots."""
     amid_m: tuple[float, float] | None = None
     """Where along the path the leader is when it is first steered: between these distances; None: before its start."""
     joins_m: float | None = None
@@ -344,7 +348,8 @@ class LeaderGuidance:
 
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
-        entry = self.path.at(-max(self.run_in_m, SETTLE_S * self.speed_mps))
+        settle_s = self.settle_s * min(max(self.rounds, 1), LONGEST)
+        entry = self.path.at(-max(self.run_in_m, settle_s * self.speed_mps))
         begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         self.route, self.distance_m = join(begin, entry, self.hold_radius_m, slope), 0.0

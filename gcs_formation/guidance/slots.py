@@ -31,6 +31,10 @@ AHEAD_STEPS: Final = 100
 ADVANCE_M: Final = 100.0
 """Distance that the leader flies before lifts are computed again."""
 UP: Final = np.array([0.0, 0.0, 1.0])
+ACROSS: Final = np.array([1.0, -1.0, 0.0])
+LEVEL: Final = np.array([1.0, 1.0, 0.0])
+WAITS_S: Final = 30.0
+"""How long slots that gather wait for vehicles, altogether."""
 KEPT_M: Final = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
@@ -56,8 +60,12 @@ class FormationPlan:
         self.offset_m[0] = 0.0
         self.kept_m = scenario.safety.kept_m
         """Distance that ways to slots are planned to keep."""
-        self._pace = 1.0
-        """Share of their planned speed at which slots move."""
+        self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
+        """(C,) who flies beside the leader as it turns, at its speed and heading: out of a slot far aside one falls."""
+        self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
+        """Where, (C, 3), at a time of the station's clock, and how fast the leader turns since then."""
+        self._pace, self._late_s = 1.0, 0.0
+        """Share of their planned speed at which slots move, and by how much they are late for having waited."""
 
     def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
         """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
@@ -75,7 +83,7 @@ class FormationPlan:
 
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
         """Return the slots at a time of the station's clock, s; `begun`: whether the path has begun."""
-        over = now_s >= self._over_s
+        over = self.at_rest(now_s)
         if over and self._rest is not None and self._rest_begun == begun:
             return self._rest
         slots = self._moving(now_s, begun=begun)
@@ -89,9 +97,31 @@ class FormationPlan:
             slots = SlotMotion(
                 slots.position_m, self._pace * slots.velocity_mps, self._pace**2 * slots.acceleration_mps2
             )
+        if self.beside.any():
+            slots = self._with_those_beside(slots, now_s)
         if begun or not self.offset_m.any():
             return slots
         return SlotMotion(slots.position_m + self.offset_m, slots.velocity_mps, slots.acceleration_mps2)
+
+    def _with_those_beside(self, slots: SlotMotion, now_s: float) -> SlotMotion:
+        """Return slots with those that keep their direction and distance over ground: seen by the leader, they turn."""
+        turn_rps, place_m = self._turn_rps, self._turned_m(now_s)
+        motion = (
+            (place_m, slots.position_m),
+            (turn_rps * place_m[:, [1, 0, 2]] * ACROSS, slots.velocity_mps),
+            (-(turn_rps**2) * place_m * LEVEL, slots.acceleration_mps2),
+        )
+        return SlotMotion(*(np.where(self.beside[:, None], theirs, others) for theirs, others in motion))
+
+    def _turned_m(self, now_s: float) -> Array:
+        swing_rad = self._turn_rps * (now_s - self._beside_s)
+        return SlotMotion.at_rest(self._beside_m).seen_from(self.leader, swing_rad).position_m
+
+    def turn(self, now_s: float, turn_rps: float) -> None:
+        """Take how fast the leader turns from now on, clockwise, rad/s."""
+        if self.beside.any():
+            self._beside_m = self._turned_m(now_s)
+        self._beside_s, self._turn_rps = now_s, turn_rps
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
@@ -120,33 +150,39 @@ class FormationPlan:
 
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
         """Fly a change."""
-        self.arrangement, self.goal_m = arrangement, way.goal_m
+        self.arrangement, self.goal_m, self._late_s = arrangement, way.goal_m, 0.0
         self._fly(way)
 
     def _fly(self, way: Transition) -> None:
         self._way, self._over_s, self._rest = way, way.at_s + way.duration_s, None
+        self.beside = np.zeros_like(self.beside)
 
     def wait(self, pace: float, elapsed_s: float) -> None:
         """Have slots that are on their way move at a share `pace` of their speed from now on; `elapsed_s`: since last.
 
-        All of them do, so that they are as clear of each other as was planned.
+        All of them do, so that they are as clear of each other as was planned. Once they are `WAITS_S` late they wait
+        no longer: who can't come to a slot far outside of a turn can come to the one it moves to.
         """
+        if self._late_s >= WAITS_S:
+            pace = 1.0
         if pace < 1.0:
-            self._fly(replace(self._way, at_s=self._way.at_s + (1.0 - pace) * elapsed_s))
+            late_s = (1.0 - pace) * elapsed_s
+            self._way, self._over_s = replace(self._way, at_s=self._way.at_s + late_s), self._over_s + late_s
+            self._late_s += late_s
         self._pace = pace
 
-    def hold(self, which: Mask, place_m: Array) -> None:
-        """Let those in a mask (C,) stay at places (C, 3) until a change is flown."""
-        goal_m = np.where(which[:, None], place_m, self._way.goal_m)
-        self._fly(replace(self._way, start=self._way.start.standing(which, place_m), goal_m=goal_m))
+    def fly_beside(self, which: Mask, place_m: Array) -> None:
+        """Let those in a mask (C,) fly beside the leader from places (C, 3) on, until a change is flown."""
+        self._beside_m = np.where(self.beside[:, None], self._beside_m, place_m)
+        self.beside = self.beside | which
 
     def at_rest(self, now_s: float) -> bool:
         """Return whether all slots are at rest, from a time on."""
-        return now_s >= self._over_s
+        return now_s >= self._over_s and not self.beside.any()
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""
-        if now_s < self._over_s:
+        if not self.at_rest(now_s):
             return False
         return self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
 

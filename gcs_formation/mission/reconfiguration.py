@@ -19,7 +19,7 @@ from formation_scenario.formation import FormationChange
 from formation_scenario.formation_changes import ahead, plan_change, plan_gathering, take_over
 from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
-from formation_scenario.slot_motion import SlotMotion
+from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.membership_and_succession import Candidate, can_lead, heir
@@ -63,8 +63,6 @@ class Reconfiguration:
         self._planned_for = [False] * len(self._names)
         """(C,) which vehicles the present transition was planned for."""
         self._planned_for[controller.plan.leader] = True
-        self._held = np.zeros(len(self._names), dtype=np.bool_)
-        """(C,) who keeps its place before the path begins, until a way to its slot is found."""
 
     @property
     def leader(self) -> Vehicle | None:
@@ -134,18 +132,18 @@ class Reconfiguration:
             return
         self._next_try = after(now, RETRY_S)
         present, places_m = self._present(), controller.places_m(now) - plan.offset_m
-        come = self._returned() & ~self._held & (np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M)
-        start = plan.at(now / NANOSECONDS, begun=True).standing(come, places_m)
+        returned, near = self._returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
+        plan.fly_beside(returned & near & ~plan.beside, places_m)
+        start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
             way = plan_gathering(self._scenario, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
         except NotFlyableError:
-            plan.hold(come, places_m)
-            self._held |= come
             return
-        self._planned_for, self._held = present.tolist(), np.zeros_like(present)
+        if way is not None or plan.beside.any():
+            plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
+        self._planned_for = present.tolist()
         if way is not None:
-            plan.adopt(plan.arrangement, way)
             text = "gathers clear of each other's ways"
             self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
 

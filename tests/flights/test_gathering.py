@@ -73,3 +73,17 @@ def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the
     events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
     phases = {each["text"]: each["t_s"] for each in events if each["kind"] == "phase"}
     assert phases["flying"] - phases["assembling"] < 200.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 5])
+def test_who_is_heard_late_behind_a_turning_leader_is_in_its_slot_when_the_leader_comes_by_again(seed, tmp_path):
+    """Behind links that lose a fifth, five in a row; held where it was heard, 230 m back, it flew after that place."""
+    keys = yaml.safe_load((CONFIGS / "paper.yaml").read_text())
+    links = {"default": {"loss": 0.2, "mean_burst": 5.0}}
+    keys |= {"seed": seed, "duration_s": 1, "links": links, "disturbances": [], "expect": []}
+    gcs_formation.run(keys, clock="virtual", out=tmp_path / "run")
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert "unassembled" not in {each["kind"] for each in events}
+    phases = {each["text"]: each["t_s"] for each in events if each["kind"] == "phase"}
+    assert phases["flying"] - phases["assembling"] < 320.0

@@ -9,7 +9,7 @@ import pytest
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
-from gcs_formation.guidance.leader_guidance import LeaderGuidance
+from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from tests.flights.conftest import scenario
 
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
@@ -54,6 +54,31 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     leads.steer(state(end.north_m + 1.0, 0.0, 0.0), MODEL, assembled=False)
     assert leads.started
     assert leads.distance_m == pytest.approx(end.north_m + 1.0)
+
+
+def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_times() -> None:
+    """Whoever needs longer than it lasts to come back into its slot would be out of it after every round."""
+    leads = guidance()
+    leads.amid_m = None
+    lengths_m: list[float] = []
+    for _ in range(6):
+        leads.route, leads.distance_m = leads.path, -30.0
+        leads.steer(state(-30.0, 0.0, 0.0), MODEL, assembled=False)
+        assert leads.route is not None
+        lengths_m.append(leads.path.at(0.0).north_m - leads.route.at(leads.route.length_m).north_m)
+    assert lengths_m == pytest.approx([SETTLE_S * SPEED * times for times in (1, 2, 3, 4, 4, 4)])
+
+
+@pytest.mark.parametrize(
+    ("model", "frame", "times"),
+    [("paper", "follower_heading", 1), ("arduplane", "leader_heading", 1), ("arduplane", "follower_heading", 2)],
+)
+def test_aircraft_with_energies_have_twice_the_time_to_settle_in_frames_of_their_own(
+    model: str, frame: str, times: int
+) -> None:
+    keys = {"vehicles": {"count": 4} | ({} if model == "paper" else {"model": model})}
+    keys |= {"formation": {"shape": "line", "spacing_m": 40, "frame": frame}}
+    assert from_scenario.leader_guidance(load_scenario(scenario() | keys)).settle_s == times * SETTLE_S
 
 
 @pytest.mark.parametrize("amid_m", [None, (0.0, 2000.0)])

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flight_model.autopilot_model import rotated
 from formation_scenario import load_scenario
-from formation_scenario.slot_motion import SlotMotion, Transition
-from gcs_formation.guidance.slots import FormationPlan
+from formation_scenario.formation import Frame
+from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition, slot_needs
+from gcs_formation.guidance.slots import WAITS_S, FormationPlan
 from tests.flights.conftest import scenario
 
 DURATION_S, TICK_S = 20.0, 0.1
@@ -49,3 +51,37 @@ def test_slots_at_half_their_pace_move_half_as_fast_as_they_say(plan: FormationP
     plan.wait(0.5, TICK_S)
     after_m, _ = forward(plan, 108.0 + TICK_S)
     assert (after_m - before_m) / TICK_S == pytest.approx(said_mps, rel=0.02)
+
+
+def test_slots_wait_for_no_longer_than_they_may(plan: FormationPlan) -> None:
+    plan.at(108.0, begun=False)
+    for _ in range(round(2 * WAITS_S / TICK_S)):
+        plan.wait(0.0, TICK_S)
+    assert not plan.settled(120.0 + WAITS_S - 0.1)
+    assert plan.settled(120.0 + WAITS_S + 0.1)
+
+
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
+def test_who_flies_beside_a_turning_leader_keeps_its_place_over_ground_at_the_leaders_own_speed(
+    plan: FormationPlan, frame: Frame
+) -> None:
+    speed_mps, turn_rps = 22.0, 0.1
+    last = np.arange(len(plan.goal_m)) == len(plan.goal_m) - 1
+    places_m = plan.goal_m + np.array([-30.0, 110.0, 5.0])
+    plan.turn(200.0, turn_rps)
+    plan.fly_beside(last, np.where(last[:, None], places_m, plan.goal_m))
+    still = np.zeros(1)
+    for elapsed_s in np.arange(0.0, 31.4, TICK_S):
+        plan.turn(200.0 + elapsed_s, turn_rps)
+        slots = plan.at(200.0 + elapsed_s, begun=True)
+        north_east = rotated(-turn_rps * elapsed_s, slots.position_m[-1, 0], slots.position_m[-1, 1])
+        assert north_east == pytest.approx(places_m[-1, :2], abs=1e-6)
+        assert slots.position_m[-1, 2] == places_m[-1, 2]
+        assert not plan.settled(200.0 + elapsed_s)
+        needs = slot_needs(LeaderFlight(speed_mps, np.array([turn_rps]), still, still, still), slots, frame)
+        assert needs.speed_mps[0, -1] == pytest.approx(speed_mps, abs=1e-6)
+        assert needs.aside_rad[0, -1] == pytest.approx(0.0, abs=1e-6)
+        assert needs.accel_mps2[0, -1] == pytest.approx(0.0, abs=1e-6)
+    plan.adopt(plan.arrangement, Transition.standing(plan.goal_m))
+    assert not plan.beside.any()
+    assert plan.settled(240.0)
