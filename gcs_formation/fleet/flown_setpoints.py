@@ -80,6 +80,7 @@ class Flier:
         "highest_at",
         "highest_m",
         "least",
+        "missed",
         "model",
         "off_at",
         "past",
@@ -108,7 +109,8 @@ class Flier:
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
         """Its greatest height since it has been told to climb, when that was true, and whether it has lost it."""
-        self.bad, self.good, self.broken = [0, 0, 0], 0, False
+        self.bad, self.good, self.broken, self.missed = [0, 0, 0], 0, False, AIRSPEED
+        """How often in a row each channel was missed, and none was; whether it doesn't follow, and which it missed."""
 
     @property
     def worst(self) -> int:
@@ -161,7 +163,7 @@ class Flier:
         if sunk is not None:
             self.good = 0
             if channel is not None or not self.broken:
-                self.broken = True
+                self.broken, self.missed = True, HEIGHT
                 return sunk
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
 
@@ -223,12 +225,12 @@ class Flier:
         keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
         keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
         keeps_height = self._keeps_up(HEIGHT, risen_m, flown_m, carried_m, judged=by_height)
-        all_judged, worst = by_speed and by_heading and by_height, self.worst
-        self.good = self.good + 1 if all_judged and keeps_speed and keeps_heading and keeps_height else 0
+        worst = self.worst
+        self.good = self.good + 1 if judged[self.missed] and keeps_speed and keeps_heading and keeps_height else 0
         self.broken = self.broken and self.good < CHECKS_MENDED
         if self.bad[worst] < CHECKS_BROKEN or self.broken:
             return None
-        self.broken = True
+        self.broken, self.missed = True, worst
         return worst
 
     def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
