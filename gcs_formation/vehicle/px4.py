@@ -218,7 +218,7 @@ class Px4Plane(Px4):
         airspeed_scale: AirspeedScale | None = None,
         lead: SpeedLead | None = None,
     ) -> None:
-        """Address `system`; `lead` is for what its model leaves to its integrator."""
+        """Address `system`; `lead`, of what its sensor reads, is for what its model leaves to its integrator."""
         super().__init__(system, origin, turn_rate_max_rps, airspeed_scale)
         self._lead = lead
 
@@ -253,10 +253,12 @@ class Px4Plane(Px4):
     def speeds_mps(self) -> tuple[float, float] | None:
         """What is left of a change to its integrator is flown in a minute, not now."""
         limits, lead = super().speeds_mps, self._lead
-        if lead is None or limits is None:
-            return limits if lead is None else lead.within_reach_mps
-        slowest_mps, fastest_mps = lead.within_reach_mps
-        return max(slowest_mps, limits[0]), min(fastest_mps, limits[1])
+        if lead is None:
+            return limits
+        slowest_mps, fastest_mps = map(self.true_airspeed, lead.within_reach_mps)
+        return (
+            (slowest_mps, fastest_mps) if limits is None else (max(slowest_mps, limits[0]), min(fastest_mps, limits[1]))
+        )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
@@ -268,10 +270,10 @@ class Px4Plane(Px4):
         course_rad = math.atan2(east_mps, north_mps)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
-        speed_mps, lead = setpoint.speed_mps, self._lead
+        reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
         if lead is not None:
-            speed_mps = lead.lead(speed_mps, where.airspeed_mps)
-        return (self._reposition(north_m, east_m, setpoint.height_m, self.airspeed_to_tell(speed_mps)),)
+            reading_mps = lead.lead(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
+        return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD, then the place and height.

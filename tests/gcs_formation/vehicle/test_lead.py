@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_model.autopilot_model import FlightState, Setpoint
+from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
+from tests.gcs_formation.vehicle.conftest import ORIGIN
 
 PROMPT, REST_S, PERIOD_S = 0.72, 8.9, 0.1
 AT_REST = 0.0, 0.0
@@ -87,3 +91,23 @@ def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> N
         hovering.lead((5.0, -5.0), AT_REST)
     hovering.forget()
     assert hovering.lead((3.0, 1.0), (3.0, 1.0)) == pytest.approx((3.0, 1.0))
+
+
+@given(st.floats(0.85, 1.2), st.lists(st.floats(9.0, 22.0), min_size=1, max_size=40))
+def test_a_px4_whose_sensor_reads_wrong_flies_the_true_airspeed_asked_within_what_it_says_is_in_reach(ratio, asked):
+    """Its limits and its integrator are of what the sensor reads: taken for true ones they were out of reach."""
+    scale = AirspeedScale(0.0, 11.0, 20.0)
+    scale.ratio = ratio
+    px4, flown = Px4Plane(7, ORIGIN, 0.25, scale, SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)), Integrator()
+    flown.filled_mps = 14.0
+    here = FlightState(0.0, 0.0, 100.0, 0.0, 14.0 * ratio, 0.0, 0.0, 0.0)
+    px4.setpoint(Setpoint(14.0 * ratio, 0.0, 100.0), here)
+    flown.flies(14.0)
+    for asked_mps in asked:
+        reach_mps = px4.speeds_mps
+        assert reach_mps is not None
+        (told,) = px4.setpoint(Setpoint(asked_mps, 0.0, 100.0), here)
+        flies_mps = ratio * flown.flies(told.param1)
+        if reach_mps[0] <= asked_mps <= reach_mps[1]:
+            assert flies_mps == pytest.approx(asked_mps, abs=1e-6)
+        assert 11.0 <= told.param1 <= 20.0
