@@ -172,7 +172,7 @@ def _within_steps(scenario: Scenario) -> Array:
             within_s = np.concatenate((turns_s, np.linspace(0.0, step.for_s, STEP_SAMPLES)))
             # Where one step ends as another begins, they don't add up.
             found.append(step.at_s + np.clip(within_s, TOLERANCE, step.for_s - TOLERANCE))
-    times_s = np.unique(np.concatenate(found))
+    times_s = np.sort(np.concatenate(found))
     return times_s[times_s <= end_s]
 
 
