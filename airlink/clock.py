@@ -13,6 +13,8 @@ Instant = NewType("Instant", int)
 """Nanoseconds since the epoch of the run's clock."""
 
 NANOSECONDS: Final = 1_000_000_000
+NEVER: Final = Instant(2**62 - 1)
+"""Later than any instant of a run."""
 HALF: Final = 0.5
 EXACT: Final = 2.0**51
 EVEN: Final = 1.5 * 2.0**52

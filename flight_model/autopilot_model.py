@@ -22,6 +22,8 @@ INNER: Final = 0.4444444444444444
 """Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
 BESIDE_RAD: Final = 0.02
 """Angles less apart than this have cosines and sines from each other's by series, without an error beyond rounding."""
+LEAST_CRABBING_MPS: Final = 1.0
+"""What a lower airspeed counts as, where a crosswind is divided by it."""
 NO_LIMIT: Final = math.inf
 
 
@@ -251,6 +253,12 @@ def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
     """Return the components of a horizontal vector forward and right along `axis_rad`."""
     cos, sin = math.cos(axis_rad), math.sin(axis_rad)
     return north * cos + east * sin, east * cos - north * sin
+
+
+def crab_rad(state: FlightState, course_rad: float) -> float:
+    """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
+    _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
+    return math.asin(within(aside_mps / max(state.airspeed_mps, LEAST_CRABBING_MPS), -1.0, 1.0))
 
 
 def squared(value: float) -> float:

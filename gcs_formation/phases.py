@@ -69,7 +69,7 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
 
 BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
 """What an end becomes where nobody may be commanded yet: everybody is left as found."""
-UNCOMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
+NOBODY_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
 """Causes of an end before anybody was commanded."""
 COMMANDED: Final = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""

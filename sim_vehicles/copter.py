@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 
 from airlink import mavlink as m
-from airlink.clock import after
+from airlink.clock import NEVER, after
 from airlink.frame import Frame
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
-from sim_vehicles.autopilot.board_clock import NEVER, delayed
+from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
 from sim_vehicles.autopilot.copter_tables import HANDLERS, copters
 from sim_vehicles.autopilot.failsafe import COPTER_FAILSAFE

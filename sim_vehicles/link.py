@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.clock import Instant, seconds_between
+from airlink.clock import NEVER, Instant, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
 from airlink.messages import Message
 from airlink.messages.payload import MARKER_V2
 from airlink.messages.system import Timesync
-from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after
+from airlink.clock import NEVER, Instant, after
 from airlink.frame import Frame
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode
 from airlink.messages.mission import MissionItem, MissionItemInt
@@ -16,7 +16,7 @@ from airlink.messages.system import Heartbeat, Ping, Statustext
 from formation_scenario.surroundings import Fault
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot import px4_tables as tables
-from sim_vehicles.autopilot.board_clock import NEVER, delayed
+from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
 from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode, Px4Mode, Request, select

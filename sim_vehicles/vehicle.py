@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
@@ -27,7 +27,7 @@ from formation_scenario.surroundings import DEFAULT_MODE, Fault
 from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
-from sim_vehicles.autopilot.board_clock import NEVER, BoardClock
+from sim_vehicles.autopilot.board_clock import BoardClock
 from sim_vehicles.autopilot.failsafe import FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
 from sim_vehicles.autopilot.modes import FlightMode, Request

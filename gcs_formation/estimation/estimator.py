@@ -41,7 +41,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
-UNCOMMANDED: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
+UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
 """What `UNMODELLED` is for a vehicle that isn't commanded by us."""
 BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
@@ -367,7 +367,7 @@ class StateEstimator:
                 predicted, stamp = each.state.copy(), max(stamp, each.stamp)
                 self._history.carry(predicted, each.stamp, stamp, column, model)
                 follows = abs(each.state.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
-                walk = UNMODELLED if commanded[column] and follows else UNCOMMANDED
+                walk = UNMODELLED if commanded[column] and follows else UNCOMMANDED_WALK
                 each.correct(values, stamp, predicted, model, walk)
 
 

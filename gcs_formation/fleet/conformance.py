@@ -14,7 +14,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.flown_setpoints import CHECK_S, Flier, NonConformance
+from gcs_formation.fleet.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.acknowledgement import SetpointChannel
@@ -62,7 +62,7 @@ class ConformanceMonitor:
         self._vehicles = list(vehicles.values())
         self._note = note
         models, noise = _judged_by(scenario), _noise(scenario)
-        self._fliers = [Flier(each, models[each.column], noise[each.column]) for each in self._vehicles]
+        self._fliers = [FlownSetpoints(each, models[each.column], noise[each.column]) for each in self._vehicles]
         for vehicle in self._vehicles:
             for channel in vehicle.setpoint_channels:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))

@@ -7,7 +7,7 @@ from collections.abc import Set
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import MISSION_TIME, Message
@@ -22,7 +22,6 @@ HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are held back."""
 UNGUIDED_S: Final = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
-NEVER: Final = Instant(2**62 - 1)
 HEARTBEAT_S: Final = 1.0
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2

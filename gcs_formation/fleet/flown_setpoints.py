@@ -67,7 +67,7 @@ class NonConformance(NamedTuple):
     over_s: float = WINDOW_S
 
 
-class Flier:
+class FlownSetpoints:
     """One vehicle: where it has been within the window, and how often it fell short."""
 
     __slots__ = (

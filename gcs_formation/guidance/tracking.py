@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, squared, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, crab_rad, rotated, squared, within
 from flight_model.curve import PathPoint
 from flight_model.displacement import Rise
 from flight_model.path import Route
@@ -28,7 +28,6 @@ NEAREST_STEP_M: Final = 10.0
 TURN: Final = 2 * math.pi
 MOST_ASIDE_RAD: Final = math.radians(30.0)
 """Up to which angle to the path a way onto it continues a vehicle's own."""
-asin: Final = math.asin
 atan: Final = math.atan
 
 
@@ -66,7 +65,7 @@ def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
     """Return the heading along the route at the point where a vehicle is, for its speed over ground."""
     along_mps, _ = _along_and_aside(state, point.course_rad)
     return RouteHeading(
-        point.course_rad - _crab(state, point.course_rad),
+        point.course_rad - crab_rad(state, point.course_rad),
         point.curvature_1pm * along_mps,
         point.curvature_rate_1pm2 * squared(along_mps),
         point.slope * along_mps,
@@ -114,7 +113,7 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
     turn_rps = point.curvature_1pm * along_mps
     if limited == intercept:
         turn_rps -= gain_1pm * aside_mps / (1.0 + squared(gain_1pm * right_m))
-    heading = course - _crab(state, course) + model.tau_psi_s * turn_rps
+    heading = course - crab_rad(state, course) + model.tau_psi_s * turn_rps
     rise_mps = point.slope * along_mps
     height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
     height_m += model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * squared(along_mps)
@@ -161,12 +160,6 @@ def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, floa
     """Return the velocity over ground along a course and to its right."""
     north_mps, east_mps = state.ground_mps()
     return rotated(course_rad, north_mps, east_mps)
-
-
-def _crab(state: FlightState, course_rad: float) -> float:
-    """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
-    _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    return asin(within(aside_mps / max(state.airspeed_mps, 1.0), -1.0, 1.0))
 
 
 def _crab_rate(state: FlightState, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:

@@ -30,7 +30,7 @@ from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
-RETRY_S: Final = 1.0
+TRY_AGAIN_S: Final = 1.0
 """Interval between attempts at a change that can't be flown at the formation's present position."""
 AMID: Final = 2.0
 """Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
@@ -113,7 +113,7 @@ class Reconfiguration:
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
             return
-        self._next_try = after(now, RETRY_S)
+        self._next_try = after(now, TRY_AGAIN_S)
         try:
             self.change(self._wanted, now)
         except NotFlyableError as error:
@@ -130,7 +130,7 @@ class Reconfiguration:
         route, guidance = controller.guidance.route, controller.guidance
         if route is None or now < self._next_try:
             return
-        self._next_try = after(now, RETRY_S)
+        self._next_try = after(now, TRY_AGAIN_S)
         present, places_m = self._present(), controller.places_m(now) - plan.offset_m
         returned, near = self._returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
         plan.fly_beside(returned & near & ~plan.beside, places_m)

@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import frame_length
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
-from gcs_formation.phases import UNCOMMANDED
+from gcs_formation.phases import NOBODY_COMMANDED
 from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
@@ -205,7 +205,7 @@ def _commanded_nobody(path: Path) -> bool:
         causes = [event["cause"] for event in events if event["kind"] == "phase"]
     except (ValueError, KeyError, TypeError):
         return False  # cut off, or somebody else's
-    return len(causes) == 1 and causes[0] in [cause.value for cause in UNCOMMANDED]
+    return len(causes) == 1 and causes[0] in [cause.value for cause in NOBODY_COMMANDED]
 
 
 def _clear(path: Path) -> None:

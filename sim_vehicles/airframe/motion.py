@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import FlightState, within
+from flight_model.autopilot_model import FlightState, crab_rad, within
 
 HEADING: Final = 0
 COURSE: Final = 1
@@ -193,7 +193,7 @@ class Steering:
         if self.kind == HEADING:
             return self.direction_rad
         course_rad = self._round(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
-        return course_rad - _crab(course_rad, state)
+        return course_rad - crab_rad(state, course_rad)
 
     def _round(self, state: FlightState, tau_psi_s: float) -> float:
         """Return the course that leads onto the circle and along it: clockwise, of a negative radius the other way."""
@@ -205,9 +205,3 @@ class Steering:
         if abs(off_rad) < ON_CIRCLE_RAD:
             course_rad += tau_psi_s * state.airspeed_mps / self.radius_m
         return course_rad
-
-
-def _crab(course_rad: float, state: FlightState) -> float:
-    """Return the crab angle: how far left of the course the heading must point to cancel the drift across it."""
-    aside_mps = state.wind_east_mps * math.cos(course_rad) - state.wind_north_mps * math.sin(course_rad)
-    return math.asin(within(aside_mps / max(state.airspeed_mps, LEAST_SPEED_MPS), -1.0, 1.0))

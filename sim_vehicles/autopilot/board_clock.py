@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, rounded
+from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, rounded
 
 LOOP_HZ: Final = 50
 """Rate of an emulated autopilot's main loop, as ArduPlane's, on which it flies, reads and sends."""
 LOOP_S: Final = 1.0 / LOOP_HZ
-NEVER: Final = Instant(2**62 - 1)
-"""Later than any instant of a run."""
 
 
 def delayed(now: Instant, delay_s: float) -> Instant:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after
+from airlink.clock import NEVER, Instant, after
 from flight_model.autopilot_model import within
 from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot.board_clock import LOOP_S, NEVER
+from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot

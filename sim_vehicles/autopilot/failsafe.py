@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from airlink.clock import Instant, after
-from sim_vehicles.autopilot.board_clock import NEVER
+from airlink.clock import NEVER, Instant, after
 from sim_vehicles.autopilot.modes import CopterMode, FlightMode, Mode
 from sim_vehicles.autopilot.parameters import ParameterServer
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after
+from airlink.clock import NEVER, Instant, after
 from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.mission import (
@@ -33,7 +33,6 @@ from airlink.messages.mission import (
 from airlink.messages.system import Statustext
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.begin_and_end import StartState
-from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.mission_items import E7, Item, from_message, in_degrees, to_message
 
 MOST_ITEMS = 655

@@ -12,13 +12,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, after
+from airlink.clock import NANOSECONDS, NEVER, Instant, after
 from airlink.messages import Message
 from airlink.messages.command import MessageInterval, ParamError, ParamRequestRead, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
-from sim_vehicles.autopilot.board_clock import NEVER
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
 from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Sender

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mypy_extensions import i64
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, NEVER, Instant
 from airlink.messages import Message
 from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
 from airlink.messages.telemetry import (
@@ -28,7 +28,7 @@ from airlink.messages.telemetry import (
 )
 from flight_model.autopilot_model import signed
 from flight_model.energy import GRAVITY_MPS2
-from sim_vehicles.autopilot.board_clock import LOOP_HZ, NEVER
+from sim_vehicles.autopilot.board_clock import LOOP_HZ
 from sim_vehicles.autopilot.modes import system_status
 
 if TYPE_CHECKING:
