@@ -1,8 +1,8 @@
 """What is left of 0.6 m/s on all vehicles after a minute of the paper's flight, predicted over links of every kind.
 
 Bounds are 1.3 times what was measured, along x and y, of the worst follower; most measured 0.004 to 0.008 m, less than
-the last digit of the telemetry's positions. Losses are drawn: a gust that begins as five frames in a row are lost leaves
-ten times what another leaves, so half of eight flights keep these bounds.
+the last digit of the telemetry's positions. Losses are drawn: a gust that begins as five frames in a row are lost
+leaves ten times what another leaves, so half of eight flights keep these bounds.
 """
 
 from __future__ import annotations
