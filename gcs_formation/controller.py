@@ -20,7 +20,7 @@ from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.laws import law_kind, law_parameters
-from gcs_formation.control.setpoint import Envelope
+from gcs_formation.control.setpoint import AS_DECIDED, Envelope
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
@@ -166,9 +166,6 @@ class FormationController:
         if not tick.active[tick.leader]:
             tick.active = [False] * self._columns
             self._in_slots_s = 0.0
-            self.separation.rest()
-            self.fence.rest()
-            self.floor.rest()
             return tick
         measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
@@ -180,8 +177,8 @@ class FormationController:
             self._await_followers(tick)
             self._at_heights(tick, heights_m)
             self.separation.keep(tick, measured)
-        self.fence.keep(tick, self.separation.replaced)
-        self.floor.keep(tick, self.separation.replaced)
+        self.fence.keep(tick)
+        self.floor.keep(tick)
         self.history.note(tick.setpoints)
         self._judge_assembly(tick)
         self.last_tick = tick
@@ -238,7 +235,7 @@ class FormationController:
         slots, commanded_slots = self._over_ground(tick, states, lead)
         commanded = [self.history.commanded(states.instant(each) - 1, each) for each in range(self._columns)]
         variance = [each.wind_variance for each in self.estimator.filters]
-        replaced = self.separation.replaced
+        replaced = [AS_DECIDED] * self._columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same ones while they stand
             self._placed, self._slots_m = commanded_slots, [_place_of(each) for each in commanded_slots]

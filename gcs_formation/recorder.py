@@ -13,6 +13,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Triple
+from gcs_formation.control.setpoint import AS_DECIDED, Replaced
 from gcs_formation.control.situation import Decided
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -93,12 +94,14 @@ class Tick:
         "age_s",
         "decided",
         "error_m",
+        "events",
         "leader",
         "links",
         "margin_used",
         "mission_time_s",
         "now",
         "phase",
+        "replaced",
         "setpoints",
         "slots_m",
         "state",
@@ -141,6 +144,8 @@ class Tick:
         """What the law acted on: predicted to when the setpoints act."""
         self.setpoints: list[Triple] = [UNKNOWN] * count
         """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
+        self.replaced: list[Replaced] = [AS_DECIDED] * count
+        """Which of them aren't the law's."""
         self.yielding = [False] * count
         """Which columns' setpoints are the separation rule's, not the law's."""
         self.slots_m: list[Triple] = [UNKNOWN] * count
@@ -148,6 +153,16 @@ class Tick:
         self.error_m: list[Triple] = [UNKNOWN] * count
         self.decided: list[Decided | None] = [None] * count
         """What the law decided, and by which mixed errors and gains; None for the leader and who isn't commanded."""
+        self.events: list[Event] = []
+        """What began or ended as setpoints were replaced."""
+
+    def replace(self, column: int, setpoint: Triple) -> None:
+        """Put another setpoint in the place of a column's, and note where it differs."""
+        speed_mps, heading_rad, height_m = self.setpoints[column]
+        faster, turned, higher = self.replaced[column]
+        faster, turned = faster or setpoint[0] != speed_mps, turned or setpoint[1] != heading_rad
+        self.replaced[column] = faster, turned, higher or setpoint[2] != height_m
+        self.setpoints[column] = setpoint
 
 
 @dataclass(frozen=True)

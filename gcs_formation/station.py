@@ -299,7 +299,7 @@ class Station(Engine):
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)
-        for event in (*controller.separation.changes, *controller.fence.changes, *controller.floor.changes):
+        for event in tick.events:
             self._recorder.event(event)
         self.controlled_ticks += 1
         if phase is Phase.ASSEMBLING and controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):

@@ -22,6 +22,7 @@ from gcs_formation.control.setpoint import (
     Envelope,
     LeaderMotion,
     Mixer,
+    Replaced,
     Target,
     TrailingSlot,
     error_rate,
@@ -74,7 +75,7 @@ class Pair:
         commanded: Triple,
         wind_variance: float,
         bandwidth: list[float],
-        replaced: list[bool],
+        replaced: Replaced,
     ) -> None:
         """Take the follower's state, slot and `held` model, and more of the tick.
 

@@ -16,6 +16,9 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, w
 from flight_model.slot import Slot, Triple
 from formation_scenario.formation import Frame
 
+Replaced = tuple[bool, bool, bool]
+"""Of speed, heading and height: what is commanded isn't what the law decided."""
+AS_DECIDED: Final[Replaced] = (False, False, False)
 TRAIL_S: Final = 1.36
 """Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
 asin: Final = math.asin

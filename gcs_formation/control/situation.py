@@ -11,6 +11,7 @@ from flight_model.autopilot_model import FlightState
 from flight_model.slot import Slot, Triple
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Gains
+from gcs_formation.control.setpoint import Replaced
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
@@ -50,7 +51,7 @@ class Situation:
         wind_variance: list[float],
         active: list[bool],
         bandwidth: list[list[float]],
-        replaced: list[list[bool]],
+        replaced: list[Replaced],
     ) -> None:
         """Take what is known at a tick.
 

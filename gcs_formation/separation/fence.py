@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from airlink.clock import Instant
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
@@ -40,39 +39,31 @@ class FenceLimits:
         self._side = np.zeros(self._real.size)
         """-1, 1: to which side a column is being turned away."""
         self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
-        self.changes: list[Event] = []
-        """What began or ended at the last tick."""
 
-    def rest(self) -> None:
-        """Do nothing at a tick at which nobody is commanded."""
-        self.changes = []
-
-    def keep(self, tick: Tick, replaced: list[list[bool]]) -> None:
-        """Put setpoints inside in the place of a tick's; note in `replaced`, (C, 3), which were not inside."""
-        self.changes = []
+    def keep(self, tick: Tick) -> None:
+        """Put setpoints inside in the place of a tick's that aren't."""
         if not self._fenced:
             return
         active: Mask = tick.active & self._real
-        self._limit_heights(tick, active, replaced)
+        self._limit_heights(tick, active)
         if self._corners_m.size:
-            self._turn_away(tick, active, replaced)
+            self._turn_away(tick, active)
 
-    def _limit_heights(self, tick: Tick, active: Mask, replaced: list[list[bool]]) -> None:
+    def _limit_heights(self, tick: Tick, active: Mask) -> None:
         least_m, most_m = self._fence.heights_m
         beyond: Mask = np.zeros((2, active.size), dtype=bool)
         for column in np.flatnonzero(active).tolist():
             speed_mps, heading_rad, height_m = tick.setpoints[column]
             beyond[:, column] = height_m < least_m, height_m > most_m
             if height_m < least_m or height_m > most_m:
-                tick.setpoints[column] = speed_mps, heading_rad, min(max(height_m, least_m), most_m)
-                replaced[column][HEIGHT] = True
+                tick.replace(column, (speed_mps, heading_rad, min(max(height_m, least_m), most_m)))
         for row, column in np.argwhere(beyond != self._at_limit).tolist():
             limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
             text = f"height held at {limit_m:g} m" if begins else f"height no longer held at {limit_m:g} m"
-            self._report(tick.now, column, text, begins=begins)
+            self._report(tick, column, text, begins=begins)
         self._at_limit = beyond
 
-    def _turn_away(self, tick: Tick, active: Mask, replaced: list[list[bool]]) -> None:
+    def _turn_away(self, tick: Tick, active: Mask) -> None:
         if not active.any():
             return
         which = np.flatnonzero(active)
@@ -94,9 +85,8 @@ class FenceLimits:
         headings_rad: list[float] = (state.heading_rad + aside_rad)[held].tolist()
         for column, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[column]
-            tick.setpoints[column] = speed_mps, heading_rad, height_m
-            replaced[column][HEADING] = True
-        self._note(tick.now, which, side, inside_m(self._corners_m, place))
+            tick.replace(column, (speed_mps, heading_rad, height_m))
+        self._note(tick, which, side, inside_m(self._corners_m, place))
 
     def _inward_rad(self, place: Array) -> Array:
         """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
@@ -104,15 +94,15 @@ class FenceLimits:
         rise = [inside_m(self._corners_m, place + step) - inside_m(self._corners_m, place - step) for step in steps]
         return np.arctan2(rise[1], rise[0])
 
-    def _note(self, now: Instant, which: Indices, side: Array, inside: Array) -> None:
+    def _note(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
         sides = np.zeros(self._side.size)
         sides[which] = side
         distance_m = dict(zip(which.tolist(), inside.tolist(), strict=True))
         for column in np.flatnonzero((sides != 0.0) != (self._side != 0.0)).tolist():
             begins = bool(sides[column])
             text = f"turned away, {distance_m[column]:.0f} m inside" if begins else "no longer turned away"
-            self._report(now, column, text, begins=begins)
+            self._report(tick, column, text, begins=begins)
         self._side = sides
 
-    def _report(self, now: Instant, column: int, text: str, *, begins: bool) -> None:
-        self.changes.append(Event(now, "fence", text, self._identities[column], {"begins": begins}))
+    def _report(self, tick: Tick, column: int, text: str, *, begins: bool) -> None:
+        tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": begins}))

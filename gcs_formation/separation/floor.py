@@ -42,27 +42,19 @@ class HeightFloor:
         """Where each looked around last, north and east, and the height that is clear of all ground there."""
         self._held: list[Instant | None] = [None] * len(models)
         """When each was held last, of those that are."""
-        self.changes: list[Event] = []
-        """What began or ended at the last tick."""
 
-    def rest(self) -> None:
-        """Do nothing at a tick at which nobody is commanded."""
-        self.changes = []
-
-    def keep(self, tick: Tick, replaced: list[list[bool]]) -> None:
-        """Put heights clear of the ground in the place of a tick's; note in `replaced`, (C, 3), which were not."""
-        self.changes = []
+    def keep(self, tick: Tick) -> None:
+        """Put heights clear of the ground in the place of a tick's that aren't."""
         for column in range(self._first, len(self._models)):
             height_m = tick.setpoints[column][HEIGHT]
             if tick.active[column] and height_m < self._clear_m(column, tick.state[column]):
                 least_m = self._least_m(tick.state[column], height_m, self._models[column])
                 if height_m < least_m:
                     speed_mps, heading_rad, _ = tick.setpoints[column]
-                    tick.setpoints[column] = speed_mps, heading_rad, least_m
-                    replaced[column][HEIGHT] = True
-                    self._begin(tick.now, column, least_m)
+                    tick.replace(column, (speed_mps, heading_rad, least_m))
+                    self._begin(tick, column, least_m)
             if self._held[column] is not None:
-                self._end(tick.now, column)
+                self._end(tick, column)
 
     def _clear_m(self, column: int, state: FlightState) -> float:
         """Return a height that is clear of all ground that a vehicle may be over soon."""
@@ -87,18 +79,18 @@ class HeightFloor:
         least_m = min(float(needed_m.max()), float(floor_m.max()), state.height_m + lag_s * model.climb_max_mps)
         return max(height_m, least_m)
 
-    def _begin(self, now: Instant, column: int, least_m: float) -> None:
+    def _begin(self, tick: Tick, column: int, least_m: float) -> None:
         if self._held[column] is None:
             text = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
-            self.changes.append(Event(now, "fence", text, self._identities[column], {"begins": True}))
-        self._held[column] = now
+            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
+        self._held[column] = tick.now
 
-    def _end(self, now: Instant, column: int) -> None:
+    def _end(self, tick: Tick, column: int) -> None:
         since = self._held[column]
-        if since is not None and seconds_between(since, now) > OVER_S:
+        if since is not None and seconds_between(since, tick.now) > OVER_S:
             self._held[column] = None
             text = "height no longer held above the ground"
-            self.changes.append(Event(now, "fence", text, self._identities[column], {"begins": False}))
+            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": False}))
 
 
 def _lag_s(model: AutopilotModel) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
-from flight_model.slot import CHANNELS, UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import column_ids
@@ -78,14 +78,6 @@ class ConflictResolver:
         """Distance kept between commanded vehicles, m: the rule's, less where the formation's slots are nearer."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
-        self.changes: list[Event] = []
-        """What began or ended at the last tick."""
-        self.replaced = [[False] * len(CHANNELS) for _ in range(count)]
-        """Speed, heading and height of each column: what the law asked for isn't what is flown."""
-
-    def rest(self) -> None:
-        """Do nothing at a tick at which nobody is commanded."""
-        self.changes = []
 
     def keep(self, tick: Tick, measured: Measured) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
@@ -94,9 +86,6 @@ class ConflictResolver:
             tick: with the law's setpoints; changed.
             measured: the newest states.
         """
-        self.changes = []
-        for channels in self.replaced:
-            channels[0] = channels[1] = channels[2] = False
         if not self._enabled:
             return
         self._watch_turns(measured)
@@ -111,7 +100,7 @@ class ConflictResolver:
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
-        self._note(tick.now, picture, resolution.conflicts)
+        self._note(tick, picture, resolution.conflicts)
 
     def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
@@ -143,8 +132,7 @@ class ConflictResolver:
             if side:
                 setpoint = speed_mps, heading_rad, height_m
                 self._side[column] = side
-                self.replaced[column] = [new != old for new, old in zip(setpoint, tick.setpoints[column], strict=True)]
-                tick.setpoints[column] = setpoint
+                tick.replace(column, setpoint)
         tick.yielding = [side != 0.0 for side in self._side]
 
     def _members(self, tick: Tick) -> list[int]:
@@ -253,7 +241,7 @@ class ConflictResolver:
         """Return the distance that is kept between vehicles at places (C, 3) of a formation."""
         return SLOT_SHARE * _nearest_m(places_m[self._first :])
 
-    def _note(self, now: Instant, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
+    def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:
             return
         state, vehicles = picture.traffic.state, picture.vehicles
@@ -261,28 +249,28 @@ class ConflictResolver:
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:
-                self._encounters[pair] = Encounter(now)
+                self._encounters[pair] = Encounter(tick.now)
                 way = "upwards" if self._side[pair[0]] > 0.0 else "downwards"
                 apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
                 figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
-                self._report(now, pair, "gives way to", f", {way}: {apart}", figures)
+                self._report(tick, pair, "gives way to", f", {way}: {apart}", figures)
         for pair, encounter in list(self._encounters.items()):
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
                 encounter.least_m = min(encounter.least_m, distance_m)
             if not self._side[pair[0]]:
                 del self._encounters[pair]
-                least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, now)
+                least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, tick.now)
                 figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
                 text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
-                self._report(now, pair, "no longer gives way to", text, figures)
+                self._report(tick, pair, "no longer gives way to", text, figures)
 
-    def _report(self, now: Instant, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
+    def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
         """Report that the first of two vehicles begins or ends to give way to the second."""
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
         details: dict[str, Detail] = {"other": other}
         details.update(figures)
-        self.changes.append(Event(now, "separation", f"{what} {other}{how}", vehicle, details))
+        tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
 def _timing_s(tick: Tick, column: int) -> float:

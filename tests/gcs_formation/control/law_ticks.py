@@ -12,7 +12,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.laws import FormationLaw
-from gcs_formation.control.setpoint import Mixer
+from gcs_formation.control.setpoint import AS_DECIDED, Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader_guidance import LeaderCommand
@@ -114,7 +114,7 @@ def situation(
         wind_variance=[0.0] * COUNT,
         active=[True] * COUNT,
         bandwidth=[[1.0] * 3] * COUNT,
-        replaced=[[False] * 3] * COUNT,
+        replaced=[AS_DECIDED] * COUNT,
     )
 
 

@@ -15,6 +15,7 @@ from formation_scenario.formation import Frame
 from formation_scenario.model import graph_adjacency
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
+from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.guidance.leader_guidance import LeaderCommand
@@ -80,7 +81,7 @@ def situation(
         wind_variance=[0.0] * COUNT,
         active=[True] * COUNT if active is None else active.tolist(),
         bandwidth=[[1.0] * 3] * COUNT,
-        replaced=[[False] * 3] * COUNT,
+        replaced=[AS_DECIDED] * COUNT,
     )
 
 

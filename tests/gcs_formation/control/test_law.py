@@ -12,6 +12,7 @@ from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
 from gcs_formation.control.laws import Controller, FormationLaw
+from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.control.situation import Situation
 from gcs_formation.control.velocity_law import VelocityController
 from tests.gcs_formation import tables
@@ -129,7 +130,7 @@ def test_an_integral_grows_by_gain_error_and_time() -> None:
 def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_is_not_commanded() -> None:
     flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
     flying.decide(here, DT_S)
-    replaced = [[False] * 3, [True, False, False], [False] * 3]
+    replaced = [AS_DECIDED, (True, False, False), AS_DECIDED]
     flying.decide(tables.changed(here, replaced=replaced), DT_S)
     asked = sent(flying.decide(here, DT_S))[:, 0] - SPEED_MPS
     np.testing.assert_allclose(asked, (0.05, 0.10), atol=1e-12)
@@ -172,8 +173,8 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
     flying, most = law(kp=gain), share * DT_S * np.array(limits)
 
     def asked(metres: float, *, replaced: bool = False) -> Array:
-        states, rule = in_formation(), [[False] * 3 for _ in range(COUNT)]
-        rule[2][channel] = replaced
+        states, rule = in_formation(), [AS_DECIDED] * COUNT
+        rule[2] = (replaced and channel == 0, replaced and channel == 1, False)
         here = situation(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
         return sent(flying.decide(tables.changed(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
 

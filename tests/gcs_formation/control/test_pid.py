@@ -12,7 +12,7 @@ from formation_scenario import load_scenario
 from gcs_formation.control.follower import FollowerController, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
-from gcs_formation.control.setpoint import LeaderMotion
+from gcs_formation.control.setpoint import AS_DECIDED, LeaderMotion
 
 DT_S = 0.1
 
@@ -103,7 +103,7 @@ def descent_m(up_m: float) -> list[float]:
     leader = LeaderMotion(level_at(100.0), 0.0, 0.0, 0.0, 0.0)
     own, told_m, slot = level_at(100.0 + up_m), 100.0 + up_m, Slot([0.0] * 3, [0.0] * 3, [0.0] * 3)
     for _ in range(600):
-        controller.decide(Pair(leader, own, slot, model, (22.0, 0.0, told_m), 0.0, [1.0] * 3, [False] * 3), DT_S)
+        controller.decide(Pair(leader, own, slot, model, (22.0, 0.0, told_m), 0.0, [1.0] * 3, AS_DECIDED), DT_S)
         told_m = controller.setpoint[2]
         for _ in range(10):
             own.climb_mps += DT_S / 10 * (told_m - own.height_m - 4.0 * own.climb_mps) / 3.0

@@ -41,9 +41,8 @@ def tick(state: FlightStates, setpoints: Setpoints) -> Tick:
 
 def minimum(limits: FenceLimits, now: Tick) -> Any:
     """Hold a tick's setpoints inside; return which were replaced, (C, 3)."""
-    replaced = [[False] * 3 for _ in now.active]
-    limits.keep(now, replaced)
-    return np.array(replaced)
+    limits.keep(now)
+    return np.array(now.replaced)
 
 
 def places(world: World) -> Any:
@@ -82,7 +81,7 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     for height_m in (150.0, 150.0, 100.0, 20.0):
         now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
         replaced = minimum(limits, now)
-        words += [held.text for held in limits.changes]
+        words += [held.text for held in now.events]
         assert now.setpoints[0][2] == np.clip(height_m, 60.0, 120.0)
         assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
         assert np.isnan(now.setpoints[2][2])

@@ -13,6 +13,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.terrain import ElevationGrid
 from gcs_formation import from_scenario
+from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.floor import OVER_S, HeightFloor
 from tests.flights.conftest import scenario
@@ -34,24 +35,28 @@ def floor_of(over: Scenario) -> HeightFloor:
     return HeightFloor(over, from_scenario.autopilot_models(over))
 
 
-def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0) -> float:
-    """Return what a vehicle that heads north is told in place of `told_m`."""
+def kept(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0) -> Tick:
+    """Return the tick at which a vehicle that heads north is told another height in place of `told_m`."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
     tick.state[1] = FlightState(north_m, 0.0, height_m, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     tick.setpoints[1] = SPEED_MPS, 0.0, told_m
-    replaced = [[False] * 3 for _ in range(3)]
-    floor.keep(tick, replaced)
-    assert replaced == [[False] * 3, [False, False, tick.setpoints[1][2] != told_m], [False] * 3]
-    return tick.setpoints[1][2]
+    floor.keep(tick)
+    assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != told_m), AS_DECIDED]
+    return tick
+
+
+def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0) -> float:
+    return kept(floor, told_m, height_m, north_m).setpoints[1][2]
 
 
 def test_over_level_ground_heights_are_held_and_it_is_told_when_it_begins_and_ends() -> None:
     floor, words = floor_of(planned()), list[str]()
     heights = (50.0, 19.0, -30.0, 25.0, 19.0, 25.0, 25.0)
     for at_s, told_m in zip((0.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.3 + OVER_S + 0.1), heights, strict=True):
-        assert flown(floor, told_m, 24.0, at_s=at_s) == max(told_m, CLEARANCE_M)
-        words += [each.text for each in floor.changes]
+        tick = kept(floor, told_m, 24.0, at_s=at_s)
+        assert tick.setpoints[1][2] == max(told_m, CLEARANCE_M)
+        words += [each.text for each in tick.events]
     assert words == ["height held at 20 m, 20 m above the ground", "height no longer held above the ground"]
 
 

@@ -123,8 +123,9 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
     crossing = Crossing()
     assert crossing.gives_way(at_s=0.0)
     crossing.heading[1] += 0.2
-    assert not crossing.gives_way(at_s=1.0)
-    assert crossing.resolver.changes[0].details["begins"] is False
+    turned = crossing.keep(at_s=1.0)
+    assert not turned.yielding[0]
+    assert turned.events[0].details["begins"] is False
 
 
 @pytest.mark.parametrize(
@@ -168,23 +169,19 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
 
 def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     crossing = Crossing()
-    crossing.keep()
-    (begun,) = crossing.resolver.changes
+    (begun,) = crossing.keep().events
     assert (str(begun.vehicle), begun.details["other"], begun.details["begins"]) == ("1", "2", True)
     assert begun.details["nearest_m"] == pytest.approx(6.0, abs=0.1)
     assert begun.details["in_s"] == pytest.approx(5.0, abs=0.5)
     assert re.match("gives way to 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
     crossing.north[0], crossing.east[1] = -44.0, 44.0
-    crossing.keep(at_s=3.0)
-    assert crossing.resolver.changes == []
+    assert crossing.keep(at_s=3.0).events == []
     crossing.north[0], crossing.east[1] = 300.0, -300.0
-    crossing.keep(at_s=20.0)
-    (ended,) = crossing.resolver.changes
+    (ended,) = crossing.keep(at_s=20.0).events
     assert ended.text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
     assert ended.details["lasted_s"] == pytest.approx(20.0)
     assert ended.details["begins"] is False
-    crossing.keep(at_s=20.1)
-    assert crossing.resolver.changes == []
+    assert crossing.keep(at_s=20.1).events == []
 
 
 def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
