@@ -23,7 +23,7 @@ MAX_REMOTES: Final = 256
 """Sockets towards the target. The remote silent longest is forgotten first, so strangers can't use up all sockets."""
 READ_SIZE: Final = 4096
 NETWORK: Final = 1
-"""Of the vehicles whose random numbers remotes have."""
+"""Remotes draw the random numbers of this network's vehicles."""
 
 
 Passage = tuple[int, Direction, bytes]

@@ -70,7 +70,7 @@ class VehicleLink:
         self.disobeying = False
         """Whether it doesn't seem to fly as it was commanded, though it hears it."""
         self.speeds_mps: tuple[float, float] | None = None
-        """The airspeeds that it can be had to fly now, where they aren't its model's."""
+        """The lowest and the highest true airspeed that it can reach soon, m/s; None where they are its model's."""
 
     @property
     def on_its_way_s(self) -> float:

@@ -57,7 +57,7 @@ class Station(Engine):
         """
         self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
-        """Ticks at which the formation was commanded; with them, all others from the first take-off on."""
+        """Ticks at which the formation was commanded, and all ticks from the first take-off on."""
         self.frames_refused = 0
         """Sound frames taken for no vehicle's."""
         self.last_tick: Tick | None = None

@@ -159,7 +159,7 @@ class FollowerController(Controller):
         self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._share, self._share_for = 0.0, (0.0, 0.0)
-        """By which share of itself the drift's error shrinks over a time, at a bandwidth."""
+        """The share by which the drift's error shrinks in a tick, and the tick's length and bandwidth it is for."""
         self._correction: tuple[float, float] = (math.nan, math.nan)
 
     def forget(self) -> None:

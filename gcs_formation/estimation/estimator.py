@@ -149,9 +149,9 @@ class VehicleFilter:
         self.height = HeightCovariance(0.0, 0.0)
         self.updraught = Updraught(followed=updraughts)
         self._along = VelocityJacobian()
-        """Of the state."""
+        """The Jacobian of the velocity over ground at the present state."""
         self.wind_radps = wind_radps
-        """The most that the wind's estimate follows anything but gusts."""
+        """The highest rate, rad/s, at which the wind's estimate follows what isn't a gust."""
         self._airspeed_ratio = 1.0
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -163,7 +163,7 @@ class VehicleFilter:
         self._along.linearise(state)
 
     def read_by(self, ratio: float) -> None:
-        """Have airspeeds be `ratio` times what is read: over ground it moves as before, so the wind is another."""
+        """Take airspeeds as `ratio` times the readings from now on: the wind is another, the ground velocity isn't."""
         if ratio == self._airspeed_ratio:
             return
         if self.state is not None:
@@ -286,7 +286,7 @@ class VehicleFilter:
         return min(sample, max(FIRST_WIND_RADPS, self.wind_radps) * (variances[3] + variances[6]) / self._root_hz**2)
 
     def _wind_noise(self, airspeed_mps: float) -> float:
-        """Return the variance of that."""
+        """Return the variance of a component of the wind that one sample shows, (m/s)²."""
         variances = self.noise.values
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 

@@ -22,13 +22,13 @@ CORRELATED_S: Final = 1.0
 BATCH_S: Final = 1.0
 """How often lags are fitted."""
 ALIKE_S: Final = 60.0
-"""Memory of how long they do."""
+"""Time constant of the memory of how long residuals stay alike."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 GUST_ALIKE: Final = 6.0
-"""Batches that tell as much as one, before it is seen how many. The misfit counts no more: what stays alike for longer
-may be lags that are far off."""
+"""How many batches are believed to tell no more than one, until it is seen. The misfit's count goes no higher: what
+stays alike for longer may be lags that are far off."""
 GUST_WORTH: Final = 5.0
-"""As many pairs of batches as the belief in that is worth."""
+"""How many pairs of batches that belief is worth."""
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 SETTLED: Final = 1e-3
@@ -37,7 +37,7 @@ LEAST_SPREAD: Final = 0.02
 """What was seen first is forgotten once the ratio is known better than this: lags may change. Without excitation
 nothing is learnt, and nothing forgotten."""
 RECENT_S: Final = 20.0
-"""Memory of the misfit."""
+"""Time constant of the misfit's memory."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 """What it keeps from one fit to the next."""
 FITTED: Final = 2.0

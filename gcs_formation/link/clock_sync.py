@@ -20,12 +20,12 @@ WINDOW: Final = 16
 RESOLUTION_S: Final = 0.5e-3
 """Standard deviation of a sample that had no excess delay."""
 STEPPED: Final = 8
-"""So many round trips in a row (2 s) that are far from those before are what the link takes from now on."""
+"""A link's delay has stepped once this many round trips in a row (2 s) are `FAR` from those before."""
 SPLIT_S: Final = 30.0
-"""Time constant in which what a step told of a round trip's split is forgotten: steps that are too small, or too slow,
-to be seen add up."""
+"""Time constant with which a round trip's split, as a step showed it, is forgotten: steps too small or too slow to be
+seen add up meanwhile."""
 FAR: Final = 4.0
-"""By how many times what either scatters they are that."""
+"""Round trips this many times as far off as either group scatters are far from those before."""
 NORMAL: Final = 1.4826
 """Standard deviation of normal noise by its median absolute deviation."""
 FEW: Final = 8

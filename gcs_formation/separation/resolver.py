@@ -148,7 +148,10 @@ class ConflictResolver:
         return counted
 
     def _picture(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> TrafficPicture:
-        """Return what the rule looks at; twice, who may be elsewhere: unresponsive, or in a tight turn."""
+        """Return the traffic that the rule looks at.
+
+        Those that may be in two places, as they don't respond or may turn tightly, are in it twice.
+        """
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]

@@ -16,13 +16,13 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 
 class Unresponsive:
-    """Predicts where such vehicles are if they really don't respond: they fly on as they did when they last did."""
+    """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard."""
 
     def __init__(self, history: SetpointHistory, models: list[AutopilotModel]) -> None:
         """Take the setpoints that were sent from `history`, and the (C,) `models`."""
         self._history, self._models = history, models
         self._held: list[Triple | None] = [None] * len(models)
-        """What those hold that don't answer."""
+        """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
         self._disobeying = [False] * len(models)
 
     def watch(self, now: Instant, links: list[VehicleLink]) -> None:

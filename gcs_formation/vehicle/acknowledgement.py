@@ -109,9 +109,9 @@ class CommandQueue:
         return None
 
     def _expect_late(self, command: int, now: Instant) -> None:
-        """Note what else is to come of a command that has just been accepted: a round trip after its last attempt.
+        """Note how many acknowledgements of earlier attempts at a command, just accepted, are still on their way.
 
-        That takes no longer than since its first one.
+        They arrive within a round trip of its last attempt; a round trip is no longer than the time since its first.
         """
         if self._attempt > self._answered:
             round_trip_s = seconds_between(self._first_attempt, now)
@@ -119,7 +119,7 @@ class CommandQueue:
             self._late = command, self._attempt - self._answered, until
 
     def _is_late(self, ack: CommandAck, now: Instant) -> bool:
-        """Return whether an acknowledgement is a repeated one of a command before, of the same id; it is one less."""
+        """Return whether an acknowledgement is of an earlier attempt at the command before, and count it off if so."""
         command, count, until = self._late
         late = ack.command == command and count > 0 and now <= until
         if late:

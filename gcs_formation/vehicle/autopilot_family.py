@@ -159,7 +159,7 @@ class Autopilot(ABC):
     approach_m: ClassVar[float] = 0.0
     """Height above home of the approach that `land` begins with."""
     failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
-    """One of which is in what it says when a failsafe acts."""
+    """When a failsafe acts, what it says (STATUSTEXT) has one of these words in it."""
 
     def __init__(
         self,
@@ -170,7 +170,8 @@ class Autopilot(ABC):
     ) -> None:
         """Address `system`; places and heights count from the scenario's `origin`.
 
-        An `airspeed_scale` has one that tells, and is told, what its sensor reads; others' airspeeds are true ones.
+        With an `airspeed_scale` airspeeds are converted between true ones and its sensor's readings, in which it tells
+        them and is told them; without one they are true.
         """
         self._guided_mode: int = self.guided_mode
         self.system = system
@@ -285,7 +286,7 @@ class Autopilot(ABC):
 
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
-        """The least and the highest airspeed that it can be had to fly now; None where they are its model's."""
+        """The lowest and the highest true airspeed that it can reach soon, m/s; None where they are its model's."""
         return None if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
 
     def true_airspeed(self, told_mps: float) -> float:
