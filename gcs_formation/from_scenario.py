@@ -8,6 +8,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
+from flight_model.fence_geometry import inside_m
 from formation_scenario import Scenario, slot_table
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models
@@ -30,6 +31,8 @@ HOLD_SHARE = 0.8
 ENERGY_HOLD_SHARE = 0.6
 """The same of aircraft under total-energy control: a larger change of airspeed costs them heights by metres, and more
 time than the run-in to be in their slots again."""
+MOST_SETTLES = 4
+"""How many times as long the straight before the path gets at most, round after round."""
 HOLD_TURN_SHARE = 0.5
 """Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
@@ -106,6 +109,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         hold_radius_m=hold_radius_m(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
+        most_settles=_most_settles(scenario),
     )
 
 
@@ -125,6 +129,18 @@ def settle_s(scenario: Scenario) -> float:
     own_frame = scenario.formation.frame == "follower_heading"
     by_energy = any(each.airframe is not None for each in column_models(scenario)[1:])
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
+
+
+def _most_settles(scenario: Scenario) -> int:
+    """Return how many times as long that straight may get: the turn onto it has to be inside the fence."""
+    fence = scenario.safety.fence
+    if fence is None or not fence.corners_m:
+        return MOST_SETTLES
+    settle_m, around_m = settle_s(scenario) * scenario.path.speed_mps, 2.0 * hold_radius_m(scenario)
+    entries = [scenario.leader_path.at(-times * settle_m) for times in range(1, MOST_SETTLES + 1)]
+    places = np.array([(each.north_m, each.east_m) for each in entries])
+    fits = inside_m(np.array(fence.corners_m), places) > around_m
+    return max(1, int(np.argmin(np.append(fits, False))))
 
 
 def hold_radius_m(scenario: Scenario) -> float:

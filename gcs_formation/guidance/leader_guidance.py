@@ -32,8 +32,6 @@ DECISION_S: Final = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
-LONGEST: Final = 4
-"""How many times as long it gets at most: by once more for each round after which followers weren't in their slots."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
@@ -228,6 +226,9 @@ class LeaderGuidance:
     hold_radius_m: float
     climb_max_mps: float
     settle_s: float = SETTLE_S
+    """Shortest straight flight between a turn and the path; as much is added for each round that didn't do."""
+    most_settles: int = 1
+    """How many times as long it gets at most."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
@@ -348,7 +349,7 @@ class LeaderGuidance:
 
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
-        settle_s = self.settle_s * min(max(self.rounds, 1), LONGEST)
+        settle_s = self.settle_s * min(max(self.rounds, 1), self.most_settles)
         entry = self.path.at(-max(self.run_in_m, settle_s * self.speed_mps))
         begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)

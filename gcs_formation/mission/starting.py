@@ -199,9 +199,8 @@ class Starting:
         for vehicle in unready:
             if self._flight.phase not in OVER:
                 self._advance(vehicle, now)
-            elif (
-                vehicle.restarts and not vehicle.start_up.asked_for_telemetry
-            ):  # restarted while the run ends: its telemetry is needed to watch it
+            elif vehicle.restarts and not vehicle.start_up.asked_for_telemetry:
+                # It restarted while the run ends, which its telemetry is needed to watch.
                 vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=False)
 
     def leader_ready(self, leader: PlannedVehicle | None) -> bool:

@@ -8,6 +8,7 @@ import pytest
 
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import load_scenario
+from formation_scenario.surroundings import Fence
 from gcs_formation import from_scenario
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from tests.flights.conftest import scenario
@@ -67,6 +68,17 @@ def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_ti
         assert leads.route is not None
         lengths_m.append(leads.path.at(0.0).north_m - leads.route.at(leads.route.length_m).north_m)
     assert lengths_m == pytest.approx([SETTLE_S * SPEED * times for times in (1, 2, 3, 4, 4, 4)])
+
+
+@pytest.mark.parametrize(("south_m", "times"), [(-1500.0, 1), (-2000.0, 2), (-2500.0, 3), (-9000.0, 4)])
+def test_it_gets_no_longer_than_the_fence_has_room_for_the_turn_onto_it(south_m: float, times: int) -> None:
+    planned = load_scenario(scenario())
+    corners = ((south_m, -2000.0), (6000.0, -2000.0), (6000.0, 2000.0), (south_m, 2000.0))
+    fenced = planned.safety.model_copy(update={"fence": Fence(corners_m=corners)})
+    leads = from_scenario.leader_guidance(planned.model_copy(update={"safety": fenced}))
+    assert leads.most_settles == times
+    before_m = times * leads.settle_s * leads.speed_mps
+    assert times == 1 or before_m + 2.0 * leads.hold_radius_m < -south_m
 
 
 @pytest.mark.parametrize(
