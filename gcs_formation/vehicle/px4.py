@@ -252,13 +252,13 @@ class Px4Plane(Px4):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """What is left of a change to its integrator is flown in a minute, not now."""
-        limits, lead = super().speeds_mps, self._lead
+        limits_mps, lead = super().speeds_mps, self._lead
         if lead is None:
-            return limits
+            return limits_mps
         slowest_mps, fastest_mps = map(self.true_airspeed, lead.within_reach_mps)
-        return (
-            (slowest_mps, fastest_mps) if limits is None else (max(slowest_mps, limits[0]), min(fastest_mps, limits[1]))
-        )
+        if limits_mps is None:
+            return slowest_mps, fastest_mps
+        return max(slowest_mps, limits_mps[0]), min(fastest_mps, limits_mps[1])
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
         """Return one command: airspeed, altitude above sea level, and a place ahead.
