@@ -124,7 +124,7 @@ class Reconfiguration:
     def _gather(self, now: Instant) -> None:
         """Lead those that have come to their slots, clear of each other and of those that came before.
 
-        Where no way meets another, the law brings them there. Until a way is found they keep their places.
+        Where no way meets another, the law brings them there. Until a way is found they fly beside the leader.
         """
         controller, plan = self._controller, self._controller.plan
         route, guidance = controller.guidance.route, controller.guidance
