@@ -14,11 +14,11 @@ from airlink.frame import Frame
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets
 from sim_vehicles.autopilot.board_clock import delayed
+from sim_vehicles.autopilot.copter_commands import HANDLERS
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.copter_tables import HANDLERS, copters
 from sim_vehicles.autopilot.failsafe import COPTER_FAILSAFE
 from sim_vehicles.autopilot.modes import BY_THROTTLE, CopterMode, FlightMode, select
-from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
 from sim_vehicles.config import VehicleConfig
@@ -65,7 +65,7 @@ class Copter(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduCopter's parameters."""
-        return ParameterServer(copters(config))
+        return ParameterServer(copter_parameters(config))
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
         """Return who flies a multirotor."""
@@ -179,3 +179,24 @@ class Copter(Vehicle):
         rate_rps = position_targets.yaw_rate_of(message)
         if rate_rps and (place_m is not None or velocity_mps is not None):
             self.flier.turn_on(nose_rad, rate_rps)
+
+
+def copter_parameters(config: VehicleConfig) -> dict[str, ParameterKind]:
+    """Return a multirotor's parameters by their names, in ArduCopter's cm."""
+    model = config.model
+    return {
+        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "DISARM_DELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
+        "FS_GCS_ENABLE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
+        "FS_GCS_TIMEOUT": floating(2, 1e6, 5),
+        "GUID_TIMEOUT": floating(0.1, 1e6, 3),
+        "LAND_SPEED": ParameterKind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "RTL_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
+        "RTL_LOIT_TIME": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 60000, 5000),
+        "WPNAV_ACCEL": floating(50, 500, math.ceil(100 * model.accel_max_mps2)),
+        "WPNAV_SPEED": floating(10, 1e5, max(1000, math.ceil(100 * model.speed_max_mps))),
+        "WPNAV_SPEED_DN": floating(10, 500, 150),
+        "WPNAV_SPEED_UP": floating(10, 1000, 250),
+    }

@@ -14,12 +14,21 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from formation_scenario.surroundings import Fault
-from sim_vehicles.autopilot import position_targets
-from sim_vehicles.autopilot import px4_tables as tables
+from sim_vehicles.autopilot import position_targets, px4_commands, px4_messages, px4_parameters
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.failsafe import GroundStationFailsafe
-from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode, Px4Mode, Request, select
+from sim_vehicles.autopilot.modes import (
+    PX4_AS_PLANE,
+    PX4_BY_STICKS,
+    PX4_NOT_ARMABLE,
+    Condition,
+    FlightMode,
+    Mode,
+    Px4Mode,
+    Request,
+    select,
+)
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
@@ -40,8 +49,8 @@ class Px4(Vehicle):
 
     capabilities = 59647
     version = 1 << 24 | 17 << 16
-    unasked = tables.STREAMS
-    builders = tables.BUILDERS
+    unasked = px4_messages.STREAMS
+    builders = px4_messages.BUILDERS
     asks_time = False
     tells_time_at_once = True
     stores_missions = False
@@ -49,11 +58,11 @@ class Px4(Vehicle):
     guided_mode = Px4Mode.HOLD
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
-    by_hand = tables.BY_STICKS
-    failsafe_keys = tables.LINK_LOSS
+    by_hand = PX4_BY_STICKS
+    failsafe_keys = px4_parameters.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    handlers = tables.HANDLERS
+    handlers = px4_commands.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -70,7 +79,7 @@ class Px4(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return tables.Px4Parameters(tables.parameters(config, self.fleet.config.cruise_mps))
+        return px4_parameters.Px4Parameters(px4_parameters.parameters(config, self.fleet.config.cruise_mps))
 
     @abstractmethod
     def change_speed(self, speed_mps: float) -> None:
@@ -96,8 +105,8 @@ class Px4(Vehicle):
     @property
     def armable(self) -> bool:
         """Whether it is ready, in a mode that has what it needs and doesn't end a flight."""
-        lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in tables.BY_STICKS and not self.sticks
-        return self.ready and not lacks and self.mode not in tables.NOT_ARMABLE
+        lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in PX4_BY_STICKS and not self.sticks
+        return self.ready and not lacks and self.mode not in PX4_NOT_ARMABLE
 
     @property
     def in_failsafe(self) -> bool:
@@ -124,7 +133,7 @@ class Px4(Vehicle):
         Armed, OFFBOARD needs setpoints, and modes of a pilot need a transmitter; disarmed, none needs anything.
         """
         chosen = select(self.pilot.condition, number, frozenset(self.flown) - {Px4Mode.ORBIT})
-        lacks = (chosen == Px4Mode.OFFBOARD and not self.fresh) or (chosen in tables.BY_STICKS and not self.sticks)
+        lacks = (chosen == Px4Mode.OFFBOARD and not self.fresh) or (chosen in PX4_BY_STICKS and not self.sticks)
         if chosen is None or (lacks and self.pilot.condition.armed):
             named = "this mode" if chosen is None else Px4Mode(chosen).name.capitalize()
             self.say(CRITICAL, f"Switching to {named} is currently not available")
@@ -155,7 +164,7 @@ class Px4(Vehicle):
         """Disarm, and wait in HOLD if the flight has ended in a landing."""
         landed = not self.pilot.airborne and self.pilot.condition.armed
         granted = super().disarm(force=force)
-        if granted and landed and self.mode in tables.NOT_ARMABLE:
+        if granted and landed and self.mode in PX4_NOT_ARMABLE:
             self.switch(Px4Mode.HOLD)
         return granted
 
@@ -166,7 +175,7 @@ class Px4(Vehicle):
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
-        return tables.LinkLoss(self.parameters)
+        return px4_parameters.LinkLoss(self.parameters)
 
     def heed(self, system: int, message: Heartbeat) -> None:
         """Take a ground station's heartbeat; only then it says what it has to say."""
@@ -204,7 +213,7 @@ class Px4(Vehicle):
     def take_mode(self, message: SetMode, frame: Frame) -> bool:
         """Change to a mode by the old message, which is acknowledged like the command, but once."""
         allowed = super().take_mode(message, frame)
-        result = ACCEPTED if allowed else tables.REJECTED
+        result = ACCEPTED if allowed else px4_commands.REJECTED
         self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
         return allowed
 
@@ -228,7 +237,7 @@ class Px4(Vehicle):
         if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
-            self.enter(tables.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
+            self.enter(px4_parameters.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
         elif self.mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
             self.intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
@@ -250,7 +259,7 @@ class Px4(Vehicle):
     def tell_heartbeat(self) -> None:
         """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
-            self.broadcast(tables.current_mode(self))
+            self.broadcast(px4_messages.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
         """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""
@@ -298,7 +307,7 @@ class Px4Plane(Px4):
     """An emulated fixed-wing PX4."""
 
     mav_type = m.MAV_TYPE_FIXED_WING
-    flown = tables.AS_PLANE
+    flown = PX4_AS_PLANE
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at an airspeed in HOLD from now on."""

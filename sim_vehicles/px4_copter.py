@@ -11,12 +11,12 @@ from typing import Final
 
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot import position_targets
-from sim_vehicles.autopilot import px4_tables as tables
+from sim_vehicles.autopilot import position_targets, px4_commands
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
-from sim_vehicles.autopilot.modes import CopterMode, Px4Mode
+from sim_vehicles.autopilot.modes import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
+from sim_vehicles.autopilot.px4_parameters import CM
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.px4 import Px4
 
@@ -59,8 +59,8 @@ class Px4Copter(Px4):
 
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
-    flown = tables.AS_COPTER
-    handlers = tables.COPTERS_HANDLERS
+    flown = PX4_AS_COPTER
+    handlers = px4_commands.COPTERS_HANDLERS
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 
@@ -80,7 +80,7 @@ class Px4Copter(Px4):
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at a speed in HOLD from now on."""
-        self.flier.told_cmps["WPNAV_SPEED"] = tables.CM * speed_mps
+        self.flier.told_cmps["WPNAV_SPEED"] = CM * speed_mps
 
     def change_height(self, height_m: float) -> None:
         """Fly at a height above the origin, where it is."""

@@ -170,3 +170,28 @@ NOT_ARMABLE = frozenset(
         CopterMode.SMART_RTL,
     }
 )
+PX4_AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
+    Px4Mode.MANUAL: Mode.MANUAL,
+    Px4Mode.ALTITUDE: Mode.FBWB,
+    Px4Mode.POSITION: Mode.CRUISE,
+    Px4Mode.ACRO: Mode.MANUAL,
+    Px4Mode.STABILIZED: Mode.STABILIZE,
+    Px4Mode.OFFBOARD: Mode.GUIDED,
+    Px4Mode.TAKEOFF: Mode.TAKEOFF,
+    Px4Mode.HOLD: Mode.LOITER,
+    Px4Mode.RTL: Mode.RTL,
+}
+"""A fixed wing's modes, and ArduPlane's that are flown alike. Its landings aren't emulated."""
+PX4_BY_STICKS: Final = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.ACRO, Px4Mode.STABILIZED})
+"""Modes that need a transmitter, once it is armed."""
+PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
+    **dict.fromkeys(PX4_BY_STICKS, CopterMode.BRAKE),
+    Px4Mode.ORBIT: CopterMode.BRAKE,
+    Px4Mode.OFFBOARD: CopterMode.GUIDED,
+    Px4Mode.TAKEOFF: CopterMode.GUIDED,
+    Px4Mode.HOLD: CopterMode.BRAKE,
+    Px4Mode.RTL: CopterMode.RTL,
+    Px4Mode.LAND: CopterMode.LAND,
+}
+"""A multirotor's modes, and ArduCopter's: sticks that nobody touches have it stand."""
+PX4_NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT})

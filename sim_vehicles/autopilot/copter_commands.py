@@ -1,7 +1,6 @@
-"""An emulated ArduCopter's tables: commands and parameters.
+"""The commands that an emulated ArduCopter carries out.
 
-Source: ArduPilot documentation, "Copter Commands in Guided Mode" and "Complete Parameter List"; answers of ArduCopter
-4.7, and what it flew by them.
+Source: ArduPilot documentation, "Copter Commands in Guided Mode"; answers of ArduCopter 4.7, and what it flew by them.
 """
 
 from __future__ import annotations
@@ -15,8 +14,6 @@ from flight_model.autopilot_model import finite, wrap
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.commands import ACCEPTED, DEGREE, DENIED, FAILED, FULL_TURN_DEG, GivenCommand, to_mode
 from sim_vehicles.autopilot.modes import CopterMode
-from sim_vehicles.autopilot.parameters import ParameterKind, floating
-from sim_vehicles.config import VehicleConfig
 
 if TYPE_CHECKING:
     from sim_vehicles.copter import Copter
@@ -130,24 +127,3 @@ HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
 }
 """All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
-
-
-def copters(config: VehicleConfig) -> dict[str, ParameterKind]:
-    """Return a multirotor's parameters by their names, in ArduCopter's cm."""
-    model = config.model
-    return {
-        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
-        "DISARM_DELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
-        "FS_GCS_ENABLE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
-        "FS_GCS_TIMEOUT": floating(2, 1e6, 5),
-        "GUID_TIMEOUT": floating(0.1, 1e6, 3),
-        "LAND_SPEED": ParameterKind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
-        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
-        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
-        "RTL_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
-        "RTL_LOIT_TIME": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 60000, 5000),
-        "WPNAV_ACCEL": floating(50, 500, math.ceil(100 * model.accel_max_mps2)),
-        "WPNAV_SPEED": floating(10, 1e5, max(1000, math.ceil(100 * model.speed_max_mps))),
-        "WPNAV_SPEED_DN": floating(10, 500, 150),
-        "WPNAV_SPEED_UP": floating(10, 1000, 250),
-    }
