@@ -368,6 +368,25 @@ def respond(
     _climb(state, model, height_m, time_s, left)
 
 
+def respond_hovering(
+    state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, height_m: float, time_s: float
+) -> None:
+    """Do as `respond` for a multirotor, whose velocity over ground comes straight to the one that it is told."""
+    left = model.decay(time_s)
+    _climb(state, model, height_m, time_s, left)
+    if math.isnan(speed_mps) or math.isnan(heading_rad):
+        return
+    north_mps, east_mps = state.ground_mps()
+    aim_north_mps, aim_east_mps = speed_mps * math.cos(heading_rad), speed_mps * math.sin(heading_rad)
+    off_north_mps, off_east_mps = aim_north_mps - north_mps, aim_east_mps - east_mps
+    size_mps = math.hypot(off_north_mps, off_east_mps)
+    if size_mps > 0.0:
+        share = remaining(size_mps, time_s, model.tau_v_s, model.accel_max_mps2, left.speed) / size_mps
+        north_mps, east_mps = aim_north_mps - share * off_north_mps, aim_east_mps - share * off_east_mps
+    state.airspeed_mps, state.heading_rad = math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps)
+    state.wind_north_mps = state.wind_east_mps = 0.0
+
+
 def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float, left: Decay) -> None:
     """Move height and climb rate on: in an updraught u, what (7) says of the climb it says of the climb less u."""
     height_m += (left.slow_s + left.fast_s) * state.updraught_mps

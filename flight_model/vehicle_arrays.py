@@ -169,12 +169,17 @@ class AutopilotModels(Columns):
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what first-order lags with limited rates leave of `error` in speed and heading after `time_s`."""
-        rate_max, tau_s, size = self.air_rates_max, self.air_lags_s, np.abs(error)
-        if all_of(size <= rate_max * tau_s):
-            return error * np.exp(-time_s / tau_s)
-        limited_s = np.minimum(np.maximum(size / rate_max - tau_s, 0.0), time_s)
-        left = (size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s)
-        return np.copysign(left, error)
+        return _remaining(error, time_s, self.air_lags_s, self.air_rates_max)
+
+
+def _remaining(error: Array, time_s: Array, tau_s: Array, rate_max: Array) -> Array:
+    """Return what first-order lags with limited rates leave of `error` after `time_s`."""
+    size = np.abs(error)
+    if all_of(size <= rate_max * tau_s):
+        return error * np.exp(-time_s / tau_s)
+    limited_s = np.minimum(np.maximum(size / rate_max - tau_s, 0.0), time_s)
+    left = (size - rate_max * limited_s) * np.exp((limited_s - time_s) / tau_s)
+    return np.copysign(left, error)
 
 
 def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
@@ -196,20 +201,57 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
     end = begin + error - model.remaining(error, duration_s)
     along = begin + error - model.remaining(error, (_NODES * duration_s)[:, None])
     way_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
+    north_m = state.north_m + np.add.reduce(way_m * np.cos(heading)) + state.wind_north_mps * duration_s
+    east_m = state.east_m + np.add.reduce(way_m * np.sin(heading)) + state.wind_east_mps * duration_s
+    return _moved(state, aim_m, duration_s, model, north_m, east_m, *end, *state.wind_mps)
+
+
+def advance_hovering(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
+    """Return the state of multirotors when velocities over ground have been held for `duration_s`.
+
+    The arguments are those of `advance`, speed and heading those of a velocity; so are heights.
+    """
+    aim_mps = velocity_aimed_at(state, setpoints[:2], model)
+    north_mps, east_mps = velocities(state.ground_mps, aim_mps, duration_s[None], model)[:, 0]
+    over = velocities(state.ground_mps, aim_mps, _NODES * duration_s, model)
+    north_m, east_m = state.level_m + (_SHARES * duration_s * over).sum(axis=1)
+    motion = np.hypot(north_mps, east_mps), np.arctan2(east_mps, north_mps), 0.0 * north_mps, 0.0 * east_mps
+    return _moved(state, setpoints[2], duration_s, model, north_m, east_m, *motion)
+
+
+def velocity_aimed_at(state: FlightStates, motion: Array, model: AutopilotModels) -> Array:
+    """Return velocities (2, N) that are commanded as speed and heading (2, N); NaN: those that vehicles have."""
+    north_mps, east_mps = state.ground_mps
+    own, aim = np.array((np.hypot(north_mps, east_mps), np.arctan2(east_mps, north_mps))), motion.copy()
+    missing = np.isnan(aim)
+    aim[missing] = own[missing]
+    speed_mps, heading_rad = aim
+    return within(speed_mps, 0.0, model.speed_max_mps) * np.array((np.cos(heading_rad), np.sin(heading_rad)))
+
+
+def velocities(begin_mps: Array, aim_mps: Array, time_s: Array, model: AutopilotModels) -> Array:
+    """Return velocities over ground (2, S, N) of multirotors on their straight way from one to another.
+
+    They have the lag of the model's speed, and its limit of acceleration.
+
+    Args:
+        begin_mps: (2, N).
+        aim_mps: (2, N).
+        time_s: (S, N) or (S, 1) since the beginning.
+        model: (N,) columns.
+    """
+    error = aim_mps - begin_mps
+    size = np.hypot(error[0], error[1])
+    left = _remaining(size, time_s, model.tau_v_s, model.accel_max_mps2) / np.maximum(size, 1e-9)
+    return aim_mps[:, None] - error[:, None] * left
+
+
+def _moved(state: FlightStates, aim_m: Array, duration_s: Array, model: AutopilotModels, *level: Array) -> FlightStates:
+    """Return states later, whose north, east, airspeed, heading and wind, north and east, are `level`, (N,) each."""
     height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
     lifted_m = lift_m(state, model)
     height = steps.after(0, height, steps.commanded_m(height, aim_m, lifted_m) + lifted_m)
-    return FlightStates(
-        north_m=state.north_m + np.add.reduce(way_m * np.cos(heading)) + state.wind_north_mps * duration_s,
-        east_m=state.east_m + np.add.reduce(way_m * np.sin(heading)) + state.wind_east_mps * duration_s,
-        height_m=height.height_m,
-        climb_mps=height.climb_mps,
-        airspeed_mps=end[0],
-        heading_rad=end[1],
-        wind_north_mps=state.wind_north_mps,
-        wind_east_mps=state.wind_east_mps,
-        updraught_mps=state.updraught_mps,
-    )
+    return FlightStates.of(np.array((*level[:2], *height, *level[2:], state.updraught_mps)))
 
 
 def lift_m(state: FlightStates, model: AutopilotModels) -> Array:

@@ -8,7 +8,15 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, respond, within, wrap
+from flight_model.autopilot_model import (
+    AutopilotModel,
+    FlightState,
+    advance,
+    respond,
+    respond_hovering,
+    within,
+    wrap,
+)
 from flight_model.slot import UNKNOWN, Triple
 
 HISTORY_S: Final = 6.0
@@ -102,7 +110,10 @@ class SentSetpoints:
             place = self.later(place, since)
             speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
+            if model.speed_min_mps == 0.0:
+                respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
+            else:
+                respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
             since += step
 
 
@@ -142,7 +153,7 @@ class SetpointHistory:
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Move airspeed, heading, height and climb rate on likewise, roughly, and leave the place.
 
-        Of the setpoints in each `RESPOND_NS` the mean counts.
+        Of the setpoints in each `RESPOND_NS` the mean counts. What may stand hovers: its velocity counts.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)

@@ -50,6 +50,7 @@ SUNK_M: Final = 15.0
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
 CHECKS_MENDED: Final = 8
+LEAST_NORM: Final = 1e-9
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0
 HEADING: Final = 1
@@ -156,9 +157,7 @@ class FlownSetpoints:
         by_speed = by_speed and not levels_out
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
-        expected = _change(before, end)
-        faster_mps, turned_rad, risen_m = _change(before, seen)
-        flown = faster_mps, expected[HEADING] + wrap(turned_rad - expected[HEADING]), risen_m
+        expected, flown = _changes(before, end, seen, hovers=self.model.speed_min_mps == 0.0)
         channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
         if sunk is not None:
             self.good = 0
@@ -252,10 +251,22 @@ def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps:
     return within(expected_mps, min(flown_mps, traded_mps), max(flown_mps, traded_mps))
 
 
-def _change(before: FlightState, after: FlightState) -> Triple:
-    """Return by how much airspeed, heading and height have changed."""
-    turned_rad = after.heading_rad - before.heading_rad
-    return after.airspeed_mps - before.airspeed_mps, turned_rad, after.height_m - before.height_m
+def _changes(before: FlightState, end: FlightState, seen: FlightState, *, hovers: bool) -> tuple[Triple, Triple]:
+    """Return by how much airspeed, heading and height were to change until `end`, and have changed."""
+    turn_rad, turned_rad = end.heading_rad - before.heading_rad, seen.heading_rad - before.heading_rad
+    faster_mps, flown_mps = end.airspeed_mps - before.airspeed_mps, seen.airspeed_mps - before.airspeed_mps
+    if hovers:
+        faster_mps, flown_mps = _change_of_velocity(before, end, seen)
+    expected = faster_mps, turn_rad, end.height_m - before.height_m
+    return expected, (flown_mps, turn_rad + wrap(turned_rad - turn_rad), seen.height_m - before.height_m)
+
+
+def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState) -> tuple[float, float]:
+    """Return by how much a multirotor's velocity was to change, and how much of that it has changed by."""
+    (north, east), (end_north, end_east), (seen_north, seen_east) = (each.ground_mps() for each in (before, end, seen))
+    wanted_north, wanted_east = end_north - north, end_east - east
+    wanted = max(math.hypot(wanted_north, wanted_east), LEAST_NORM)
+    return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
 
 
 def _carried_m(model: AutopilotModel) -> float:

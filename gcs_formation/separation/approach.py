@@ -17,8 +17,11 @@ from flight_model.vehicle_arrays import (
     Row,
     Setpoints,
     advance,
+    advance_hovering,
     air_errors,
     lift_m,
+    velocities,
+    velocity_aimed_at,
 )
 
 FINE_S, COARSE_S = 0.5, 1.0
@@ -131,14 +134,17 @@ class Traffic:
     turn_rps: Array
     """How they turn if nobody commands them; 0 for those that are commanded."""
     model: AutopilotModels
+    hovers: bool
+    """Whether they are multirotors, which fly velocities over ground; else they fly by speed and heading."""
 
     def take(self, which: Indices) -> Traffic:
         """Return the columns of the vehicles at `which`, repeated as often as named."""
-        return Traffic(self.state.take(which), self.lead_s[which], self.turn_rps[which], self.model.take(which))
+        state, model = self.state.take(which), self.model.take(which)
+        return Traffic(state, self.lead_s[which], self.turn_rps[which], model, self.hovers)
 
     def turning(self) -> Traffic:
         """Return these vehicles if each turns clockwise as tightly as it can."""
-        return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model)
+        return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model, self.hovers)
 
     def beside(self, other: Traffic) -> Traffic:
         """Return these vehicles and others, in this order."""
@@ -147,6 +153,7 @@ class Traffic:
             np.concatenate((self.lead_s, other.lead_s)),
             np.concatenate((self.turn_rps, other.turn_rps)),
             AutopilotModels.of(np.concatenate((self.model.table, other.model.table), axis=1)),
+            self.hovers,
         )
 
 
@@ -158,7 +165,7 @@ def sample_times(first_s: float, horizon_s: float) -> Array:
 
 
 def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
-    """Return the places (3, S, N), north, east and up, at `times_s` by model (7).
+    """Return the places (3, S, N), north, east and up, at `times_s` by model (7), of multirotors by their velocity.
 
     The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be commanded at once is
     approached as it will be commanded: by setpoints that run ahead of it.
@@ -184,7 +191,8 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
-    state = advance(both.state, manoeuvre.first.table[:, twice], elapsed_s, both.model)
+    later = advance_hovering if traffic.hovers else advance
+    state = later(both.state, manoeuvre.first.table[:, twice], elapsed_s, both.model)
     state = state.turned(both.turn_rps, elapsed_s)
     return state.take(twice[:count]), state.take(twice[count:] + count)
 
@@ -196,11 +204,15 @@ def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: Flight
 
 def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
-    model = traffic.model
-    error = air_errors(state.air_motion, manoeuvre.air_motion)
-    along = state.air_motion + error - model.remaining(error, times_s[:, None, None])
-    speed, heading = along[:, 0], along[:, 1] + traffic.turn_rps * times_s[:, None]
-    velocity = np.array((speed * np.cos(heading) + state.wind_north_mps, speed * np.sin(heading) + state.wind_east_mps))
+    model, since_s = traffic.model, times_s[:, None]
+    if traffic.hovers:
+        aim_mps = velocity_aimed_at(state, manoeuvre.air_motion, model)
+        velocity = velocities(state.ground_mps, aim_mps, since_s, model)
+    else:
+        error = air_errors(state.air_motion, manoeuvre.air_motion)
+        along = state.air_motion + error - model.remaining(error, since_s[:, None])
+        speed, heading = along[:, 0], along[:, 1] + traffic.turn_rps * since_s
+        velocity = speed * np.array((np.cos(heading), np.sin(heading))) + state.wind_mps[:, None]
     steps = (velocity[:, 1:] + velocity[:, :-1]) / 2 * np.diff(times_s)[:, None]
     begin = state.level_m[:, None]
     return np.concatenate((begin, begin + np.cumsum(steps, axis=1)), axis=1)

@@ -21,7 +21,14 @@ from gcs_formation.separation.approach import (
     fly_level,
     may_come_near,
 )
-from gcs_formation.separation.traffic import REFERENCE, TrafficPicture, free_heights, possible_pairs, take_height
+from gcs_formation.separation.traffic import (
+    AS_COMMANDED,
+    REFERENCE,
+    TrafficPicture,
+    free_heights,
+    possible_pairs,
+    take_height,
+)
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
@@ -155,14 +162,16 @@ class _Search:
     def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
         """Return the ways that begin as commanded: the plain ones, and those that give way afterwards."""
         setpoints = self._picture.setpoints.table[:, [vehicle]]
-        later = escapes.table.reshape(6, heights.size, 4)[:, :, :2].reshape(6, -1)
+        courses = escapes.height_m.size // max(heights.size, 1)
+        later = escapes.table.reshape(6, heights.size, courses)[:, :, :AS_COMMANDED].reshape(6, -1)
         later[:3] = setpoints
         return _joined(plain, Manoeuvre.of(later))
 
     def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
-        """Return the ways that give way at once; if no other height helps, at the height as commanded."""
+        """Return the ways that give way at once; at the height as commanded if no other helps, of multirotors first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
-        return _joined(escapes, level.take(np.array([2, 3])))
+        level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
+        return _joined(level, escapes) if self._picture.traffic.hovers else _joined(escapes, level)
 
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
         which = np.array([vehicle])
@@ -174,7 +183,7 @@ class _Search:
     def _neighbours(self, vehicle: int) -> Indices:
         """Return the others that any way of a vehicle could bring it too near to, whatever heights they fly at.
 
-        A way keeps to one of four courses; the others' ways are known. What holds for the boxes around all of them,
+        A way keeps to one of its courses; the others' ways are known. What holds for the boxes around all of them,
         step by step in a frame that moves on with the reference, holds for the ways.
         """
         picture = self._picture

@@ -37,11 +37,15 @@ class FirstLook:
 
     Seen from a frame that moves on as the reference does: the leader, along whose velocity the others can always fly.
     An error of speed or heading e that decays with a lag tau at a rate of r at most leads e tau + e^2 / (2 r) off; the
-    trapezium rule, half a step more.
+    trapezium rule, half a step more. Of multirotors the error is one of velocity.
     """
 
-    def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float) -> None:
-        """Look at vehicles with these models `horizon_s` ahead; they fly as commanded for `first_s`."""
+    def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float, *, hovers: bool) -> None:
+        """Look at vehicles with these models `horizon_s` ahead; they fly as commanded for `first_s`.
+
+        `hovers`: they are multirotors.
+        """
+        self._hovers = hovers
         self._spots = [Spot(model) for model in models]
         self._order = list(self._spots)
         """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
@@ -74,9 +78,14 @@ class FirstLook:
         its_mps, model = its.airspeed_mps, spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
-        step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
-        slow_mps = abs(along_mps - state.airspeed_mps) + min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
-        off_rad = abs(wrap(its.heading_rad - state.heading_rad))
+        if self._hovers:
+            slow_mps = _apart_mps(state, along_mps, its.heading_rad)
+            step_mps, turn_rad = _apart_mps(state, speed_mps, heading_rad), 0.0
+            off_rad = 0.0
+        else:
+            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its.heading_rad - state.heading_rad))
+            step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
+        slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
@@ -125,3 +134,9 @@ class FirstLook:
                 order[to] = order[to - 1]
                 to -= 1
             order[to] = spot
+
+
+def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:
+    """Return by how much a velocity over ground differs from a state's."""
+    north_mps, east_mps = state.ground_mps()
+    return math.hypot(speed_mps * math.cos(heading_rad) - north_mps, speed_mps * math.sin(heading_rad) - east_mps)

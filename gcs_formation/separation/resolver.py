@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import column_ids
@@ -34,8 +34,13 @@ TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S: Final = 0.2
 """How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
+SEEMS_AFTER_S: Final = 0.5
+"""Over which the acceleration of a multirotor is averaged that nobody commands."""
+SEEMS_FOR_S: Final = 2.0
+"""For how long it may go on with it."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
+HEIGHT: Final = CHANNELS.index("height")
 FEWEST: Final = 2
 """Vehicles that can come near each other."""
 
@@ -56,17 +61,20 @@ class ConflictResolver:
         """Take the distance to keep; `history` holds what was sent to the columns, (C,) `models`."""
         self._keys = scenario.safety.avoidance
         self._enabled: bool = self._keys.enabled
+        self._hovers: bool = scenario.hovers
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
         self._history, self._models = history, models
-        self._unresponsive = Unresponsive(history, models)
+        self._unresponsive = Unresponsive(history, models, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
         """The first column that is a vehicle."""
-        self._first_look = FirstLook(models[self._first :], float(self._times_s[1]), float(self._times_s[-1]))
+        until_s = float(self._times_s[1]), float(self._times_s[-1])
+        self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
         count = len(models)
         self._side, self._turn_rps = [0.0] * count, [0.0] * count
+        self._accel_mps2 = [(0.0, 0.0)] * count
         self._last: Measured | None = None
         self._slots: list[Triple] = []
         self._slots_known: list[Triple] | None = None
@@ -88,7 +96,7 @@ class ConflictResolver:
         """
         if not self._enabled:
             return
-        self._watch_turns(measured)
+        self._watch_free(measured)
         self._watch_slots(tick.slots_m)
         self._unresponsive.watch(tick.now, tick.links)
         if self._nobody_near(tick, measured):
@@ -150,7 +158,8 @@ class ConflictResolver:
     def _picture(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> TrafficPicture:
         """Return the traffic that the rule looks at.
 
-        Those that may be in two places, as they don't respond or may turn tightly, are in it twice.
+        Those that may be in two places are in it twice: as they don't respond, may turn tightly, or, multirotors that
+        nobody commands, may go on changing their velocity as they do.
         """
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
@@ -158,7 +167,8 @@ class ConflictResolver:
         turn_rps = np.array([0.0 if tick.active[each] else self._turn_rps[each] for each in members])
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
-        traffic = Traffic(self._state(tick, measured, members, until, turn_rps), lead_s, turn_rps, models)
+        states = self._state(tick, measured, members, until, turn_rps)
+        traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
         vehicles, commanded = [*members, *unresponsive], [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
         if unresponsive:
@@ -170,6 +180,11 @@ class ConflictResolver:
             traffic = traffic.beside(turning)
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
+        free = [at for at, each in enumerate(members) if self._hovers and not tick.active[each]]
+        if free:
+            traffic = traffic.beside(traffic.take(np.array(free)))
+            setpoints += [self._seems_about(members[at], measured) for at in free]
+            vehicles += [members[at] for at in free]
         commanded += [False] * (len(vehicles) - len(members))
         return TrafficPicture(
             traffic=traffic,
@@ -206,8 +221,8 @@ class ConflictResolver:
         ground_m = self._ground.height(north_m, east_m).max(axis=0)
         return np.where(np.isnan(ground_m), state.height_m, ground_m + self._clearance_m + self._keys.distance_m)
 
-    def _watch_turns(self, measured: Measured) -> None:
-        """Learn from two states how those turn that nobody commands."""
+    def _watch_free(self, measured: Measured) -> None:
+        """Learn from two states how those turn that nobody commands, or how multirotors change their velocity."""
         before, self._last = self._last, measured
         if before is None:
             return
@@ -219,11 +234,28 @@ class ConflictResolver:
         for column, model in enumerate(self._models):
             elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
             if measured.active[column]:
-                self._turn_rps[column] = 0.0
+                self._turn_rps[column], self._accel_mps2[column] = 0.0, (0.0, 0.0)
             elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
-                turned_rad = wrap(measured.states[column].heading_rad - before.states[column].heading_rad)
-                most_rps = model.turn_rate_max_rps
-                self._turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
+                then, now, most_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
+                if self._hovers:
+                    self._watch_velocity(column, then.ground_mps(), now.ground_mps(), elapsed_s)
+                else:
+                    turned_rad = wrap(now.heading_rad - then.heading_rad)
+                    self._turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
+
+    def _watch_velocity(
+        self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
+    ) -> None:
+        share, (north_mps2, east_mps2) = min(elapsed_s / SEEMS_AFTER_S, 1.0), self._accel_mps2[column]
+        north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
+        east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
+        self._accel_mps2[column] = north_mps2, east_mps2
+
+    def _seems_about(self, column: int, measured: Measured) -> Triple:
+        """Return the velocity, as speed and heading, that a multirotor comes to if it goes on as it accelerates."""
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
+        north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
+        return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""
@@ -253,7 +285,7 @@ class ConflictResolver:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._encounters:
                 self._encounters[pair] = Encounter(tick.now)
-                way = "upwards" if self._side[pair[0]] > 0.0 else "downwards"
+                way = self._way(tick, pair[0])
                 apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
                 figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
                 self._report(tick, pair, "gives way to", f", {way}: {apart}", figures)
@@ -267,6 +299,12 @@ class ConflictResolver:
                 figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
                 text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
                 self._report(tick, pair, "no longer gives way to", text, figures)
+
+    def _way(self, tick: Tick, column: int) -> str:
+        """Return the way in which a vehicle gives way, in a word."""
+        if not tick.replaced[column][HEIGHT]:
+            return "as high"
+        return "upwards" if self._side[column] > 0.0 else "downwards"
 
     def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
         """Report that the first of two vehicles begins or ends to give way to the second."""

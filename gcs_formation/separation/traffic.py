@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -10,13 +11,19 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
-from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m
+from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
 REFERENCE = 0
 """The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts."""
+AS_COMMANDED = 2
+"""How many of a vehicle's courses, the first ones, begin as commanded."""
+ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
+"""Directions in which a multirotor evades, from the reference's."""
+Courses = list[tuple[tuple[float, float], tuple[float, float]]]
+"""Speed and heading that are told first, and those that are told after these have acted; NaN: as it then flies."""
 FEW = 32
 """Vehicles of whom a look at every pair costs less than a search for those that are near."""
 
@@ -27,7 +34,7 @@ class TrafficPicture:
 
     traffic: Traffic
     setpoints: Setpoints
-    """By the law; NaN for those that aren't commanded."""
+    """By the law; of those that aren't commanded what they seem to be about, NaN where they go on as they do."""
     commanded: Mask
     vehicles: Indices
     """(N,) whose columns they are: one that may be in two places has two, which don't keep apart."""
@@ -49,11 +56,11 @@ class TrafficPicture:
 
     @cached_property
     def along(self) -> tuple[Array, Array]:
-        """Airspeed and heading of the reference as each vehicle can fly them, (N,); NaN for those not commanded."""
-        state, model = self.traffic.state, self.traffic.model
+        """Airspeed and heading of the reference as each can fly them, (N,); those not commanded go on."""
+        state, model, on = self.traffic.state, self.traffic.model, self.setpoints
         speed = within(state.airspeed_mps[REFERENCE], model.speed_min_mps, model.speed_max_mps)
         heading = np.full(speed.size, state.heading_rad[REFERENCE])
-        return np.where(self.commanded, speed, np.nan), np.where(self.commanded, heading, np.nan)
+        return np.where(self.commanded, speed, on.speed_mps), np.where(self.commanded, heading, on.heading_rad)
 
     def lasting(self, vehicle: int) -> tuple[float, float]:
         """Return airspeed and heading that a vehicle can go on with when it has flown as commanded: the reference's.
@@ -96,22 +103,34 @@ class TrafficPicture:
         return within(height_m, own_m - most_m, own_m + most_m)
 
 
-def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoeuvre:
-    """Return the ways to get to each of some heights, (4 M,) columns, the mildest first.
+def courses(picture: TrafficPicture, vehicle: int) -> Courses:
+    """Return the courses that are open to a vehicle, the mildest first.
 
     The course as commanded, then along the reference or straight on; along the reference at once; straight on at once.
+    A multirotor may also stop, or fly in any of eight directions, aside first.
     """
-    which = np.full(height_m.size, vehicle, dtype=np.intp)
-    now, setpoints = picture.traffic.state, picture.setpoints
-    on = np.full(height_m.size, np.nan)
-    along = [np.full(height_m.size, value[vehicle]) for value in picture.along]
-    lasting = [np.full(height_m.size, value) for value in picture.lasting(vehicle)]
-    first_m = picture.within_reach(which, height_m)
-    course = [np.full(height_m.size, value[vehicle]) for value in (setpoints.speed_mps, setpoints.heading_rad)]
-    present = [np.full(height_m.size, value[vehicle]) for value in (now.airspeed_mps, now.heading_rad)]
-    ways = ((course, lasting), (course, [on, on]), (along, lasting), (present, [on, on]))
-    rows = [np.stack((*first, first_m, *then, height_m)) for first, then in ways]
-    return Manoeuvre.of(np.stack(rows, axis=2).reshape(6, -1))
+    now, setpoints, on = picture.traffic.state, picture.setpoints, (np.nan, np.nan)
+    course = float(setpoints.speed_mps[vehicle]), float(setpoints.heading_rad[vehicle])
+    along = float(picture.along[0][vehicle]), float(picture.along[1][vehicle])
+    present = float(now.airspeed_mps[vehicle]), float(now.heading_rad[vehicle])
+    found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
+    if picture.traffic.hovers:
+        north_mps, east_mps = picture.velocity_mps[:, REFERENCE]
+        ahead_rad, most_mps = math.atan2(east_mps, north_mps), float(picture.traffic.model.speed_max_mps[vehicle])
+        ways = [(0.0, ahead_rad), *((most_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
+        found += [(way, way) for way in ways]
+    return found
+
+
+def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoeuvre:
+    """Return the ways to get to each of M heights on each of K courses, (M K,) columns, the mildest first."""
+    first_m = picture.within_reach(np.full(height_m.size, vehicle, dtype=np.intp), height_m)
+    open_to_it = courses(picture, vehicle)
+    rows = np.empty((6, height_m.size, len(open_to_it)))
+    rows[:2] = np.array([first for first, _ in open_to_it]).T[:, None]
+    rows[3:5] = np.array([then for _, then in open_to_it]).T[:, None]
+    rows[2], rows[5] = first_m[:, None], height_m[:, None]
+    return Manoeuvre.of(rows.reshape(6, -1))
 
 
 def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:
@@ -169,19 +188,25 @@ def bound(picture: TrafficPicture) -> Reach:
     trapezium rule, half a step more.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
-    lag_s, rate_max, value = traffic.model.air_lags_s, traffic.model.air_rates_max, state.air_motion
     along = np.array(picture.along)
-    errors = np.abs(np.array((along, setpoints.air_motion)) - value)
-    errors[:, 1] = np.abs(wrap(errors[:, 1]))
-    error, to_setpoint = errors
-    first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
-    error += np.minimum(to_setpoint / lag_s, rate_max) * first_s
-    off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
     drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(
         along[0] - state.airspeed_mps[REFERENCE]
     )
-    far_m = off[0] + along[0] * off[1] + drift_mps * horizon_s
-    fast_mps = error[0] + along[0] * error[1] + drift_mps
+    first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
+    if traffic.hovers:
+        aimed = [velocity_aimed_at(state, each, traffic.model) for each in (along, setpoints.air_motion)]
+        errors = np.array([[_length(each - picture.velocity_mps)] for each in aimed])
+        lag_s, rate_max, weight = traffic.model.tau_v_s, traffic.model.accel_max_mps2, np.ones((1, 1))
+    else:
+        errors = np.abs(np.array((along, setpoints.air_motion)) - state.air_motion)
+        errors[:, 1] = np.abs(wrap(errors[:, 1]))
+        lag_s, rate_max = traffic.model.air_lags_s, traffic.model.air_rates_max
+        weight = np.array((np.ones_like(along[0]), along[0]))
+    error, to_setpoint = errors
+    error += np.minimum(to_setpoint / lag_s, rate_max) * first_s
+    off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
+    far_m = (weight * off).sum(axis=0) + drift_mps * horizon_s
+    fast_mps = (weight * error).sum(axis=0) + drift_mps
     frame_mps = picture.velocity_mps[:, [REFERENCE]]
     place_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
@@ -190,11 +215,14 @@ def bound(picture: TrafficPicture) -> Reach:
 
 
 def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
-    """Fill in those that aren't commanded: they go on, straight or in a turn."""
-    state, free = picture.traffic.state, ~picture.commanded
-    circling_mps = state.airspeed_mps + _length(state.wind_mps) + _length(frame_mps)
-    straight_mps = _length(picture.velocity_mps - frame_mps)
-    mps: Array = np.where(picture.traffic.turn_rps == 0, straight_mps, circling_mps)
+    """Fill in those that aren't commanded: they go on, straight or in a turn; multirotors as they like."""
+    traffic, state, free = picture.traffic, picture.traffic.state, ~picture.commanded
+    if traffic.hovers:
+        mps = np.maximum(_length(picture.velocity_mps), traffic.model.speed_max_mps) + _length(frame_mps)
+    else:
+        circling_mps = state.airspeed_mps + _length(state.wind_mps) + _length(frame_mps)
+        straight_mps = _length(picture.velocity_mps - frame_mps)
+        mps = np.where(traffic.turn_rps == 0, straight_mps, circling_mps)
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 

@@ -18,9 +18,9 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S
 class Unresponsive:
     """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard."""
 
-    def __init__(self, history: SetpointHistory, models: list[AutopilotModel]) -> None:
+    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], *, hovers: bool) -> None:
         """Take the setpoints that were sent from `history`, and the (C,) `models`."""
-        self._history, self._models = history, models
+        self._history, self._models, self._hovers = history, models, hovers
         self._held: list[Triple | None] = [None] * len(models)
         """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
         self._disobeying = [False] * len(models)
@@ -58,4 +58,4 @@ class Unresponsive:
             states.append(state)
         still = np.zeros(len(which))
         models = AutopilotModels.from_each(self._models[column] for column in which)
-        return Traffic(FlightStates.from_each(states), still, still, models)
+        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)

@@ -163,3 +163,40 @@ def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly
     flight = {"duration_s": 52, "path": TURN["path"], "formation": beside, "start": START}
     for trouble in UNRESPONSIVE:
         assert fly(**flight, **slow, **trouble).to_dict()["safety"]["min_separation_m"] > 5.5
+
+
+@pytest.mark.parametrize(
+    ("model", "apart_m", "mode", "whose"),
+    [
+        ("px4_copter", 12, "RTL", 1),
+        *(
+            pytest.param(model, apart_m, mode, whose, marks=pytest.mark.slow)
+            for model in ("px4_copter", "arducopter")
+            for apart_m in (8, 12, 25)
+            for mode in ("RTL", "LOITER")
+            for whose in (1, 2)
+            if (model, apart_m, mode, whose) != ("px4_copter", 12, "RTL", 1)
+        ),
+    ],
+)
+def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
+    fly: Fly, model: str, apart_m: float, mode: str, whose: int
+) -> None:
+    """It comes back through their column at up to twice their speed: climbing alone, they were passed at 0.1 to 1.1 m.
+
+    They stop, or fly aside; what flies so isn't said to disobey.
+    """
+    vehicles = [{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)]
+    column = {"shape": "custom", "slots_m": {each: [-apart_m * (each - 1), 0, 0] for each in range(2, 5)}}
+    run = fly(
+        duration_s=20,
+        vehicles=vehicles,
+        start={"in_air": True, "tolerance_m": 1},
+        finish={"loiter_s": 0},
+        formation=column,
+        path={"speed_mps": 5, "waypoints_m": [[0, 0, 60], [400, 0, 60]]},
+        safety={"separation_m": 3},
+        faults=[{"at_s": 8, "vehicles": [whose], "kind": "pilot", "mode": mode}],
+    )
+    assert run.to_dict()["safety"]["min_separation_m"] > 4.5
+    assert "disobeys" not in (run.run_dir / "events.jsonl").read_text()

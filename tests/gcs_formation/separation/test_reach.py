@@ -25,8 +25,11 @@ def wanted_by_all(made: TrafficPicture) -> Setpoints:
     return Setpoints.of(np.where(made.commanded, made.setpoints.table, on))
 
 
-def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> TrafficPicture:
-    """Return vehicles near each other; `unlike`: how far speeds, headings, winds and setpoints differ, 0 to 1."""
+def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hovers: bool = False) -> TrafficPicture:
+    """Return vehicles near each other; `unlike`: how far speeds, headings, winds and setpoints differ, 0 to 1.
+
+    What hovers flies velocities over ground, and has no wind.
+    """
     random = np.random.default_rng(seed)
     commanded = [True, *(random.random(count - 1) < 0.8).tolist()]
     rows = [
@@ -40,17 +43,24 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float) -> Traff
         law.heading_rad + PI * unlike * random.uniform(-1, 1, count),
         law.height_m,
     )
-    winds = FlightStates(*vehicles.state.table[:6], *(2 * unlike * random.uniform(-1, 1, (2, count))))
+    wind_mps = 0.0 if hovers else 2.0
+    winds = FlightStates(*vehicles.state.table[:6], *(wind_mps * unlike * random.uniform(-1, 1, (2, count))))
     made = picture(vehicles, winds, setpoints)
-    return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count)))
+    return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers))
 
 
 @settings(max_examples=200, deadline=None)
 @given(
-    st.integers(0, 2**32 - 1), st.integers(2, 12), st.floats(5, 300), st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5, 1.0))
+    st.integers(0, 2**32 - 1),
+    st.integers(2, 12),
+    st.floats(5, 300),
+    st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5, 1.0)),
+    st.booleans(),
 )
-def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m: float, unlike: float) -> None:
-    made = random_scene(seed, count, spread_m, unlike)
+def test_no_pair_is_left_out_that_comes_too_near(
+    seed: int, count: int, spread_m: float, unlike: float, hovers: bool
+) -> None:
+    made = random_scene(seed, count, spread_m, unlike, hovers=hovers)
     one, other = np.triu_indices(count, 1)
     ways = fly(made.traffic, made.as_commanded(), made.times_s)
     near = approach(ways[:, :, one], ways[:, :, other], made.minimum(one, other), made.times_s)
@@ -63,13 +73,20 @@ def test_no_pair_is_left_out_that_comes_too_near(seed: int, count: int, spread_m
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.floats(5, 3000), st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5)))
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(2, 12),
+    st.floats(5, 3000),
+    st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5)),
+    st.booleans(),
+)
 def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
-    seed: int, count: int, spread_m: float, unlike: float
+    seed: int, count: int, spread_m: float, unlike: float, hovers: bool
 ) -> None:
-    made = random_scene(seed, count, spread_m, unlike)
+    made = random_scene(seed, count, spread_m, unlike, hovers=hovers)
     made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
-    look = FirstLook(tables.models(made.traffic.model), float(made.times_s[1]), float(made.times_s[-1]))
+    models, (_, first_s, *_, horizon_s) = tables.models(made.traffic.model), made.times_s.tolist()
+    look = FirstLook(models, first_s, horizon_s, hovers=hovers)
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
     for _ in range(2):  # the second time in the order that was found
