@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, advance, finite, rate, within, wrap
+from flight_model.autopilot_model import FlightState, finite, rate, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
@@ -254,7 +254,7 @@ class FormationController:
         """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
-            state = self._flown_on(flown, now)
+            state = self._flown_on(now)
         else:
             followers = self.estimator.filters[1:]
             states = [each.state for each in followers if each.state is not None]
@@ -266,12 +266,12 @@ class FormationController:
                 stamp = Instant(sum(each.stamp for each in followers) // len(followers))
         self.estimator.place(VIRTUAL, state, stamp)
 
-    def _flown_on(self, flown: Tick, now: Instant) -> FlightState:
-        """Return where a virtual leader is by now that has flown what it was commanded at the last tick."""
-        state, model = flown.state[VIRTUAL].copy(), self.models[VIRTUAL]
-        speed_mps, heading_rad, height_m = flown.setpoints[VIRTUAL]
-        speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-        advance(state, model, speed_mps, heading_rad, height_m, seconds_between(flown.now, now))
+    def _flown_on(self, now: Instant) -> FlightState:
+        """Return where a virtual leader is by now that flies by its setpoints as they act, with its followers'."""
+        placed = self.estimator.filters[VIRTUAL]
+        assert placed.state is not None
+        state = placed.state.copy()
+        self.history.carry(state, placed.stamp, now, VIRTUAL, self.models[VIRTUAL])
         return state
 
     def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:

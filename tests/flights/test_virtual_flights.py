@@ -186,3 +186,14 @@ def test_who_led_meanwhile_is_settled_by_what_it_flies_afterwards(fly: Fly) -> N
     changes = [{"at_s": 4, "leader": 2}, {"at_s": 20, "leader": 1}]
     summary = fly(duration_s=60, vehicles={"count": 3}, formation={"shape": "diamond", "changes": changes})
     assert summary.to_dict()["followers"]["2"]["settled_at_s"] >= 20.0
+
+
+def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
+    """Its setpoints act when its followers' do; it gained the delay at each tick: 22 m/s became 66."""
+    vehicles = [{"id": 2}, {"id": 3}]
+    summary = fly(duration_s=15, vehicles=vehicles, links={"default": {"delay_ms": 200}})
+    assert max(worst(summary, "max")) < 0.1
+    flown = read_parquet(summary.run_dir / "timeseries.parquet")
+    flight = (flown["vehicle"] == 2) & (flown["mission_time_s"] >= 2.0) & (flown["mission_time_s"] <= 12.0)
+    north_m, time_s = flown["north_m"][flight], flown["mission_time_s"][flight]
+    assert np.ptp(north_m) / np.ptp(time_s) == pytest.approx(22.0, abs=0.05)
