@@ -39,6 +39,15 @@ GUST_SIGMAS: Final = 3.0
 """Standard deviations of the wind's estimate below which a change of it isn't led."""
 SWING_S: Final = 0.6
 """Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
+BRAKING_SHARE: Final = 0.5
+"""Of the acceleration limit, with which a vehicle comes to its slot's speed."""
+LEAST_CLOSING_MPS: Final = 1.0
+"""Closing speed that is never limited by that."""
+FAR_M: Final = 10.0
+"""Error from which a vehicle that closes, or overshoots, faster than `SLOW_MPS` is on its way to its slot."""
+SLOW_MPS: Final = 0.5
+SETTLES_S: Final = 5.0
+"""It has arrived once it has been slower for so long; until then nothing is integrated that it works off by itself."""
 CLIMBING: Final = 0.35
 """Share of the climb limit beyond which an error of height that shrinks so fast isn't integrated."""
 
@@ -161,6 +170,7 @@ class FollowerController(Controller):
         self._share, self._share_for = 0.0, (0.0, 0.0)
         """The share by which the drift's error shrinks in a tick, and the tick's length and bandwidth it is for."""
         self._correction: tuple[float, float] = (math.nan, math.nan)
+        self._arriving, self._slow_s = False, 0.0
 
     def forget(self) -> None:
         """Start again: it isn't commanded, or follows another leader."""
@@ -169,6 +179,7 @@ class FollowerController(Controller):
             self._trailing.forget()
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction = (math.nan, math.nan)
+        self._arriving = False
 
     def decide(self, pair: Pair, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
@@ -188,7 +199,7 @@ class FollowerController(Controller):
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
         output = self._output(self._slopes(pair, axis_rad, target, forward, dt_s), self._share_aside(pair), pair, dt_s)
         answer = lead(target, lies_rad, -along_mps2, -across_mps2, model)
-        self.setpoint = self._limited(pair, forward, output, answer, dt_s)
+        self.setpoint = self._limited(pair, target, forward, output, answer, dt_s)
 
     def _target(
         self, pair: Pair, axis_rad: float, turn_rps: float, across_mps2: float, dt_s: float
@@ -263,7 +274,9 @@ class FollowerController(Controller):
         aside_s = min(abs(pair.slot.right_m) / pair.leader.state.airspeed_mps, TRAIL_S)
         return SWING_S / (SWING_S + aside_s)
 
-    def _limited(self, pair: Pair, forward: Triple, output: Triple, answer: tuple[float, float], dt_s: float) -> Triple:
+    def _limited(
+        self, pair: Pair, target: Target, forward: Triple, output: Triple, answer: tuple[float, float], dt_s: float
+    ) -> Triple:
         """Return the setpoint inside the envelope, and have the controllers integrate what is left of their output.
 
         Corrections of the feed-forward grow no faster than the vehicle can follow. They shrink as fast as they like, or
@@ -278,20 +291,48 @@ class FollowerController(Controller):
         most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(answer[0])
         most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(answer[1])
         # A setpoint that the separation rule replaced isn't one to start from.
-        faster_mps = _grown(wanted[0] - forward[0], math.nan if replaced[0] else before_mps, most_mps)
+        closing_mps = self._closing(wanted[0] - forward[0], pair.state.airspeed_mps - target.speed_mps, model)
+        faster_mps = _grown(closing_mps, math.nan if replaced[0] else before_mps, most_mps)
         turned_rad = _grown(wanted[1] - forward[1], math.nan if replaced[1] else before_rad, most_rad)
         self._correction = (faster_mps, turned_rad)
         led_mps, led_rad = forward[0] + answer[0], forward[1] + (answer[1] if self._trailing is None else 0.0)
         limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         free = bounds.limit(led_mps, led_rad, forward[2])
-        if not replaced[0]:
+        arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
+        if not (replaced[0] or arrives):
             self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
         if not replaced[1]:
             self._right.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
         if not replaced[2] and not self._closes_fast(model):
             self._height.integrate(self.mixed[2], limited[2] - free[2] - output[2], dt_s)
         return limited
+
+    def _arrives(self, flown_mps: float, dt_s: float) -> bool:
+        """Return whether it is on its way to its slot: what is integrated of that can only be lost by overshooting.
+
+        It flies `flown_mps` faster than its slot. Who stays far off, as slow as its slot, hasn't the speed that it is
+        told: that is integrated.
+        """
+        fast = abs(flown_mps) > SLOW_MPS
+        self._arriving = self._arriving or (fast and abs(self.error_m[0]) > FAR_M)
+        self._slow_s = 0.0 if fast else self._slow_s + dt_s
+        self._arriving = self._arriving and self._slow_s < SETTLES_S
+        return self._arriving
+
+    def _closing(self, faster_mps: float, flown_mps: float, model: AutopilotModel) -> float:
+        """Return a correction of speed that brings a vehicle no faster to its slot than it can brake from.
+
+        Args:
+            faster_mps: the correction that the controllers want.
+            flown_mps: by how much it is faster than its slot.
+            model: the vehicle's.
+        """
+        error_m = self.error_m[0]
+        most_mps = LEAST_CLOSING_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * abs(error_m))
+        if error_m > 0.0:
+            return min(faster_mps, most_mps + max(most_mps - flown_mps, 0.0))
+        return max(faster_mps, -most_mps - max(most_mps + flown_mps, 0.0))
 
     def _closes_fast(self, model: AutopilotModel) -> bool:
         """Whether the height's error shrinks at a rate near the vehicle's climb limit: it is being worked off.

@@ -197,3 +197,23 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
     flight = (flown["vehicle"] == 2) & (flown["mission_time_s"] >= 2.0) & (flown["mission_time_s"] <= 12.0)
     north_m, time_s = flown["north_m"][flight], flown["mission_time_s"][flight]
     assert np.ptp(north_m) / np.ptp(time_s) == pytest.approx(22.0, abs=0.05)
+
+
+def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None:
+    """By gains for an ArduPlane, from 300 m ahead: it was passed by 35 m, and off by 1 m after 135 s."""
+    summary = fly(
+        duration_s=70,
+        vehicles=[
+            {"id": 1, "role": "leader", "model": "arduplane"},
+            {"id": 2, "model": {"speed_min_mps": 12, "speed_max_mps": 30}},
+        ],
+        start={"in_air": True, "run_in_s": 2, "timeout_s": 1, "offset_m": [300, 20, 0]},
+        formation={"shape": "custom", "slots_m": {2: [-40, -40, 0]}},
+        safety={"avoidance": {"enabled": False}},
+    )
+    flown = read_parquet(summary.run_dir / "timeseries.parquet")
+    flight = (flown["vehicle"] == 2) & np.isfinite(flown["law_error_x_m"]) & (flown["mission_time_s"] >= 0)
+    error_m, time_s = flown["law_error_x_m"][flight], flown["mission_time_s"][flight]
+    assert error_m[0] < -290
+    assert error_m.max() < 12
+    assert np.abs(error_m[time_s > 65]).max() < 1

@@ -93,7 +93,7 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
 
 def test_a_proportional_law_is_the_mixer_times_its_gain() -> None:
     """Equation (13): 2 m behind, 3 m left, 1 m below; and 0.5 m/s too fast, 0.02 rad to the right of the path."""
-    states, kp = in_formation(), np.array((3.0, 0.5, 2.0))
+    states, kp = in_formation(), np.array((1.0, 0.5, 2.0))
     off = with_rows(states, slice(0, 3), states.table[:3, FOLLOWERS] - np.array([[2.0], [3.0], [1.0]]))
     off = with_rows(off, slice(4, 6), off.table[4:6, FOLLOWERS] + np.array([[0.5], [0.02]]))
     decided = law(kp).decide(situation(off), DT_S)
@@ -169,7 +169,7 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
 ) -> None:
     """Speed by 1.6 times the greatest acceleration, heading by 1.04 times the greatest turn rate."""
     gain = np.zeros(3)
-    gain[channel] = (3.0, 2.0)[channel]
+    gain[channel] = (0.75, 2.0)[channel]
     flying, most = law(kp=gain), share * DT_S * np.array(limits)
 
     def asked(metres: float, *, replaced: bool = False) -> Array:
@@ -186,6 +186,37 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
     np.testing.assert_allclose(asked(-4.0), -2 * most)
     as_wanted = -4.0 * gain[channel] * (1.0, 0.05)[channel]
     np.testing.assert_allclose(asked(-4.0, replaced=True), (-3 * most[0], as_wanted))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("closing_mps", [-2.0, 0.0, 3.0])
+def test_a_slot_is_closed_on_no_faster_than_can_be_braked_from(side: float, closing_mps: float) -> None:
+    """v² = 2 a x with half the greatest acceleration, and 1 m/s; by as much more as it is slower than that."""
+    states, errors_m = in_formation(), side * np.array((4.0, 6.0))
+    states = with_rows(states, 0, states.table[0, FOLLOWERS] - errors_m)
+    states = with_rows(states, 4, states.table[4, FOLLOWERS] + side * closing_mps)
+    told = sent(law(kp=np.array((3.0, 0.0, 0.0))).decide(situation(states), DT_S))[:, 0] - SPEED_MPS
+    most = 1.0 + np.sqrt(MODEL.accel_max_mps2[FOLLOWERS] * np.abs(errors_m))
+    most += np.maximum(most - closing_mps, 0.0)
+    assert (most < 3.0 * (np.abs(errors_m) - 0.1 * closing_mps)).all()
+    np.testing.assert_allclose(told, side * most)
+
+
+def test_nothing_is_integrated_of_an_error_that_is_flown_off() -> None:
+    """From 30 m behind at 3 m/s, until it has been as fast as its slot for 5 s; who stays so far off is made up for."""
+    flying = law(ki=np.array((0.5, 0.0, 0.0)))
+
+    def gathers(metres: float, faster_mps: float, ticks: int) -> Array:
+        states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - metres)
+        states = with_rows(states, 4, states.table[4, FOLLOWERS] + faster_mps)
+        told = [sent(flying.decide(situation(states), DT_S))[:, 0] for _ in range(ticks)]
+        return told[-1] - told[0]
+
+    np.testing.assert_allclose(gathers(30.0, 3.0, 20), 0.0, atol=1e-9)
+    np.testing.assert_allclose(gathers(0.5, 3.0, 10), 0.0, atol=1e-9)
+    np.testing.assert_allclose(gathers(0.5, 0.0, 49), 0.0, atol=1e-9)
+    assert (gathers(0.5, 0.0, 20) > 0.3).all()
+    assert (gathers(30.0, 0.0, 5) > 0.3).all()
 
 
 def test_the_height_of_a_correction_is_as_wanted() -> None:
@@ -267,11 +298,11 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
 
 
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:
-    flying, still = law(kp=np.array((3.0, 0.0, 0.0))), situation(carried((0.0, 0.0)))
+    flying, still = law(kp=np.array((0.75, 0.0, 0.0))), situation(carried((0.0, 0.0)))
     flying.decide(still, DT_S)
     flying.decide(tables.changed(still, active=[True, False, True]), DT_S)
     states = carried((0.4, 0.0))
     here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
     begun, going_on = sent(flying.decide(here, DT_S))[:, 0]
-    assert begun == pytest.approx(SPEED_MPS - 0.4 + 3.0 * (4.0 - 0.1 * 0.4))
+    assert begun == pytest.approx(SPEED_MPS - 0.4 + 0.75 * (4.0 - 0.1 * 0.4))
     assert going_on < begun - 1.0
