@@ -20,6 +20,7 @@ from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 
 OPTIONS = ("clock", "speedup", "until", "out", "overwrite")
@@ -74,7 +75,7 @@ def run(
         speedup: under the real clock, how many times faster.
         until: mission time in seconds at which to end early.
         out: the run directory, new or empty; default: runs/NAME-TIME.
-        overwrite: replace an earlier run in `out`.
+        overwrite: replace an earlier run in `out` when this one begins.
         **overrides: scenario keys instead of the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
@@ -93,7 +94,7 @@ def run(
         summary = run_scenario(loaded, options, Progress(), interrupts)
     if interrupts.count:
         raise KeyboardInterrupt
-    return Summary(summary.figures, summary.verdicts, summary.breaches, directory)
+    return Summary(summary.figures, summary.verdicts, summary.breaches, recorded_in(directory))
 
 
 def _require_known(overrides: Mapping[str, Any]) -> None:

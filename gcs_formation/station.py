@@ -23,6 +23,7 @@ from gcs_formation.fleet.interval_watch import MessageIntervals
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.senders import Senders
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover
@@ -209,6 +210,13 @@ class Station(Engine):
     def order(self, text: str, now: Instant) -> Answer:
         """Carry out an order such as `shape line`, or refuse it with a reason."""
         return self.orders.take(text, now)
+
+    @property
+    def commands_anybody(self) -> bool:
+        """Whether a vehicle that was heard is commanded: by a step of its start-up, in the formation, or at the end."""
+        commands = self.flight.phase in COMMANDED or self.flight.phase is Phase.LOITERING
+        heard = (each for each in self._each if each.connection.state is not LinkState.SEARCHING)
+        return any(commands or each.start_up.acted for each in heard)
 
     def bad_frames(self, identity: VehicleId) -> int:
         """Return how many frames from a vehicle's address were dropped."""

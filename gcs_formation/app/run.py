@@ -71,13 +71,13 @@ def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, in
     clock = VirtualClock()
     session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
-    with TruthWriter(options.out / TRUTH, len(scenario.vehicles)) as writer:
+    with TruthWriter(session.recorder.path / TRUTH, len(scenario.vehicles)) as writer:
         fleet = Fleet(fleet_config(scenario), truth=writer)
         try:
             network.attach(fleet)
             network.attach(session.engine)
         except PortError as error:
-            raise RunAbortedError(str(error)) from error
+            raise session.port_failed(error) from error
         network.run(session.attend)
     return _conclude(session)
 
@@ -88,11 +88,10 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver, _emulators(options, clock) as emulators, session.listening():
+        with UdpDriver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
             driver.run(partial(over, session, emulators))
     except PortError as error:
-        session.recorder.close()
-        raise RunAbortedError(str(error)) from error
+        raise session.port_failed(error) from error
     return _conclude(session)
 
 
@@ -112,11 +111,12 @@ def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progr
 
 
 @contextmanager
-def _emulators(options: RunOptions, clock: RealClock) -> Generator[subprocess.Popen[bytes]]:
+def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen[bytes]]:
     """Have the emulated vehicles in a process of their own; it ends when this process does, in whatever way."""
-    command = [sys.executable, "-m", "sim_vehicles", str(options.out / SCENARIO)]
-    command += ["--speedup", str(options.speedup), "--clock-origin", str(clock.origin_ns)]
-    command += ["--truth", str(options.out / TRUTH)]
+    directory = session.recorder.path
+    command = [sys.executable, "-m", "sim_vehicles", str(directory / SCENARIO)]
+    command += ["--speedup", str(session.options.speedup), "--clock-origin", str(clock.origin_ns)]
+    command += ["--truth", str(directory / TRUTH)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
     # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
     pipe = subprocess.PIPE
@@ -151,8 +151,9 @@ def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
 
 def _conclude(session: Session) -> Summary:
     """Return the summary; without one, the ground truth stays in the directory for `report`."""
-    summary = session.conclude(recorded_truth(session.options.out))
-    (session.options.out / TRUTH).unlink(missing_ok=True)
+    directory = session.recorder.path
+    summary = session.conclude(recorded_truth(directory))
+    (directory / TRUTH).unlink(missing_ok=True)
     return summary
 
 
@@ -208,8 +209,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
             driver.run(session.attend)
     except PortError as error:
-        session.recorder.close()
-        raise RunAbortedError(str(error)) from error
+        raise session.port_failed(error) from error
     return session
 
 

@@ -11,7 +11,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.cli import counted
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, after, seconds_between
-from airlink.endpoint import VehicleId
+from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
 from flight_model.arrays import Array
 from formation_scenario import Scenario
@@ -108,6 +108,7 @@ class Session:
         self.scenario, self.options, self.clock = scenario, options, clock
         self.progress, self.interrupts, self.emulated = progress, interrupts, emulated
         began_us, resumed = begun or (clock.utc_at_0_us, None)
+        self._resumed = resumed
         self.recorder = RunDirectory(
             options.out,
             scenario,
@@ -149,6 +150,8 @@ class Session:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self.interrupts.heed(self.station.course, self.clock.now())
         self._injected.note(self.station.recorded_ticks)
+        if self.recorder.is_beside and self.station.commands_anybody:
+            self.recorder.replace_earlier()
         if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
         if self._orders is not None:
@@ -163,6 +166,13 @@ class Session:
             return False
         self._left_at = self._left_at or self.clock.now()
         return True
+
+    def port_failed(self, error: PortError) -> RunAbortedError:
+        """Close the record of a run that got no port, and return what to raise; one that was resumed goes on later."""
+        if self._resumed is None:
+            self.station.course.fail(str(error), self.clock.now(), begun=False)
+        self.recorder.close()
+        return RunAbortedError(str(error))
 
     def begin_to_wait(self) -> None:
         """Give vehicles all the time to answer from now on: they weren't up before."""

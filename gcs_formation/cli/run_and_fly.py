@@ -23,7 +23,7 @@ from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.record.run_directory import SCENARIO
+from gcs_formation.record.run_directory import SCENARIO, recorded_in
 from gcs_formation.record.summary import Summary
 
 RUN_EXAMPLES = examples(
@@ -59,7 +59,7 @@ def _options(command: Command) -> Command:
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
             click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
-            click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out."),
+            click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out when this one begins."),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
         )
@@ -167,7 +167,7 @@ def _tell_rehearsal(
         click.echo(json.dumps(report, indent=2))
     elif not quiet:
         click.echo(rehearsal_text(report))
-        click.echo(f"recorded in {options.out}")
+        click.echo(f"recorded in {recorded_in(options.out)}")
     return _interrupted(options) if interrupts.count else Status.FINE
 
 
@@ -180,7 +180,7 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         width = shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
         if sys.stderr is not None and not sys.stderr.isatty():
             tell(result_line(summary), err=True)
-        tell(summary_text(summary, options.out, width), err=as_json)
+        tell(summary_text(summary, recorded_in(options.out), width), err=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches, *unjudged(summary)):
@@ -189,7 +189,7 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
 
 
 def _interrupted(options: RunOptions) -> Status:
-    return say(f"interrupted; what was recorded is in {options.out}", Status.INTERRUPTED)
+    return say(f"interrupted; what was recorded is in {recorded_in(options.out)}", Status.INTERRUPTED)
 
 
 VEHICLE_FILE = "vehicle.yaml"

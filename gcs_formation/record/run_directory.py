@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import math
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Final, TextIO
@@ -33,6 +34,8 @@ SUMMARY = "summary.json"
 REPORT = "report.html"
 FIGURES = "figures"
 """What `report` makes of the rest."""
+UNFLOWN = "unflown"
+"""Where a run is recorded beside an earlier one, in whose place its record is put once it commands somebody."""
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
 RECORDING = "recording"
@@ -97,26 +100,31 @@ class RunDirectory:
         frames: bool = True,
         resume: bool = False,
     ) -> None:
-        """Create the directory and its files; with `overwrite` in place of an earlier run's, without `frames` no log.
+        """Create the directory and its files; with `overwrite` beside an earlier run's, without `frames` no log.
 
-        A run that ended before it commanded anybody is replaced in any case: whoever mends its cause tries again.
-        With `resume` an unfinished run's record goes on; nothing of it is lost but what was cut off at its end.
+        An earlier run's record stays until `replace_earlier`. That of one that ended before it commanded anybody is
+        replaced at once, and in any case: whoever mends its cause tries again. With `resume` an unfinished run's record
+        goes on; nothing of it is lost but what was cut off at its end.
 
         Raises:
             RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
         """
         self.path = path
+        """Where it is recorded now."""
+        self._earlier: TextIO | None = None
+        """The events of an earlier run that is still there: nobody else may record or resume there meanwhile."""
         try:
-            refused = None if resume else refusal(path, overwrite=overwrite or _commanded_nobody(path))
-            if refused is not None:
-                raise RecordError(refused)
-            path.mkdir(parents=True, exist_ok=True)
-            self._events = _own(path / EVENTS, whole_lines=resume)
             if not resume:
-                _clear(path)
-                (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
-            self._tlog = TlogWriter(path / TLOG, epoch_us) if frames else None
-            self._spool = TickSpool(path / SPOOL, columns)
+                self._keep_earlier(overwrite=overwrite)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._events = _own(self.path / EVENTS, whole_lines=resume)
+            if recorded_in(self.path) != self.path:
+                shutil.rmtree(self.path / UNFLOWN)
+            if not resume:
+                _clear(self.path)
+                (self.path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
+            self._tlog = TlogWriter(self.path / TLOG, epoch_us) if frames else None
+            self._spool = TickSpool(self.path / SPOOL, columns)
         except BlockingIOError as error:
             found = f"found another run that is recording into {path}; allowed: a directory of its own"
             raise RecordError(found) from error
@@ -135,6 +143,36 @@ class RunDirectory:
     def tell_events_to(self, listener: Callable[[Event], None]) -> None:
         """Let a function hear every event from now on."""
         self._listener = listener
+
+    def _keep_earlier(self, *, overwrite: bool) -> None:
+        """Record beside an earlier run that commanded somebody, if there is one."""
+        unflown = _commanded_nobody(self.path)
+        refused = refusal(self.path, overwrite=overwrite or unflown)
+        if refused is not None:
+            raise RecordError(refused)
+        if (self.path / SCENARIO).is_file() and not unflown:
+            self._earlier = _locked(self.path / EVENTS)
+            self.path /= UNFLOWN
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether an earlier run's record is still in its place."""
+        return self._earlier is not None
+
+    def replace_earlier(self) -> None:
+        """Put the record in the earlier run's place: the run has begun."""
+        if self._earlier is None:
+            return
+        beside, place = self.path, self.path.parent
+        try:
+            _clear(place)
+            for file in beside.iterdir():
+                file.replace(place / file.name)
+            beside.rmdir()
+        except OSError as error:
+            self._give_up(error)
+        self._earlier.close()
+        self.path, self._earlier = place, None
 
     def frames(self, now: Instant, raws: list[bytes]) -> None:
         """Record frames."""
@@ -178,7 +216,9 @@ class RunDirectory:
             self._give_up(error)
 
     def close(self) -> None:
-        """Close the files; each is whole up to what could be written."""
+        """Close the files; each is whole up to what could be written. An earlier run's record that is there stays."""
+        if self._earlier is not None:
+            self._earlier.close()
         for file in (*self._files, self._events):
             try:
                 file.close()
@@ -194,6 +234,11 @@ class RunDirectory:
 
     def _give_up(self, error: OSError) -> None:
         self.failure = self.failure or f"cannot go on recording in {self.path}: {error.strerror or error}"
+
+
+def recorded_in(path: Path) -> Path:
+    """Return where the last run into a directory is recorded: beside an earlier one if it commanded nobody."""
+    return path / UNFLOWN if (path / UNFLOWN / SCENARIO).is_file() else path
 
 
 def _commanded_nobody(path: Path) -> bool:
@@ -221,9 +266,14 @@ def _own(path: Path, *, whole_lines: bool) -> TextIO:
     Raises:
         BlockingIOError: another process has it locked.
     """
+    file = _locked(path)
+    file.truncate(path.read_bytes().rfind(b"\n") + 1 if whole_lines else 0)
+    return file
+
+
+def _locked(path: Path) -> TextIO:
     file = path.open("a", encoding="utf-8")
     lock(file)
-    file.truncate(path.read_bytes().rfind(b"\n") + 1 if whole_lines else 0)
     return file
 
 

@@ -152,13 +152,19 @@ def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Pa
 
 
 def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> None:
-    endpoint = yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
+    """It has commanded nobody: its record may be replaced, and replaces none that an earlier run has left."""
+    endpoint, out = yaml.safe_load(path.read_text())["vehicles"]["endpoint"], tmp_path / "run"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as occupier:
         occupier.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))
-        done = said("run", str(path), "--out", str(tmp_path / "run"))
-    assert done.exit_code == 3
-    assert done.stderr.strip().endswith("is taken by another program")
-    assert endpoint in done.stderr
+        for _ in range(2):
+            done = said("run", str(path), "--out", str(out))
+            assert done.exit_code == 3
+            assert done.stderr.strip().endswith("is taken by another program")
+            assert endpoint in done.stderr
+        (out / "events.jsonl").write_text("earlier")
+        for command in ("run", "fly"):
+            assert said(command, str(path), "--out", str(out), "--overwrite").exit_code == 3
+            assert (out / "events.jsonl").read_text() == "earlier"
 
 
 def test_nobody_there_ends_with_3_and_who_was_missed(path: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
-from formation_scenario import load_scenario
+from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import over, resolve_peers
@@ -19,6 +19,7 @@ from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.unfinished import recorded_events
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
@@ -68,6 +69,38 @@ def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
         session.conclude(None)
     assert "nobody was commanded" in (tmp_path / "events.jsonl").read_text()
     assert "loiter" not in (tmp_path / "events.jsonl").read_text()
+
+
+@pytest.mark.parametrize(
+    ("answers", "rehearse", "replaced"), [(False, False, False), (True, True, False), (True, False, True)]
+)
+def test_an_earlier_runs_record_is_replaced_once_somebody_is_commanded(
+    answers: bool, rehearse: bool, replaced: bool, tmp_path: Path
+) -> None:
+    planned = load_scenario(scenario(duration_s=1, vehicles={"count": 2}))
+    session_of(planned, RunOptions(tmp_path, "virtual")).conclude(None)
+    earlier = {name: (tmp_path / name).read_bytes() for name in ("flight.tlog", "events.jsonl", "summary.json")}
+    options = RunOptions(tmp_path, "virtual", overwrite=True, dry_run=rehearse)
+    session = session_of(planned, options, answers=answers)
+    session.recorder.close()
+    assert session.recorder.path == (tmp_path if replaced else tmp_path / "unflown")
+    kept = {name: (tmp_path / name).read_bytes() for name in earlier if (tmp_path / name).is_file()}
+    assert kept == earlier or replaced
+    assert (tmp_path / "summary.json").exists() != replaced
+    phases = [event for event in recorded_events(session.recorder.path)[0] if event["kind"] == "phase"]
+    assert len(phases) == 1 or replaced
+
+
+def session_of(planned: Scenario, options: RunOptions, *, answers: bool = True) -> Session:
+    """Return the session of a flight of emulated vehicles, which answer or aren't there, as it ends."""
+    clock = VirtualClock()
+    session = Session(planned, options, clock, Progress(), Interrupts(), emulated=True)
+    network = MemoryNetwork(clock)
+    if answers:
+        network.attach(Fleet(fleet_config(planned)))
+    network.attach(session.engine)
+    network.run(session.attend)
+    return session
 
 
 def test_vehicles_are_waited_for_from_when_their_process_says_that_it_is_up(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from airlink.clock import Instant
 from formation_scenario import load_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import Cause
-from gcs_formation.record.run_directory import RunDirectory
+from gcs_formation.record.run_directory import RunDirectory, recorded_in
 from gcs_formation.recorder import Event
 
 SCENARIO = load_scenario({"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
@@ -70,6 +70,50 @@ def test_an_earlier_runs_report_goes_with_its_record(tmp_path: Path) -> None:
     (tmp_path / "figures").mkdir()
     for name in ("run.yaml", "report.html", "figures/errors.png", "summary.json", "notes.txt"):
         (tmp_path / name).write_text("earlier")
-    record(tmp_path).close()
+    again = record(tmp_path)
+    again.replace_earlier()
+    again.close()
     assert not any((tmp_path / name).exists() for name in ("report.html", "figures/errors.png", "summary.json"))
     assert (tmp_path / "notes.txt").read_text() == "earlier"
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in path.iterdir() if file.is_file()}
+
+
+def test_an_earlier_runs_record_stays_until_the_run_has_begun(tmp_path: Path) -> None:
+    first = record(tmp_path)
+    first.event(Event(Instant(1), "mode", "GUIDED"))
+    first.write_summary({"schema": 1})
+    first.close()
+    earlier = contents(tmp_path)
+
+    unflown = record(tmp_path)
+    unflown.event(Event(Instant(1), "failure", "nobody answered"))
+    unflown.close()
+    assert contents(tmp_path) == earlier
+    assert recorded_in(tmp_path) == tmp_path / "unflown"
+    assert "nobody answered" in (tmp_path / "unflown" / "events.jsonl").read_text()
+
+    flown = record(tmp_path)
+    flown.event(Event(Instant(1), "mode", "before"))
+    assert contents(tmp_path) == earlier
+    flown.replace_earlier()
+    flown.event(Event(Instant(2), "mode", "after"))
+    flown.close()
+    words = (tmp_path / "events.jsonl").read_text()
+    assert ("before" in words, "after" in words, "GUIDED" in words, "answered" in words) == (True, True, False, False)
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(set(earlier) - {"summary.json"})
+    assert recorded_in(tmp_path) == flown.path == tmp_path
+
+
+def test_nobody_else_records_where_a_run_is_about_to_begin(tmp_path: Path) -> None:
+    record(tmp_path).close()
+    beside = record(tmp_path)
+    for other in ({"overwrite": True}, {"resume": True}):
+        with pytest.raises(RecordError, match="found another run that is recording into"):
+            RunDirectory(tmp_path, SCENARIO, [vehicle.vehicle_id for vehicle in SCENARIO.vehicles], 0, **other)
+    beside.replace_earlier()
+    with pytest.raises(RecordError, match="found another run that is recording into"):
+        record(tmp_path)
+    beside.close()
