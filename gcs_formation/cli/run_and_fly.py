@@ -200,7 +200,7 @@ LOGS = (".tlog", ".bin")
 @click.argument("source", type=click.Path(path_type=Path, exists=True))
 @click.option("--out", type=click.Path(path_type=Path), help=f"Vehicle file; default: {VEHICLE_FILE} in the run.")
 @click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier run in --run-dir.")
+@click.option("--overwrite", is_flag=True, help="Replace the files at --out, and an earlier run in --run-dir.")
 @click.option("--vehicle", type=WholeNumber(1), help="Of this system id alone; default: all, as of one kind.")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots that fly the steps.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
@@ -211,28 +211,36 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
     from gcs_formation.identify import command  # noqa: PLC0415 - a flight fits and draws nothing
 
     out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
-    recorded, believed = source, None
-    if not source.is_dir() and source.suffix.lower() not in LOGS:
-        believed = load(source, overrides)
-        recorded = run_dir or default_directory(f"{believed.name}-identify")
-        emulated = all(each.autopilot == "emulator" for each in believed.vehicles)
-        if emulated and given["speedup"] != 1.0:
-            found = f"found {given['speedup']:g} of emulated vehicles alone, which fly as fast as the processor allows"
-            fail(f"--speedup: {found}; allowed: none, or with vehicles at the scenario's endpoints")
-        options = _run_options(recorded, {"clock": "virtual" if emulated else "real", **given})
-        with Interrupts() as interrupts:
-            _flown(_fly_steps, believed, options, interrupts, quiet=quiet)
-            if interrupts.count:
-                sys.exit(_interrupted(options))
-    beside = recorded if recorded.is_dir() else recorded.parent
+    believed = None if source.is_dir() or source.suffix.lower() in LOGS else load(source, overrides)
+    recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
+    file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
-        found = command.identify(recorded, out or beside / VEHICLE_FILE, vehicle, believed)
+        command.require_writable(file, overwrite=given["overwrite"])
+    except RecordError as error:
+        fail(str(error))
+    if believed is not None:
+        _record_steps(believed, recorded, quiet=quiet, **given)
+    try:
+        found = command.identify(recorded, file, vehicle, believed)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if as_json:
         click.echo(json.dumps(found, indent=2))
     elif not quiet:
         click.echo(command.report(found))
+
+
+def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: Any) -> None:
+    """Fly the steps, recorded in a directory; `given` are fields of `RunOptions` from the command line."""
+    emulated = all(each.autopilot == "emulator" for each in scenario.vehicles)
+    if emulated and given["speedup"] != 1.0:
+        found = f"found {given['speedup']:g} of emulated vehicles alone, which fly as fast as the processor allows"
+        fail(f"--speedup: {found}; allowed: none, or with vehicles at the scenario's endpoints")
+    options = _run_options(directory, {"clock": "virtual" if emulated else "real", **given})
+    with Interrupts() as interrupts:
+        _flown(_fly_steps, scenario, options, interrupts, quiet=quiet)
+        if interrupts.count:
+            sys.exit(_interrupted(options))
 
 
 def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:

@@ -33,6 +33,7 @@ HEIGHT_CM = 14.0
 LEAST_ERROR = 1e-9
 """A model's own flight has no error, and nothing flies that better."""
 UNITS = ("m/s", "rad", "m")
+FIGURE = ".png"
 
 
 def steps(spare_mps: float) -> list[Step]:
@@ -108,6 +109,20 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         save(figure, file)
 
 
+def require_writable(file: Path, *, overwrite: bool) -> None:
+    """Refuse a vehicle file that is there, or whose figure is, unless with `overwrite`, and one named as a figure.
+
+    Raises:
+        RecordError: which it is.
+    """
+    if file.suffix == FIGURE:
+        raise RecordError(f"--out: found {file}; allowed: another ending than that of the figure beside it, {FIGURE}")
+    there = [str(each) for each in (file, file.with_suffix(FIGURE)) if each.exists()]
+    if there and not overwrite:
+        found = f"--out: found {' and '.join(there)}"
+        raise RecordError(f"{found}; allowed: a file that isn't there yet, or --overwrite, which replaces it")
+
+
 def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
@@ -145,7 +160,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         if is_nearer(errors["airframe"], errors["equation (7)"]):
             flown["airframe"] = by_airframe
             model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0])))
-    figure = file.with_suffix(".png")
+    figure = file.with_suffix(FIGURE)
     try:
         _write(file, source, fitted, model, errors)
         draw(longest, flown, figure)

@@ -214,3 +214,25 @@ def test_the_command_says_what_is_missing(tmp_path):
         done = CliRunner().invoke(identify, [str(tmp_path / name), *options])
         assert done.exit_code == 2
         assert said in done.output
+
+
+@pytest.mark.parametrize("there", ["mine.yaml", "mine.png"])
+def test_files_that_are_there_are_replaced_only_if_told_so(there, tmp_path):
+    logged(tmp_path / "still.tlog")
+    (tmp_path / there).write_text("mine")
+    command = [str(tmp_path / "still.tlog"), "--out", str(tmp_path / "mine.yaml")]
+    done = CliRunner().invoke(identify, command)
+    assert done.exit_code == 2
+    assert f"--out: found {tmp_path / there}; allowed: a file that isn't there yet, or --overwrite" in done.output
+    assert (tmp_path / there).read_text() == "mine"
+    assert "the speed setpoint changed by no more" in CliRunner().invoke(identify, [*command, "--overwrite"]).output
+
+
+def test_nothing_is_flown_for_a_file_that_cannot_be_written(tmp_path):
+    (tmp_path / "vehicle.yaml").write_text("mine")
+    for out, said in (("vehicle.yaml", "found"), ("mine.png", "allowed: another ending than that of the figure")):
+        command = ["configs/quickstart.yaml", "--out", str(tmp_path / out), "--run-dir", str(tmp_path / "run")]
+        done = CliRunner().invoke(identify, command)
+        assert done.exit_code == 2
+        assert said in done.output
+    assert not (tmp_path / "run").exists()
