@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 TABLE = Path(__file__).with_name("ardupilotmega.json")
 """The dialect: each enum's names and values; each message's id and CRC_EXTRA."""
+STANDARD_ERROR = 2
+NO_LOG = "not a dataflash log"
 _table: dict[str, dict[str, Any]] = json.loads(TABLE.read_bytes())
 _ENUMS: dict[str, dict[str, int]] = _table["enums"]
 _MESSAGES: dict[str, tuple[int, int]] = _table["messages"]
@@ -49,6 +53,8 @@ def crc_extras() -> dict[int, int]:
 def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the messages of some kinds in an ArduPilot dataflash log (.bin), each as its kind and its fields.
 
+    What pymavlink prints meanwhile, a line for each byte that it skips, is dropped.
+
     Raises:
         OSError: the file can't be read.
         ValueError: it isn't such a log.
@@ -56,12 +62,41 @@ def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, d
     reader_type: Any = importlib.import_module("pymavlink.DFReader").DFReader_binary
     reader: Any = reader_type.__new__(reader_type)
     try:
-        reader.__init__(path)
-        while (message := reader.recv_match(type=list(kinds))) is not None:
+        with _BareErrors():
+            _silently(reader.__init__, path)
+        while (message := _silently(reader.recv_match, type=list(kinds))) is not None:
             yield str(message.get_type()), dict(message.to_dict())
     except (IndexError, struct.error, TypeError) as error:
-        raise ValueError("not a dataflash log") from error
+        raise ValueError(NO_LOG) from error
     finally:
         for opened in ("data_map", "filehandle"):
             if hasattr(reader, opened):
-                getattr(reader, opened).close()
+                with suppress(BufferError):  # a failed reader's own, which closes with it
+                    getattr(reader, opened).close()
+
+
+class _BareErrors:
+    """What pymavlink raises as an Exception of no class, for formats that it doesn't know, is a ValueError."""
+
+    def __enter__(self) -> None:
+        """Wait for one."""
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        """Replace it."""
+        if kind is Exception:
+            raise ValueError(NO_LOG) from error
+
+
+def _silently(call: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    """Call what prints to standard output and error, and in C to the latter's file descriptor."""
+    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+        try:
+            before = os.dup(STANDARD_ERROR)
+        except OSError:  # it is closed: nothing can be printed there
+            return call(*given, **named)
+        os.dup2(nowhere.fileno(), STANDARD_ERROR)
+        try:
+            return call(*given, **named)
+        finally:
+            os.dup2(before, STANDARD_ERROR)
+            os.close(before)

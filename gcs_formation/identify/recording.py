@@ -143,11 +143,14 @@ def _of_dataflash(log: Path) -> dict[int, _Samples]:
     """Return what ArduPlane wrote down itself: what it was commanded as it took it (OFG), and how it flew."""
     samples, system = _Samples(), 1
     for kind, fields in m.dataflash_messages(str(log), ("PARM", *DATAFLASH_FIELDS)):
-        if kind == "PARM":
-            system = int(fields["Value"]) if fields["Name"] in SYSTEM_PARAMETERS else system
-            continue
-        values = {name: scale * float(fields[key]) for name, key, scale in DATAFLASH_FIELDS[kind]}
-        samples.add(float(fields["TimeUS"]) * 1e-6, values)
+        try:
+            if kind == "PARM":
+                system = int(fields["Value"]) if fields["Name"] in SYSTEM_PARAMETERS else system
+                continue
+            values = {name: scale * float(fields[key]) for name, key, scale in DATAFLASH_FIELDS[kind]}
+            samples.add(float(fields["TimeUS"]) * 1e-6, values)
+        except KeyError as error:
+            raise ValueError(f"a message {kind} without {error}") from error
     return {system: samples}
 
 
