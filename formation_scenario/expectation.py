@@ -103,6 +103,12 @@ def keeps(value: float, below: float | None, above: float | None) -> bool:
     return (below is None or value < below) and (above is None or value > above)
 
 
+def stays_broken(metric: str, value: float | None, below: float | None) -> bool:
+    """Return whether a follower's figure is beyond what it must be below, and no further flight makes it less."""
+    grows = metric == "settled_at_s" or metric.endswith(("_m.max", "_m.steady_max"))
+    return grows and value is not None and below is not None and value >= below
+
+
 def bounds_text(below: float | None, above: float | None) -> str:
     """Return bounds in words: "below 3 and above 2"."""
     bounds = {"below": below, "above": above}

@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps
+from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps, stays_broken
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import RecordedFlight
 
@@ -136,7 +136,8 @@ def judge(
 
     A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
     follower was lost. It isn't judged where that was wanted: with `cut_short`, when the run was ended before its path
-    or its time was, and of a follower that crashes by the scenario's faults, unless nobody is left.
+    or its time was, and of a follower that crashes by the scenario's faults, unless nobody is left, or a bound on its
+    largest error was broken before.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
@@ -155,9 +156,13 @@ def judge(
                     yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
                 elif lost_s is not None:
                     crash_s = _crashes_at_s(scenario, vehicle, lost_s)
-                    reason = f"lost at {lost_s:.1f} s" if crash_s is None else f"crashed at {crash_s:.1f} s"
-                    lost = Verdict(each, vehicle, value, False, crash_s is None, reason, lost=True)
-                    yield lost if down_s is None else replace(lost, judged=True, reason=why)
+                    lost = Verdict(each, vehicle, value, False, True, f"lost at {lost_s:.1f} s", lost=True)
+                    if down_s is not None:
+                        lost = replace(lost, reason=why)
+                    elif crash_s is not None:
+                        broken = judged and _broken_before(crash_s, each, flight, vehicle, parts)
+                        lost = replace(lost, judged=broken, reason=f"{'before it ' * broken}crashed at {crash_s:.1f} s")
+                    yield lost
                 else:
                     yield Verdict(each, vehicle, value, reached, judged, why)
         elif each.metric in LINK_METRICS:
@@ -213,6 +218,14 @@ def _follower_value(
     settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
     window = flight.window(wanted.from_s, wanted.to_s)
     return figure_of(figures.of_follower(flight, vehicle, window, settled_s), wanted.metric)
+
+
+def _broken_before(
+    end_s: float, wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, parts: Mapping[str, Any]
+) -> bool:
+    """Return whether a follower broke a bound for good up to a mission time."""
+    value = _follower_value(wanted.model_copy(update={"to_s": end_s}), flight, vehicle, parts)
+    return stays_broken(wanted.metric, value, wanted.below)
 
 
 def _link_value(

@@ -116,6 +116,33 @@ def test_what_the_scenario_s_own_faults_crash_is_not_judged():
     assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False
 
 
+@pytest.mark.parametrize(
+    ("metric", "bounds", "held"),
+    [
+        ("error_x_m.max", {"below": 3.0}, False),
+        ("error_x_m.max", {"below": 5.1}, None),
+        ("error_x_m.max", {"below": None, "above": 6.0}, None),
+        ("error_x_m.rms", {"below": 0.1}, None),
+        ("settled_at_s", {"below": 1.0}, None),
+    ],
+)
+def test_a_largest_error_that_was_beyond_its_bound_before_the_crash_stays_broken(
+    metric: str, bounds: dict[str, Any], held: bool | None
+) -> None:
+    """It was 5 m at 2 s; the mean, and a figure that the flight hasn't got, say nothing before the window's end."""
+    flight, to_s = flown(FOLLOWER), FLOWN_S if metric != "settled_at_s" else 100.0
+    flight.vehicles[FOLLOWER]["error_x_m"][np.isclose(flight.mission_time_s, 2.0)] = 5.0
+    expect = {"metric": metric, "followers": [2], "to_s": to_s} | bounds
+    faults = [{"at_s": 4.0, "vehicles": [2], "kind": "crash"}]
+    scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [expect], "faults": faults})
+    parts = PARTS | {"followers": {"2": {"settled_at_s": None}}}
+    (found,) = judge(scenario, flight, parts, {}, cut_short=False)
+    assert found.held is held
+    assert found.reason == ("crashed at 4.0 s" if held is None else "before it crashed at 4.0 s")
+    (cut,) = judge(scenario, flight, PARTS | {"duration_s": 5.0}, {}, cut_short=True)
+    assert cut.held is None, "a window that somebody cut is not judged"
+
+
 def test_a_follower_that_crashes_while_nobody_leads_is_not_judged_either():
     """Both are down at 4.1 s, the leader by a fault of 4 s, it by one of 5 s, and the third leads from 6 s on."""
     keys = KEYS | {
