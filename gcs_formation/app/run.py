@@ -34,9 +34,9 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.record.run_directory import RECORDING, SCENARIO, TRUTH
+from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.unfinished import PORT, epoch_us, from_ports, read_past
+from gcs_formation.record.unfinished import epoch_us, from_ports, read_past
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command

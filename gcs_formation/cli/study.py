@@ -31,7 +31,7 @@ from formation_scenario import ScenarioError
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
-from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan
+from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan, read_rows, read_study
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.plan import Plan, Planned
 from gcs_formation.studies.preparation import MANY, prepare, refly_task
@@ -106,19 +106,18 @@ def run(study: Path, **given: Any) -> None:
 def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -> None:
     """Fly one FLIGHT of the study in DIRECTORY again, with its whole record."""
     try:
-        plan = read_plan(directory)
-        rows = {int(row["flight"]): row for row in read_journal(directory)}
+        study, base = read_study(directory), read_plan(directory)["base"]
+        rows = {row["flight"]: row for row in read_rows(directory, study)}
     except RecordError as error:
         fail(str(error))
     if flight not in rows:
         fail(f"found no flight {flight} in {directory}; allowed: {min(rows, default=0)} to {max(rows, default=0)}")
     if out is not None and (refused := refusal(out, overwrite=overwrite)) is not None:
         fail(refused)
-    study = Study.model_validate(plan["study"])
     kept, row = out or directory / AGAIN / f"{flight:06d}", rows[flight]
     planned = Planned(flight, int(row["seed"]), {name: row[name] for name in study.columns if name in row})
     try:
-        row = fly(refly_task(planned, study, plan["base"], kept))
+        row = fly(refly_task(planned, study, base, kept))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     if row["exit"] > Status.EXPECTATION_BROKEN:

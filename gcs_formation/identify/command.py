@@ -19,6 +19,7 @@ from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
+from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
 
@@ -221,11 +222,13 @@ def _begin(believed: Scenario | None, system: int) -> VehicleModel:
 def _delays_s(directory: Path) -> dict[int, float]:
     """Return the measured delay of each vehicle's link, both ways, as far as the summary knows it."""
     try:
-        summary = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+        summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    delays = {name: each["measured_delay_ms"]["p50"] for name, each in summary["links"].items()}
-    return {int(name.rpartition(":")[2]): 2e-3 * ms for name, ms in delays.items() if ms is not None}
+    if misfit(summary, {"links": Each({"measured_delay_ms": {"p50": NUMBER_OR_NULL}})}, SUMMARY) is not None:
+        return {}
+    delays = {name.rpartition(":")[2]: each["measured_delay_ms"]["p50"] for name, each in summary["links"].items()}
+    return {int(system): 2e-3 * ms for system, ms in delays.items() if ms is not None and system.isdecimal()}
 
 
 def _rms(recording: Recording, flown: Array) -> Array:

@@ -8,7 +8,7 @@ import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Final, TextIO
+from typing import IO, Any, BinaryIO, Final, TextIO, cast
 
 from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
@@ -19,6 +19,7 @@ from airlink.frame import frame_length
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NOBODY_COMMANDED
+from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Shape
 from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
@@ -38,6 +39,14 @@ UNFLOWN = "unflown"
 """Where a run is recorded beside an earlier one, in whose place its record is put once it commands somebody."""
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
+EVENT_SHAPE: Mapping[str, Shape] = {"t_s": NUMBER, "kind": TEXT, "text": TEXT}
+PORT = "port"
+"""The event that says which port of ours a vehicle hears."""
+EVENT_DETAILS: Mapping[str, Mapping[str, Shape]] = {
+    "design": {"design_delay_s": NUMBER},
+    PORT: {"endpoint": TEXT, "port": INTEGER},
+}
+"""What some kinds of events have besides, and is read."""
 RECORDING = "recording"
 """Kind of the first event of a record: it tells when instant 0 was."""
 
@@ -290,6 +299,12 @@ def lock(file: IO[Any]) -> None:
         raise
     except OSError:
         pass  # a file system without locks
+
+
+def event_shape(found: object) -> Shape:
+    """Return what a line of events must hold."""
+    kind = cast("dict[str, Any]", found).get("kind") if isinstance(found, dict) else None
+    return {**EVENT_SHAPE, **EVENT_DETAILS.get(kind if isinstance(kind, str) else "", {})}
 
 
 def event_line(event: Event) -> dict[str, Any]:

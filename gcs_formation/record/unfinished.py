@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +21,11 @@ from gcs_formation.fleet.membership_and_succession import PARTED
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.mission.resumption import Known, Resumption
 from gcs_formation.phases import Phase
-from gcs_formation.record.run_directory import EVENTS, FLUSH_S, RECORDING, SCENARIO, SPOOL, SUMMARY
+from gcs_formation.record.json_shape import misfit
+from gcs_formation.record.run_directory import EVENTS, FLUSH_S, PORT, RECORDING, SCENARIO, SPOOL, SUMMARY, event_shape
 from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
 
 ACCEPTED = ": accepted"
-PORT = "port"
-"""The event that says which port of ours a vehicle hears."""
 EVERY_S = 1.0
 """Interval of the places along which the leader's way is followed."""
 GAP_S, REACH = 3.0, 2.0
@@ -144,7 +143,7 @@ def _parsed(line: bytes) -> Mapping[str, Any] | None:
         event: Any = json.loads(line)
     except ValueError:
         return None
-    return cast("dict[str, Any]", event) if isinstance(event, dict) else None
+    return None if misfit(event, event_shape(event), EVENTS) is not None else event
 
 
 def _phases(events: Events) -> list[str]:

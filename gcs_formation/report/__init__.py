@@ -14,13 +14,25 @@ import pyarrow as pa
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
+from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, RecordedFlight, split, table
-from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
+from gcs_formation.record.json_shape import (
+    INTEGER,
+    NUMBER,
+    NUMBER_OR_NULL,
+    TEXT,
+    TRUTH_OR_NULL,
+    Each,
+    Maybe,
+    Shape,
+    misfit,
+)
+from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
 from gcs_formation.stability import scenario_delay_margin
@@ -45,6 +57,44 @@ UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real
 WORST_WITHOUT_ERRORS = -1.0
 EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
 """Columns of every time series."""
+AXIS: Shape = dict.fromkeys(("rms", "max", "steady_max"), NUMBER_OR_NULL)
+SUMMARY_SHAPE: Shape = {
+    **dict.fromkeys(("name", "clock"), TEXT),
+    **{"seed": INTEGER, "duration_s": NUMBER, "real_time_factor": NUMBER_OR_NULL},
+    "followers": Each(
+        {
+            **dict.fromkeys(("error_x_m", "error_y_m", "error_z_m"), AXIS),
+            **dict.fromkeys(("settled_at_s", "left_at_s"), NUMBER_OR_NULL),
+            **dict.fromkeys(("in_slot_share", "followed_share"), Maybe(NUMBER_OR_NULL)),
+            "effort": dict.fromkeys(CHANNELS, dict.fromkeys(("variation_per_s", "step_p95"), NUMBER_OR_NULL)),
+        }
+    ),
+    "links": Each(
+        {
+            **dict.fromkeys(("injected_delay_ms", "injected_up_ms", "injected_down_ms"), NUMBER_OR_NULL),
+            **dict.fromkeys(("measured_up_ms", "measured_down_ms"), NUMBER_OR_NULL),
+            "measured_delay_ms": dict.fromkeys(("p50", "p99"), NUMBER_OR_NULL),
+            **dict.fromkeys(("frames_in", "frames_out", "frames_bad"), NUMBER_OR_NULL),
+            **dict.fromkeys(("injected_loss_up", "injected_loss", "measured_loss"), Maybe(NUMBER_OR_NULL)),
+        }
+    ),
+    "control": {
+        "rate_hz": NUMBER,
+        **dict.fromkeys(("ticks", "late_ticks"), INTEGER),
+        "period_ms": dict.fromkeys(("p50", "p99", "max"), NUMBER_OR_NULL),
+        "compute_ms": dict.fromkeys(("p50", "p99"), NUMBER_OR_NULL),
+    },
+    "safety": {"violations": INTEGER, **dict.fromkeys(("min_separation_m", "min_clearance_m"), NUMBER_OR_NULL)},
+    "stability": dict.fromkeys(("delay_margin_s", "worst_loop_delay_s"), NUMBER_OR_NULL),
+    "expect": Each(
+        {
+            **{"metric": TEXT, "value": NUMBER_OR_NULL, "held": TRUTH_OR_NULL, "reason": Maybe(TEXT)},
+            **dict.fromkeys(("from_s", "to_s", "below", "above"), Maybe(NUMBER)),
+        }
+    ),
+    "undone": Maybe(Each(TEXT)),
+}
+"""What a report reads of summary.json (docs/summary.schema.json)."""
 
 
 @dataclass(frozen=True)
@@ -155,12 +205,20 @@ def _summary(path: Path) -> Mapping[str, Any]:
     found: Any = cast("dict[str, Any]", summary).get("schema") if isinstance(summary, dict) else None
     if found != SCHEMA:
         raise ValueError(f"found schema {found} in {path.name}; expected: {SCHEMA}")
-    return cast("dict[str, Any]", summary)
+    return _fitting(summary, SUMMARY_SHAPE, path.name)
+
+
+def _fitting(found: Any, shape: Shape, where: str) -> Mapping[str, Any]:  # noqa: ANN401 - whatever the JSON holds
+    text = misfit(found, shape, where)
+    if text is not None:
+        raise ValueError(text)
+    return found
 
 
 def _events(path: Path) -> Events:
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
-    return tuple(_parsed(line, path, number) for number, line in enumerate(lines, 1) if line.strip())
+    parsed = ((number, _parsed(line, path, number)) for number, line in enumerate(lines, 1) if line.strip())
+    return tuple(_fitting(found, event_shape(found), f"{path.name}, line {number}") for number, found in parsed)
 
 
 def _parsed(text: str, path: Path, line: int = 0) -> Any:  # noqa: ANN401 - whatever the JSON holds

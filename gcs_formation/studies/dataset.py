@@ -19,11 +19,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
+from pydantic import ValidationError
 
 from airlink.cli import refusal
 from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
+from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies import LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
@@ -34,6 +36,12 @@ RESULT, TABLE_TEXT = "study.json", "table.md"
 FLIGHTS, AGAIN = "flights", "again"
 """Records of flights, and of those that were flown again."""
 NONE = "–"
+ROW: Mapping[str, Shape] = {
+    **dict.fromkeys(("flight", "seed", "exit"), INTEGER),
+    **dict.fromkeys(("wall_s", "cpu_s"), NUMBER_OR_NULL),
+    **dict.fromkeys(("version", "words"), TEXT),
+}
+"""What a flight's row has beside parameters and metrics."""
 
 
 class Dataset:
@@ -57,7 +65,7 @@ class Dataset:
                 self._journal.truncate(0)
                 _clear(path)
                 (path / STUDY).write_text(_text(plan), encoding="utf-8")
-            self.rows = {int(row["flight"]): row for row in read_journal(path)}
+            self.rows = self._read()
             self._end_torn_line()
         except BlockingIOError as error:
             found = f"found another study that is being flown into {path}"
@@ -112,6 +120,13 @@ class Dataset:
             found = f"found another study in {self.path}: {' and '.join(changed)} changed"
             raise RecordError(f"{found}; allowed with --resume: the same; else another directory, or --overwrite")
 
+    def _read(self) -> dict[int, dict[str, Any]]:
+        try:
+            return {row["flight"]: row for row in read_rows(self.path, self.study)}
+        except RecordError:
+            self._journal.close()
+            raise
+
     def _end_torn_line(self) -> None:
         """End a line that was cut off, so that the next row begins on its own."""
         written = (self.path / JOURNAL).read_bytes()
@@ -142,9 +157,43 @@ def read_plan(path: Path) -> dict[str, Any]:
         RecordError: it isn't one.
     """
     try:
-        return yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
+        plan: Any = yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
         raise RecordError(f"found no study in {path}; expected: a directory that `study --out` wrote") from error
+    text = misfit(plan, {"study": OBJECT, "base": OBJECT, "version": TEXT}, str(path / STUDY))
+    if text is not None:
+        raise RecordError(text)
+    return plan
+
+
+def read_study(path: Path) -> Study:
+    """Return the study of a study's directory.
+
+    Raises:
+        RecordError: it isn't one, or another version wrote it.
+    """
+    try:
+        return Study.model_validate(read_plan(path)["study"])
+    except ValidationError as error:
+        keys = ", ".join(dict.fromkeys(".".join(map(str, each["loc"])) for each in error.errors()))
+        raise RecordError(f"found a study with wrong keys ({keys}) in {path / STUDY}; expected: as written") from error
+
+
+def read_rows(path: Path, study: Study) -> list[dict[str, Any]]:
+    """Return the rows of a study's directory, without one that was cut off.
+
+    Raises:
+        RecordError: a row isn't one of that study's.
+    """
+    shape = {**ROW, **dict.fromkeys(study.measured, NUMBER_OR_NULL), **dict.fromkeys(study.columns, ANYTHING)}
+    if study.bisect is not None:
+        shape[study.bisect.parameter] = NUMBER
+    rows = list(read_journal(path))
+    for row in rows:
+        text = misfit(row, shape, f"{path / JOURNAL}, flight {row['flight']}")
+        if text is not None:
+            raise RecordError(text)
+    return rows
 
 
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from html import escape
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -17,19 +18,42 @@ from matplotlib.figure import Figure
 from airlink.cli import counted
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
+from gcs_formation.record.json_shape import (
+    INTEGER,
+    NUMBER,
+    NUMBER_OR_NULL,
+    OBJECT,
+    TEXT,
+    TRUTH_OR_NULL,
+    Each,
+    Kind,
+    Maybe,
+    Shape,
+    misfit,
+)
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.report import page_parts
 from gcs_formation.report.page_parts import badge, brief, table
 from gcs_formation.report.style import print_style, save
 from gcs_formation.studies import Study
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
-from gcs_formation.studies.dataset import RESULT, Flights, flights_of, read_journal, read_plan
+from gcs_formation.studies.dataset import RESULT, Flights, flights_of, read_rows, read_study
 from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
 from gcs_formation.studies.flight import LEAST_IS_WORST
 
 WORST = 3
 MOST_FAILED = 50
 Rows = list[dict[str, Any]]
+RESULT_SHAPE: Shape = {
+    "expect": Each(
+        {
+            **{"metric": TEXT, "where": OBJECT, "interval": Kind("an array or null", (list, NoneType))},
+            **{"kept": INTEGER, "flights": INTEGER, "share": NUMBER, "held": TRUTH_OR_NULL},
+        }
+    ),
+    "bisect": Maybe(Each({"seed": INTEGER, "kept": NUMBER_OR_NULL, "broken": NUMBER_OR_NULL})),
+}
+"""What a report reads of study.json."""
 
 
 def write_study_report(directory: Path) -> Path:
@@ -38,8 +62,8 @@ def write_study_report(directory: Path) -> Path:
     Raises:
         RecordError: nothing was flown yet, or it can't be read or written.
     """
-    study = Study.model_validate(read_plan(directory)["study"])
-    rows = sorted(read_journal(directory), key=lambda row: row["flight"])
+    study = read_study(directory)
+    rows = sorted(read_rows(directory, study), key=lambda row: row["flight"])
     if not rows:
         raise RecordError(f"found no flight in {directory}; expected: a study of which something was flown")
     flights, result = flights_of(study, rows), _result(directory)
@@ -107,11 +131,19 @@ def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, dir
 
 
 def _result(directory: Path) -> Mapping[str, Any]:
-    """Return study.json; empty for a study that hasn't ended."""
+    """Return study.json; empty for a study that hasn't ended.
+
+    Raises:
+        RecordError: it isn't as a study writes it.
+    """
     try:
-        return json.loads((directory / RESULT).read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError):
+        result: Any = json.loads((directory / RESULT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return {}
+    text = misfit(result, RESULT_SHAPE, str(directory / RESULT))
+    if text is not None:
+        raise RecordError(text)
+    return result
 
 
 def _expectations(result: Mapping[str, Any]) -> str:

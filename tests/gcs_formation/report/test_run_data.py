@@ -100,6 +100,44 @@ def test_another_schema(make_run):
         load_run(directory)
 
 
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (None, "found no name in summary.json; expected: a text"),
+        ({"links": {"1": {}}}, "found no links.1.injected_delay_ms in summary.json; expected: a number or null"),
+        ({"followers": 3}, "found 3 for followers in summary.json; expected: an object or an array"),
+        ({"safety": {"violations": None}}, "found null for safety.violations in summary.json; expected: an integer"),
+        ({"expect": [{"metric": "x", "value": 1, "held": 1}]}, "found 1 for expect.0.held in summary.json; expected: "),
+    ],
+)
+def test_a_summary_that_no_run_wrote_is_named(make_run, keys, said):
+    directory = make_run()
+    summary = {} if keys is None else json.loads((directory / "summary.json").read_text()) | keys
+    (directory / "summary.json").write_text(json.dumps(summary | {"schema": 1}))
+    with pytest.raises(RecordError, match="cannot read the run") as refused:
+        load_run(directory)
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("[1]", "found [1] in events.jsonl, line 1; expected: an object"),
+        ('{"kind": "mode", "text": ""}', "found no t_s in events.jsonl, line 1; expected: a number"),
+        (
+            '{"t_s": 1, "kind": "design", "text": ""}',
+            "found no design_delay_s in events.jsonl, line 1; expected: a num",
+        ),
+    ],
+)
+def test_an_event_that_no_run_wrote_is_named(make_run, line, said):
+    directory = make_run()
+    (directory / "events.jsonl").write_text(line + "\n")
+    with pytest.raises(RecordError, match="cannot read the run") as refused:
+        load_run(directory)
+    assert said in str(refused.value)
+
+
 def test_no_ticks(make_run):
     directory = make_run()
     path = directory / "timeseries.parquet"

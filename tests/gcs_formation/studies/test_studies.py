@@ -49,6 +49,8 @@ SCENARIO: Any = {
     "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
 }
 DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
+DONE: Any = {"flight": 1, "seed": 1, DELAY: 0, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0,
+             "version": "x", "words": ""}  # fmt: skip
 MOST = ("error_x_m.max",)
 SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
 
@@ -681,13 +683,53 @@ def test_an_interrupted_study_says_so_keeps_its_rows_and_leaves_no_process(two, 
 
 def test_a_row_counts_once(two, tmp_path):
     planned, base = prepare(two)
-    done = {"flight": 1, "seed": 1, DELAY: 0, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0,
-            "version": "x", "words": ""}  # fmt: skip
     with Dataset(tmp_path / "out", planned, base, resume=False, overwrite=False) as data:
-        data.add(done)
-        data.add({**done, "error_x_m.max": 0.2})
+        data.add(DONE)
+        data.add({**DONE, "error_x_m.max": 0.2})
         assert data.write_table().num_rows == 1
-    assert list(read_journal(tmp_path / "out")) == [done]
+    assert list(read_journal(tmp_path / "out")) == [DONE]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"seed": "x"}, 'found "x" for seed in {journal}, flight 1; expected: an integer'),
+        ({"error_x_m.max": "big"}, 'found "big" for error_x_m.max in {journal}, flight 1; expected: a number or null'),
+        ({"exit": True}, "found true for exit in {journal}, flight 1; expected: an integer"),
+        ({"flight": "one"}, 'found "one" for flight in {journal}, flight one; expected: an integer'),
+        (None, "found no seed in {journal}, flight 1; expected: an integer"),
+    ],
+)
+def test_a_row_that_is_none_of_the_study_is_named(two, tmp_path, wrong, said):
+    """Where a study goes on, and where it is reported or one of its flights flown again."""
+    out = tmp_path / "out"
+    planned, base = prepare(two)
+    Dataset(out, planned, base, resume=False, overwrite=False).__exit__()
+    row = {"flight": 1} if wrong is None else DONE | wrong
+    (out / "flights.jsonl").write_text(json.dumps(row) + "\n")
+    expected = said.format(journal=out / "flights.jsonl")
+    with pytest.raises(RecordError) as resumed:
+        Dataset(out, planned, base, resume=True, overwrite=False)
+    assert str(resumed.value) == expected
+    for command in (["report", str(out)], ["study", "fly", str(out), "1"]):
+        refused = CliRunner().invoke(main, command)
+        assert (refused.exit_code, refused.output.strip().removeprefix("Error: ")) == (2, expected)
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("- 1", "found [1] in {plan}; expected: an object"),
+        ("study: {}", "found no base in {plan}; expected: an object"),
+        ("{study: {nme: x}, base: {}, version: x}", "found a study with wrong keys ("),
+    ],
+)
+def test_a_study_file_that_no_study_wrote_is_named(tmp_path, written, said):
+    (tmp_path / "study.yaml").write_text(written)
+    (tmp_path / "flights.jsonl").write_text(json.dumps(DONE) + "\n")
+    refused = CliRunner().invoke(main, ["report", str(tmp_path)])
+    assert refused.exit_code == 2
+    assert said.format(plan=tmp_path / "study.yaml") in refused.output
 
 
 @pytest.mark.parametrize("resume", [False, True])
@@ -697,7 +739,7 @@ def test_a_directory_takes_one_study_at_a_time(two, tmp_path, resume):
     with Dataset(out, planned, base, resume=False, overwrite=False) as data:
         with pytest.raises(RecordError, match="another study that is being flown into"):
             Dataset(out, planned, base, resume=resume, overwrite=True)
-        data.add({"flight": 1, "exit": 0})
+        data.add(DONE)
     assert [each["flight"] for each in read_journal(out)] == [1]
     with Dataset(out, planned, base, resume=True, overwrite=False) as data:
         assert set(data.rows) == {1}
@@ -707,7 +749,7 @@ def test_of_an_earlier_study_nothing_is_left_where_it_is_replaced(two, tmp_path)
     planned, base = prepare(two)
     out = tmp_path / "out"
     with Dataset(out, planned, base, resume=False, overwrite=False) as data:
-        data.add({"flight": 1, "exit": 0})
+        data.add(DONE)
     earlier = ("flights/000017/summary.json", "again/000017/run.yaml", "figures/maps.png", "report.html", "study.json")
     for name in earlier:
         (out / name).parent.mkdir(parents=True, exist_ok=True)
