@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 
-from airlink.endpoint import EndpointError, parse_endpoint
+from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Formation, FormationChange, LawType
@@ -38,8 +38,9 @@ def roles(scenario: Scenario) -> Iterator[Finding]:
 
 
 def endpoints(scenario: Scenario) -> Iterator[Finding]:
-    """Yield endpoints that aren't connection strings, or that two networks share."""
+    """Yield endpoints that aren't connection strings, that two networks share, or at which two emulators listen."""
     networks: dict[str, int] = {}
+    emulated: dict[str, VehicleId] = {}
     refused: set[str] = set()
     for index, vehicle in enumerate(scenario.vehicles):
         if vehicle.endpoint in refused:
@@ -56,6 +57,11 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
         if first != vehicle.network:
             found = f"found {endpoint} for networks {first} and {vehicle.network}"
             yield path, found, "endpoints of its own for each network"
+        elif vehicle.autopilot == "emulator" and endpoint.startswith("udpout:"):
+            other = emulated.setdefault(endpoint, vehicle.vehicle_id)
+            if other != vehicle.vehicle_id:
+                found = f"found {endpoint} for vehicles {other} and {vehicle.vehicle_id}: both emulators listen there"
+                yield path, found, "udpout:HOST:PORT of its own for each of them, or udpin:HOST:PORT"
 
 
 def speeds(scenario: Scenario) -> Iterator[Finding]:

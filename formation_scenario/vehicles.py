@@ -187,7 +187,7 @@ class VehicleCommon(Keys):
     network: NetworkId = key(1, "MAVLink network; each has system ids 1 to 254 of its own", 2)
     endpoint: Text = key(
         f"udpin:127.0.0.1:{BASE_PORT}",
-        "where the ground station listens: udpin:HOST:PORT, IPv4 alone",
+        "where the ground station listens, udpin:HOST:PORT, or whom it sends to, udpout:HOST:PORT; IPv4 alone",
         "udpin:0.0.0.0:14552",
         derived="udpin:127.0.0.1, one port a network: 14549 + network",
     )

@@ -14,6 +14,10 @@ from formation_scenario.source import read_text
             ["vehicles.1.endpoint=tcp:127.0.0.1:1"],
             "vehicles.1.endpoint: connection string 'tcp:127.0.0.1:1': found 'tcp'; udpin:HOST:PORT, udpout:HOST:PORT",
         ),
+        (
+            ["vehicles.1.endpoint=udpout:127.0.0.1:9", "vehicles.2.endpoint=udpout:127.0.0.1:9"],
+            "vehicles.2.endpoint: found udpout:127.0.0.1:9 for vehicles 2 and 3: both emulators listen there; udpout:",
+        ),
         (["vehicles.1.network=2", "vehicles.1.endpoint=udp:127.0.0.1:14550"], "for networks 1 and 2"),
         (
             ["vehicles.1.model.speed_min_mps=30"],

@@ -45,7 +45,9 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
 
 
 def test_a_vehicle_that_is_sent_to_by_name_is_known_by_the_number_that_it_answers_from(tmp_path: Path) -> None:
-    planned = load_scenario(scenario(duration_s=1, vehicles={"count": 2, "endpoint": "udpout:localhost:9"}))
+    planned = load_scenario(
+        scenario(duration_s=1, vehicles={"count": 2, "autopilot": "arduplane", "endpoint": "udpout:localhost:9"})
+    )
     session = Session(planned, RunOptions(tmp_path), VirtualClock(), Progress(), Interrupts(), emulated=False)
     resolve_peers(session)
     session.recorder.close()
