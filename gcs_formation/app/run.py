@@ -36,7 +36,7 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.unfinished import epoch_us, from_ports, read_past
+from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command
@@ -199,8 +199,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         begun, ports = (epoch_us(options.out), resumed), from_ports(options.out)
     session = Session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
     if behind_s > 0.0:
-        text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
-        session.recorder.event(Event(clock.now(), RECORDING, text))
+        session.recorder.event(Event(clock.now(), RECORDING, clock_behind(options, behind_s)))
     try:
         resolve_peers(session)
         with UdpDriver(session.engine, clock, ports) as driver, session.listening():
@@ -211,6 +210,15 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
     except PortError as error:
         raise session.port_failed(error) from error
     return session
+
+
+def clock_behind(options: RunOptions, behind_s: float) -> str:
+    """Return in words that the machine's clock is behind a record that goes on, and what else may be why."""
+    text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
+    began = recorded_speedup(options.out)
+    if began == options.speedup:
+        return text
+    return f"{text}; the run began with --speedup {began:g}, and goes on with {options.speedup:g}"
 
 
 def resolve_peers(session: Session) -> None:

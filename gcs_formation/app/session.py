@@ -124,6 +124,9 @@ class Session:
         self._keeps_utc = emulated if given is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
+        if resumed is None and options.speedup != 1.0:
+            details = {"speedup": options.speedup}
+            self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
         self._links = impair(scenario, self.station)

@@ -74,7 +74,7 @@ class ConformanceMonitor:
         self._unanswered = set[VehicleId]()
         """Vehicles that were commanded and answered nothing."""
         self._refused = set[SetpointChannel]()
-        """Setpoints that are refused."""
+        """Setpoints that were refused, and haven't been accepted since."""
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
@@ -97,20 +97,20 @@ class ConformanceMonitor:
             heartbeats = vehicle.telemetry.heartbeats
             for channel in vehicle.setpoint_channels:
                 refused, reported = channel.is_refused(heartbeats), channel in self._refused
-                if refused == reported or (refused and vehicle.member is not Member.FLYING):
-                    continue
                 name = m.name_of("MAV_CMD", channel.command)
-                if refused:
+                if refused and not reported and vehicle.member is Member.FLYING:
                     self._refused.add(channel)
                     result = m.name_of("MAV_RESULT", channel.result)
                     text = f"refuses its setpoints: {name}: {result}{vehicle.telemetry.last_words}"
                     self._note(now, "disobeys", text, vehicle, {"order": name, "result": result})
-                else:
+                elif reported and channel.accepted:
                     self._refused.remove(channel)
                     self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
 
     def _refuses(self, vehicle: Vehicle) -> bool:
-        return bool(self._refused) and any(channel in self._refused for channel in vehicle.setpoint_channels)
+        heartbeats = vehicle.telemetry.heartbeats
+        reported = (channel for channel in vehicle.setpoint_channels if channel in self._refused)
+        return bool(self._refused) and any(channel.is_refused(heartbeats) for channel in reported)
 
     def judge_commands(self, now: Instant) -> None:
         """Check modes and arming."""

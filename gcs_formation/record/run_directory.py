@@ -19,7 +19,7 @@ from airlink.frame import frame_length
 from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NOBODY_COMMANDED
-from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Shape
+from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Maybe, Shape
 from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
@@ -40,15 +40,16 @@ UNFLOWN = "unflown"
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
 EVENT_SHAPE: Mapping[str, Shape] = {"t_s": NUMBER, "kind": TEXT, "text": TEXT}
-PORT = "port"
-"""The event that says which port of ours a vehicle hears."""
-EVENT_DETAILS: Mapping[str, Mapping[str, Shape]] = {
-    "design": {"design_delay_s": NUMBER},
-    PORT: {"endpoint": TEXT, "port": INTEGER},
-}
-"""What some kinds of events have besides, and is read."""
 RECORDING = "recording"
 """Kind of the first event of a record: it tells when instant 0 was."""
+PORT = "port"
+"""The event that says which port of ours a vehicle hears."""
+EVENT_DETAILS: Mapping[str, Mapping[str, Shape | Maybe]] = {
+    "design": {"design_delay_s": NUMBER},
+    PORT: {"endpoint": TEXT, "port": INTEGER},
+    RECORDING: {"speedup": Maybe(NUMBER)},
+}
+"""What some kinds of events have besides, and is read."""
 
 
 class TlogWriter:

@@ -57,6 +57,13 @@ def from_ports(directory: Path) -> dict[str, int]:
     return {str(event["endpoint"]): int(event["port"]) for event in those}
 
 
+def recorded_speedup(directory: Path) -> float:
+    """Return how many times faster than real time an unfinished record began."""
+    events = recorded_events(directory)[0]
+    known = (event["speedup"] for event in events if event["kind"] == RECORDING and "speedup" in event)
+    return float(next(known, 1.0))
+
+
 def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:
     """Return where the flight of an unfinished record stands; where `now` isn't after it, at the record's end.
 

@@ -135,6 +135,8 @@ class SetpointChannel:
         self.command = command
         self.result = m.MAV_RESULT_ACCEPTED
         """The MAV_RESULT of its last refusal."""
+        self.accepted = False
+        """Whether the last answer accepted it."""
         self._refused: Instant | None = None
         """Since when there have been refusals only; the last of them, and the heartbeats that had come by the first."""
         self._refused_to, self._heartbeats = Instant(0), 0
@@ -163,7 +165,7 @@ class SetpointChannel:
         """Take an answer that isn't ACCEPTED; so many heartbeats have come from the vehicle."""
         if self._refused is None:
             self._refused, self._heartbeats = now, heartbeats
-        self.result, self._refused_to = result, now
+        self.result, self._refused_to, self.accepted = result, now, False
 
     def is_refused(self, heartbeats: int) -> bool:
         """Return whether its setpoints are refused, by now that so many heartbeats have come."""
@@ -173,7 +175,7 @@ class SetpointChannel:
 
     def acknowledged(self, now: Instant) -> None:
         """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
-        self._refused = None
+        self._refused, self.accepted = None, True
         if self._since is None or self._is_late(now):
             self._since = now
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)

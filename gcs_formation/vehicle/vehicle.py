@@ -222,6 +222,8 @@ class Vehicle:
             return "it answers no TIMESYNC: its delay and clock aren't known"
         seen, stamp_s = self.telemetry, self.source_binding.refused_stamp_s
         if seen.motion is not None and _is_of(now, self.round_trips.stamps.to_instant(seen.motion.stamp_s)):
+            if math.isnan(seen.airspeed_mps):
+                return "it has told no airspeed in VFR_HUD"
             together = seen.attitude is None or seen.of_one_time
             return None if together else "its position, attitude and airspeed aren't of one time"
         if math.isnan(stamp_s) and seen.motion is not None:

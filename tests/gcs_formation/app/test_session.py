@@ -14,7 +14,7 @@ from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import over, resolve_peers
+from gcs_formation.app.run import clock_behind, over, resolve_peers
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.record.run_directory import TIMESERIES
@@ -122,3 +122,16 @@ def test_vehicles_are_waited_for_from_when_their_process_says_that_it_is_up(tmp_
         over(session, emulators)
         assert session.station.flight.since == after(Instant(0), 100.0)
     session.recorder.close()
+
+
+@pytest.mark.parametrize(
+    ("began", "goes_on", "said"),
+    [(25.0, 1.0, "; the run began with --speedup 25, and goes on with 1"), (25.0, 25.0, ""), (1.0, 1.0, "")],
+)
+def test_a_record_that_is_ahead_by_its_speedup_says_so(began: float, goes_on: float, said: str, tmp_path: Path) -> None:
+    planned = load_scenario(scenario(duration_s=1, vehicles={"count": 2}))
+    options = RunOptions(tmp_path, speedup=began)
+    Session(planned, options, VirtualClock(), Progress(), Interrupts(), emulated=True).recorder.close()
+    assert clock_behind(RunOptions(tmp_path, speedup=goes_on, resume=True), 22.0) == (
+        f"the machine's clock is 22 s behind the record: time goes on from the record's end{said}"
+    )

@@ -285,4 +285,7 @@ def test_setpoints_are_refused_when_none_is_accepted_for_a_second_and_two_heartb
     assert ground.notes.of("disobeys", 2) == ["refuses its setpoints: GUIDED_CHANGE_SPEED: DENIED"] * said
     channel.forget()
     ground.monitor.judge_refusals(after(START, 2.0))
+    assert ground.notes.of("obeys", 2) == [], "none was accepted: the run is at its end, or the vehicle was left"
+    channel.acknowledged(after(START, 2.1))
+    ground.monitor.judge_refusals(after(START, 2.1))
     assert ground.notes.of("obeys", 2) == ["GUIDED_CHANGE_SPEED is no longer refused"] * said
