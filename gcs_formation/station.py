@@ -179,6 +179,7 @@ class Station(Engine):
         self._conformance.judge_commands(now)
         self._conformance.judge_answers(now)
         self._conformance.judge_refusals(now)
+        self._conformance.judge_silence(now)
         if self.flight.phase in COMMANDED:
             self._fly(now)
         else:

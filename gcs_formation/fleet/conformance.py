@@ -68,18 +68,24 @@ class ConformanceMonitor:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
-        """Columns that refuse setpoints, or don't seem to follow those that they acknowledge, (C,)."""
+        """Columns that refuse or don't acknowledge setpoints, or don't seem to follow those that they do, (C,)."""
         self.sinking = set[VehicleId]()
         """Vehicles that lose height though they are told to climb."""
         self._unanswered = set[VehicleId]()
         """Vehicles that were commanded and answered nothing."""
         self._refused = set[SetpointChannel]()
         """Setpoints that were refused, and haven't been accepted since."""
+        self._silent = set[SetpointChannel]()
+        """Setpoints that aren't acknowledged by vehicles that answer."""
+        self._missed = [Instant(0)] * len(self._vehicles)
+        """When each last answered nothing, (V,)."""
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
-        for vehicle in self._vehicles:
+        for place, vehicle in enumerate(self._vehicles):
             missing = vehicle.unanswered_s > UNANSWERED_S
+            if missing:
+                self._missed[place] = now
             if not missing and not self._unanswered:
                 continue
             identity = vehicle.identity
@@ -107,7 +113,28 @@ class ConformanceMonitor:
                     self._refused.remove(channel)
                     self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
 
+    def judge_silence(self, now: Instant) -> None:
+        """Check that vehicles that answer acknowledge each of their setpoints: events `uplink`, as above."""
+        for flier, missed in zip(self._fliers, self._missed, strict=True):
+            since, vehicle = flier.since, flier.vehicle
+            for channel in vehicle.setpoint_channels:
+                silent = since is not None and channel.is_silent(max(since, missed), now)
+                reported = channel in self._silent
+                if silent == reported:
+                    continue
+                name = m.name_of("MAV_CMD", channel.command)
+                if silent:
+                    self._silent.add(channel)
+                    text = f"answers, and doesn't acknowledge its setpoints: it may not hear {name}"
+                    self._note(now, "uplink", text, vehicle, {"order": name})
+                else:
+                    self._silent.remove(channel)
+                    text = "is acknowledged again" if since is not None else "is no longer sent"
+                    self._note(now, "uplink", f"{name} {text}", vehicle, {"order": name})
+
     def _refuses(self, vehicle: Vehicle) -> bool:
+        if self._silent and any(channel in self._silent for channel in vehicle.setpoint_channels):
+            return True
         heartbeats = vehicle.telemetry.heartbeats
         reported = (channel for channel in vehicle.setpoint_channels if channel in self._refused)
         return bool(self._refused) and any(channel.is_refused(heartbeats) for channel in reported)

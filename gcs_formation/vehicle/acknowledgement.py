@@ -24,6 +24,8 @@ REFUSED_S: Final = 1.0
 REFUSED_HEARTBEATS: Final = 2
 """A setpoint is refused when nothing else has been answered for this time, in which so many heartbeats have come: one
 that a pilot has just taken refuses what was on its way."""
+SILENT_S: Final = 5.0
+"""A setpoint isn't acknowledged when it has been told so long, again and again, without an answer."""
 REPEAT_S: Final = 1.0
 """After this long a setpoint is sent again, though nothing has changed."""
 QUICKEST: Final = 0.75
@@ -190,6 +192,12 @@ class SetpointChannel:
         if self._sent <= self._acknowledged_to:
             return False
         return seconds_between(self._sent, at) > PATIENCE * self._round_trip_s + LOOPS_S
+
+    def is_silent(self, since: Instant, now: Instant) -> bool:
+        """Return whether nothing that was sent since an instant has been answered for long, however often it was."""
+        if self._waiting is None or self._refused is not None:
+            return False
+        return seconds_between(max(self._waiting, since), now) > SILENT_S + self._round_trip_s
 
     def known_since(self, instant: Instant, now: Instant) -> bool:
         """Return whether all that was sent since an instant has been acknowledged."""

@@ -64,11 +64,15 @@ class HeadingsLost(Between):
             super().take(datagram, now)
 
 
-@pytest.mark.slow
-def test_setpoints_of_one_kind_that_never_come_are_nobodys_disobedience() -> None:
-    world = World(HeadingsLost, duration_s=25, path={"speed_mps": 22, "waypoints_m": WEAVING})
+def test_setpoints_of_one_kind_that_never_come_are_a_link_that_fails_and_nobodys_disobedience() -> None:
+    """Everything else is answered. The others keep clear of who may not hear, as of who refuses."""
+    world = World(HeadingsLost, duration_s=12, path={"speed_mps": 22, "waypoints_m": WEAVING})
     world.run()
     assert world.words("disobeys") == []
+    found = world.words("uplink")
+    assert len(found) == len(world.station.vehicles)
+    assert all(text.endswith("it may not hear GUIDED_CHANGE_HEADING") for text in found)
+    assert all(world.station._conformance.doubted)
 
 
 @pytest.mark.slow
