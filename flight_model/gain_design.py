@@ -194,7 +194,7 @@ def _observer_stands(
     1/`radps`. At worst the model tells nothing, and the observer's whole answer is fed back.
     """
     s = 1j * FREQUENCIES
-    plant = vehicle.speed * _late(telemetry.delay_s + UNKNOWN_DELAY_S)
+    plant = vehicle.speed * late(telemetry.delay_s + UNKNOWN_DELAY_S)
     position = weights["k_x"] * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
     enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)
@@ -208,7 +208,7 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
         gains = loops.gains(bandwidth, share)
         if loops.step_sigma(gains, telemetry.law_dt_s) > most:
             continue
-        if max(_peak(_controller(gains) * _late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
+        if max(_peak(_controller(gains) * late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
             continue
         found = judged(gains, bandwidth, loops, telemetry)
         if found.mismatch_peak <= MISMATCH_PEAK and found.delay_margin_s >= DELAY_MARGIN_S:
@@ -219,8 +219,9 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
 
 def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndNoise) -> DesignedChannel:
     """Return the figures of a channel with these gains."""
-    loops = [_controller(gains) * _late(telemetry.delay_s) * plant for plant in channel.plants]
-    off = [loop for plant in channel.plants for loop in _mismatched(gains, plant, telemetry.delay_s)]
+    controller = _controller(gains) * late(telemetry.delay_s)
+    loops = [controller * plant for plant in channel.plants]
+    off = [loop for plant in channel.plants for loop in mismatched(controller, plant)]
     return DesignedChannel(
         *gains,
         bandwidth,
@@ -237,16 +238,16 @@ def _controller(gains: Gains) -> Complex:
     return kp + ki / s + kd * s / (DERIVATIVE_FILTER_S * s + 1.0)
 
 
-def _late(delay_s: float) -> Complex:
+def late(delay_s: float) -> Complex:
+    """Return a delay's response."""
     return np.exp(-1j * FREQUENCIES * delay_s)
 
 
-def _mismatched(gains: Gains, plant: Complex, delay_s: float) -> Iterator[Complex]:
+def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
     """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
     log_w = np.log(FREQUENCIES)
     size: Array = np.log(np.abs(plant))
     angle: Array = np.unwrap(np.angle(plant))
-    controller = _controller(gains) * _late(delay_s)
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
         moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
@@ -283,9 +284,11 @@ def stable_delay_s(loop: Complex, integrators: int) -> float:
     All poles of it but its `integrators` lie on the left; a factor s/(s + 1) takes each of these away.
 
     Args:
-        loop: at `FREQUENCIES`; its gain is below 1 beyond.
+        loop: at `FREQUENCIES`; its gain doesn't rise beyond. One whose gain is 1 or more there counts as unstable.
         integrators: how many poles at 0 it has.
     """
+    if abs(loop[-1]) >= 1.0:
+        return 0.0
     s = 1j * FREQUENCIES
     turned = np.unwrap(np.angle((1.0 + loop) * (s / (s + 1.0)) ** integrators))
     return _delay_margin_s(loop) if max(abs(turned[0]), abs(turned[-1])) < np.pi / 2 else 0.0

@@ -35,6 +35,8 @@ Graph = Annotated[
 LawType = Literal["fuzzy_pid", "pid", "consensus"]
 """`gcs_formation.control.laws` says what each is."""
 OF_THE_SET = "of the set that law.gains names"
+K1, K2, K3 = 0.1, 0.6, 0.25
+"""Gains of the consensus protocol for vehicles that fly equation (7)."""
 
 
 class FormationChange(Keys):
@@ -138,12 +140,18 @@ class Fuzzy(Keys):
     )
 
 
+def _of_the_protocol(default: float, description: str, example: float) -> Any:  # noqa: ANN401 - as above
+    """Return the field of a gain of protocol (3)."""
+    derived = f"{default:g}; by design with gains: auto and any model with an airframe"
+    return key(..., description, example, derived=derived)
+
+
 class Consensus(Keys):
     """Gains and graph of the consensus protocol (equation 3)."""
 
-    k1: NonNegative = key(0.1, "gain on positions, 1/s²", 0.05)
-    k2: NonNegative = key(0.6, "gain on velocities, 1/s", 0.5)
-    k3: NonNegative = key(0.25, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
+    k1: NonNegative = _of_the_protocol(K1, "gain on positions, 1/s²", 0.05)
+    k2: NonNegative = _of_the_protocol(K2, "gain on velocities, 1/s", 0.5)
+    k3: NonNegative = _of_the_protocol(K3, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
     graph: Graph = key(
         "star",
         "who hears whom: a name, each undirected (in a star all hear the leader, and it all), or weights [p][q] > 0 "
@@ -189,4 +197,4 @@ class Law(Keys):
     heading: PidGains = key(..., "lateral channel; defaults depend on formation.frame too", derived=OF_THE_SET)
     height: PidGains = key(..., "height channel", derived=OF_THE_SET)
     fuzzy: Fuzzy = Fuzzy()
-    consensus: Consensus = Consensus()
+    consensus: Consensus = key(..., "", derived="its keys'")

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from flight_model.consensus_design import Axis, Delays, consensus_gains
 from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import Responses, airframe_responses, lag_responses
 from flight_model.gain_design import (
@@ -18,6 +21,7 @@ from flight_model.gain_design import (
     left_by_filter,
 )
 from flight_model.slot import CHANNELS
+from formation_scenario.formation import K1, K2, K3
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.source import Key, Plain, plain_mapping
@@ -48,6 +52,8 @@ HEADING: dict[str, dict[str, Group]] = {
     },
     NOISE: {LEADER: {"kp": 0.5, "ki": 0.1, "kd": 0.05, "error_scale": 0.1, "rate_scale": 0.1}},
 }
+PROTOCOL = "k1", "k2", "k3"
+CONSENSUS: Group = dict(zip(PROTOCOL, (K1, K2, K3), strict=True))
 FILTERS: dict[str, Group] = {
     CLEAN: {"derivative_filter_s": 0.1, "disturbance_observer_radps": 2.0},
     NOISE: {"derivative_filter_s": 1.0, "disturbance_observer_radps": 0.3},
@@ -67,7 +73,7 @@ def gain_set(gains: str, frame: str) -> tuple[dict[str, Group], Group]:
     """Return the groups and the single keys that a set of gains fills, for a slot frame; `clean` for an unknown set."""
     known = gains if gains in GROUPS else CLEAN
     heading = HEADING[known].get(frame, HEADING[known][LEADER])
-    return GROUPS[known] | {"heading": heading}, FILTERS[known]
+    return GROUPS[known] | {"heading": heading, "consensus": CONSENSUS}, FILTERS[known]
 
 
 def designed(scenario: Scenario, given: Plain) -> Scenario:
@@ -82,7 +88,24 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
         scales = {"error_scale": SCALES[name], "rate_scale": SCALES[name]}
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
+    if scenario.law.type == "consensus" and any(each.model.airframe for each in scenario.vehicles):
+        found = _of_protocol(scenario) | _written(written, "consensus")
+        keys["consensus"] = scenario.law.consensus.model_copy(update={name: found[name] for name in PROTOCOL})
     return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
+
+
+def _of_protocol(scenario: Scenario) -> dict[str, float]:
+    """Return k1, k2 and k3 of protocol (3) for the vehicles' responses and the graph."""
+    vehicles, speed_mps = list[tuple[Axis, Axis]](), scenario.path.speed_mps
+    for model in dict.fromkeys(each.model for each in scenario.vehicles):
+        found = _responses(model, speed_mps)
+        along = Axis.along(model.tau_v_s, found.speed)
+        vehicles.append((along, Axis.across(model.tau_psi_s, found.heading, speed_mps)))
+    weights, telemetry, links_s = scenario.adjacency, _delay_and_noise(scenario), 2.0 * design_delay_s(scenario)
+    eigenvalues: list[complex] = np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).tolist()
+    delays = Delays(telemetry.delay_s - links_s, links_s)
+    gains = consensus_gains(vehicles, eigenvalues, telemetry.position_m, delays)
+    return dict(zip(PROTOCOL, gains, strict=True))
 
 
 def redesigned(scenario: Scenario, delay_s: float) -> Scenario:
@@ -113,7 +136,9 @@ def figures(scenario: Scenario) -> Mapping[str, DesignedChannel]:
 
 
 def by_design(scenario: Scenario) -> bool:
-    """Return whether a scenario's gains are designed, or its vehicles have airframes that gains should be for."""
+    """Return whether its channels' gains are designed, or its vehicles have airframes that gains should be for."""
+    if scenario.law.type == "consensus":
+        return False
     return scenario.law.gains == AUTO or any(each.model.airframe for each in scenario.vehicles)
 
 

@@ -138,9 +138,9 @@ def load_scenario(
     """
     read = with_models(apply_overrides(_read(source), overrides, option))
     scenario, resolved = _typed(read)
-    if scenario.law.gains == AUTO:
-        scenario = designed(scenario, read.data.get("law"))
     found = inconsistencies(scenario)
+    if scenario.law.gains == AUTO and not found:
+        scenario = designed(scenario, read.data.get("law"))
     if not flown:
         found = [*(found or check(scenario)), *expectations(scenario)]
     if found:

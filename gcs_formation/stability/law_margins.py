@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from operator import itemgetter
 
 from airlink.endpoint import VehicleId
 from formation_scenario.model import Scenario
@@ -21,13 +22,15 @@ from gcs_formation.stability.pid_margins import (
     Mixer,
     PidGains,
     Plant,
-    delay_margin,
     forward_plant,
     height_plant,
     loop_margin,
     right_plant,
     worst_loop_margin,
 )
+
+LAGS = "tau_v_s", "tau_psi_s"
+"""Of the axes that the consensus closes: along the heading, and across."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +135,7 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     """
     if not law_kind(scenario).mutual:
         return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
-    loops = tuple(dict.fromkeys([*_axis_loops(scenario, "tau_v_s"), *_axis_loops(scenario, "tau_psi_s")]))
+    loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 
 
@@ -141,17 +144,24 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
 
     The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
     it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
-    an undirected graph, since every root belongs to a weighted mean of their dampings.
+    an undirected graph, since every root belongs to a weighted mean of their dampings. Margins of vehicles with an
+    airframe are around its own response.
     """
     along, across = (
-        min((delay_margin(loop.open_loop()) for loop in _axis_loops(scenario, lag)), default=math.inf)
-        for lag in ("tau_v_s", "tau_psi_s")
+        min((loop.delay_margin_s() for loop in _axis_loops(scenario, lag)), default=math.inf) for lag in LAGS
     )
     return along, across
 
 
 def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
     """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
-    keys, weights = scenario.law.consensus, scenario.adjacency
-    dampings = sorted({1.0 / float(getattr(vehicle.model, lag)) for vehicle in scenario.vehicles})
-    return [loop for c in dampings for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)]
+    keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.speed_mps
+    kinds = dict.fromkeys(
+        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)])
+        for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)
+    )
+    return [
+        replace(loop, aircraft=aircraft)
+        for c, aircraft in sorted(kinds, key=itemgetter(0))
+        for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)
+    ]

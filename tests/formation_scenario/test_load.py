@@ -335,3 +335,28 @@ def test_noisy_navigation_chooses_the_gains_for_noise_unless_told_otherwise(load
 
 def test_a_set_of_gains_that_does_not_exist_is_refused(refusal):
     assert refusal("law.gains=noisy") == ["law.gains: found 'noisy'; auto, clean, noise (did you mean 'noise'?)"]
+
+
+CONSENSUS = {"schema": 1, "path": {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}, "law": {"type": "consensus"}}
+AIRCRAFT = {"count": 4, "autopilot": "arduplane"}
+
+
+def protocol(**keys):
+    found = load_scenario(CONSENSUS | keys).law.consensus
+    return found.k1, found.k2, found.k3
+
+
+def test_the_protocols_gains_are_by_design_where_a_vehicle_has_an_airframe():
+    assert protocol(vehicles={"count": 4}) == (0.1, 0.6, 0.25)
+    assert protocol(vehicles=AIRCRAFT, law={"type": "consensus", "gains": "clean"}) == (0.1, 0.6, 0.25)
+    k1, k2, k3 = protocol(vehicles=AIRCRAFT)
+    assert (k2, k3) == (0.0, 1.0)  # 1/tau_v of the shipped ArduPlane
+    assert protocol(vehicles=AIRCRAFT, law={"type": "consensus", "consensus": {"k2": 0.1}}) == (k1, 0.1, k3)
+    flown = load_scenario(CONSENSUS | {"vehicles": AIRCRAFT})
+    assert load_scenario(read_text(dump_scenario(flown)).data) == flown
+
+
+def test_a_graph_that_is_none_is_refused_before_gains_are_designed_on_it():
+    law = {"type": "consensus", "consensus": {"graph": [[0, 1], [1, 0]]}}
+    with pytest.raises(ScenarioError, match="2 rows"):
+        load_scenario(CONSENSUS | {"vehicles": AIRCRAFT, "law": law})

@@ -199,6 +199,17 @@ def test_a_turn_does_not_tear_the_formation(fly: Fly, delay_ms: float) -> None:
     assert worst(summary) < 0.4
 
 
+def test_aircraft_under_energy_control_keep_their_slots(fly: Fly) -> None:
+    """By the gains for equation (7) three ArduPlanes swing by 3 m and in height, and never gather."""
+    start, aircraft = {"in_air": True, "offset_m": [2, 2, 0]}, {"count": 3, "autopilot": "arduplane"}
+    summary, series = fly(duration_s=60, start=start, vehicles=aircraft)
+    late = series["mission_time_s"][:, 0] > 40.0
+    for error in ("error_x_m", "error_y_m", "error_z_m"):
+        assert np.nanmax(np.abs(series[error][late])) < 0.15
+    assert np.ptp(series["true_airspeed_mps"][late]) < 0.2
+    assert summary.to_dict()["stability"]["delay_margin_s"] > 1.0
+
+
 @pytest.mark.slow
 def test_a_formation_without_a_leader_is_held_on_the_path(fly: Fly) -> None:
     slots = {1: [-20, -30, 0], 2: [40, 0, 0], 3: [-20, 30, 0]}

@@ -71,6 +71,26 @@ def test_unlike_lags_count_by_the_worst() -> None:
     assert consensus_margins(load_scenario(plain | {"vehicles": vehicles}))[0] == min(alike)
 
 
+def test_margins_of_aircraft_are_around_their_own_response() -> None:
+    """An ArduPlane answers an airspeed told at 1 rad/s with twice its size: what damps equation (7) drives it."""
+    plain = {"schema": 1, "vehicles": {"count": 4, "autopilot": "arduplane"}, "path": STRAIGHT}
+    given = {"type": "consensus", "consensus": {"k1": 0.1, "k2": 0.6, "k3": 0.25}}
+    unstable, designed = (load_scenario(plain | {"law": law}) for law in (given, {"type": "consensus"}))
+    assert scenario_delay_margin(unstable) == consensus_margins(unstable)[0] == 0.0
+    assert scenario_delay_margin(designed) > 1.0
+    lagging = {"vehicles": {"count": 4, "model": {"tau_v_s": 1.0, "tau_psi_s": 3.45}}, "law": given}
+    assert scenario_delay_margin(load_scenario(plain | lagging)) > 0.6
+
+
+def test_a_leader_that_hears_nobody_swings_where_its_own_loop_is_unstable() -> None:
+    """Without neighbours only what it is told by its own speed is fed back: k3 below 1/tau_v of an ArduPlane."""
+    star = [[0, 0], [1, 0]]
+    law = {"type": "consensus", "consensus": {"k1": 1e-6, "k2": 0.0, "k3": 0.25, "graph": star}}
+    vehicles = {"count": 2, "autopilot": "arduplane"}
+    flown = load_scenario({"schema": 1, "vehicles": vehicles, "law": law, "path": STRAIGHT})
+    assert scenario_delay_margin(flown) == 0.0
+
+
 def test_the_other_laws_keep_their_three_loops() -> None:
     flown = scenario({"type": "fuzzy_pid"})
     small = law_margins(flown).small_signal
