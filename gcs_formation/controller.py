@@ -16,11 +16,11 @@ from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, finite, rate, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import added
+from formation_scenario.formation import Frame, added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.laws import law_kind, law_parameters
-from gcs_formation.control.setpoint import AS_DECIDED, Envelope
+from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
@@ -30,7 +30,6 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
     LeaderWind,
-    amid,
     way_ahead,
 )
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
@@ -57,9 +56,9 @@ class FormationController:
         self.guidance = from_scenario.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
         self._virtual = scenario.leader is None
+        self._frame: Frame = scenario.formation.frame
         self._steps, self._tolerance_m = scenario.path.steps, scenario.start.tolerance_m
-        self._dt_s = 1.0 / scenario.law.rate_hz
-        self._compensates = scenario.law.delay_compensation
+        self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._columns = 1 + len(scenario.followers)
         self.models = from_scenario.autopilot_models(scenario)
@@ -73,7 +72,7 @@ class FormationController:
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
-        self._in_slots_s, self._leader_wind = 0.0, LeaderWind(self._dt_s)
+        self._in_slots_s, self._turn_rps, self._leader_wind = 0.0, 0.0, LeaderWind(self._dt_s)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -170,6 +169,7 @@ class FormationController:
         measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
         lead = self._steer_leader(tick, states, assembled=assembled)
+        self._turn_rps = lead.path.turn_rps
         self.history.note(tick.setpoints)  # followers are where the leader is when theirs act
         if self._columns > 1:
             self._lead_bandwidth(bandwidth)
@@ -261,7 +261,7 @@ class FormationController:
             if len(states) < len(followers):
                 return
             slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
-            state = amid(states, slots.each[1:], self.guidance.speed_mps)
+            state = amid(states, slots.each[1:], self.guidance.speed_mps, self._turn_rps, self._frame)
             if self._leader_amid:
                 stamp = Instant(sum(each.stamp for each in followers) // len(followers))
         self.estimator.place(VIRTUAL, state, stamp)

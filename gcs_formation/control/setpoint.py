@@ -101,6 +101,29 @@ def slot_target(
     return Target(speed_mps, leader.heading_rad - off_rad)
 
 
+def amid(
+    followers: list[FlightState], slots: list[Slot], speed_mps: float, turn_rps: float, frame: Frame
+) -> FlightState:
+    """Return the leader relative to which the followers are, on average, in their slots.
+
+    It flies at `speed_mps` and turns at `turn_rps`, and each follower heads as its slot moves (errata item 24).
+    """
+    count, still = len(followers), FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
+    aside_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in slots]
+    headings_rad = [each.heading_rad - aside for each, aside in zip(followers, aside_rad, strict=True)]
+    heading_rad = math.atan2(sum(map(math.sin, headings_rad)), sum(map(math.cos, headings_rad)))
+    leader = FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, heading_rad, 0.0, 0.0)
+    for each, slot, aside in zip(followers, slots, aside_rad, strict=True):
+        axis_rad = heading_rad if frame == "leader_heading" else heading_rad + aside
+        north_m, east_m = rotated(-axis_rad, slot.forward_m, slot.right_m)
+        leader.north_m += (each.north_m - north_m) / count
+        leader.east_m += (each.east_m - east_m) / count
+        leader.height_m += (each.height_m - slot.up_m) / count
+        leader.wind_north_mps += each.wind_north_mps / count
+        leader.wind_east_mps += each.wind_east_mps / count
+    return leader
+
+
 def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) -> Triple:
     """Return e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
     return (

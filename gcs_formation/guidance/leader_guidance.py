@@ -13,7 +13,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, 
 from flight_model.curve import PathPoint
 from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import Route, SplinePath
-from flight_model.slot import LEADS_FROM_MPS, Slot
+from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
@@ -101,22 +101,6 @@ class TurnOnSpot:
         share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
         rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
         return self.begin_rad + share * self.by_rad + lag_s * rate, rate + lag_s * change
-
-
-def amid(followers: list[FlightState], slots: list[Slot], speed_mps: float) -> FlightState:
-    """Return the leader relative to which the followers are, on average, in their slots."""
-    count = len(followers)
-    sine = sum(math.sin(each.heading_rad) for each in followers)
-    heading_rad = math.atan2(sine, sum(math.cos(each.heading_rad) for each in followers))
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    leader = FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, heading_rad, 0.0, 0.0)
-    for each, slot in zip(followers, slots, strict=True):
-        leader.north_m += (each.north_m - (slot.forward_m * cos - slot.right_m * sin)) / count
-        leader.east_m += (each.east_m - (slot.forward_m * sin + slot.right_m * cos)) / count
-        leader.height_m += (each.height_m - slot.up_m) / count
-        leader.wind_north_mps += each.wind_north_mps / count
-        leader.wind_east_mps += each.wind_east_mps / count
-    return leader
 
 
 class LeaderWind:

@@ -227,6 +227,19 @@ def test_a_formation_without_a_leader_is_held_on_the_path(fly: Fly) -> None:
         assert math.hypot(north_m - near.north_m, east_m - near.east_m) < 1.0
 
 
+def test_a_column_without_a_leader_keeps_its_slots_through_bends(fly: Fly) -> None:
+    """Who is behind a turning leader heads otherwise than it does: taken for its heading, that leaves 5.2 m."""
+    bend = [[0, 0, 100], [200, 0, 100], [400, 40, 100], [560, 200, 100], [600, 400, 100]]
+    summary, _ = fly(
+        duration_s=25,
+        start={"in_air": True, "run_in_s": 3},
+        vehicles=[{"id": 1}, {"id": 2}, {"id": 3}],
+        formation={"shape": "follower"},
+        path={"waypoints_m": bend},
+    )
+    assert worst(summary) < 0.3
+
+
 def test_links_of_unlike_delay_are_paired_at_one_stamp(fly: Fly) -> None:
     """States of unlike age, taken as if they were of one, would leave 22 m/s times 0.15 s, or 3.3 m."""
     changes = [{"at_s": 0, "vehicles": [3], "delay_ms": 150}]
