@@ -17,7 +17,7 @@ from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.fleet.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
-from gcs_formation.vehicle.acknowledgement import SetpointChannel
+from gcs_formation.vehicle.acknowledgement import Outcome, SetpointChannel
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
@@ -79,6 +79,8 @@ class ConformanceMonitor:
         """Setpoints that aren't acknowledged by vehicles that answer."""
         self._missed = [Instant(0)] * len(self._vehicles)
         """When each last answered nothing, (V,)."""
+        self._insisted = dict[VehicleId, tuple[int, str]]()
+        """What else was reported to be refused, and of which list of commands it was."""
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
@@ -98,8 +100,13 @@ class ConformanceMonitor:
                 self._note(now, "uplink", "answers again", vehicle)
 
     def judge_refusals(self, now: Instant) -> None:
-        """Check that setpoints are accepted: events `disobeys` and `obeys` of each command that isn't, and is again."""
+        """Check that setpoints, and commands that are insisted on, are accepted.
+
+        Events `disobeys` and `obeys` of each that isn't, and is again.
+        """
         for vehicle in self._vehicles:
+            if vehicle.commands.insists or self._insisted:
+                self._judge_insisted(vehicle, now)
             heartbeats = vehicle.telemetry.heartbeats
             for channel in vehicle.setpoint_channels:
                 refused, reported = channel.is_refused(heartbeats), channel in self._refused
@@ -131,6 +138,21 @@ class ConformanceMonitor:
                     self._silent.remove(channel)
                     text = "is acknowledged again" if since is not None else "is no longer sent"
                     self._note(now, "uplink", f"{name} {text}", vehicle, {"order": name})
+
+    def _judge_insisted(self, vehicle: Vehicle, now: Instant) -> None:
+        """Report a command that is refused though it is insisted on, and when it has been carried out."""
+        commands, reported = vehicle.commands, self._insisted.get(vehicle.identity)
+        if commands.refused(now):
+            words = vehicle.refusal
+            if reported is None or reported[1] != words:
+                text = f"refuses {words}, and is told again{vehicle.telemetry.last_words}"
+                self._note(now, "disobeys", text, vehicle, {"order": words})
+            self._insisted[vehicle.identity] = commands.lists, words
+        elif reported is not None and commands.lists == reported[0]:
+            self._note(now, "obeys", f"no longer refuses {reported[1]}", vehicle, {"order": reported[1]})
+            del self._insisted[vehicle.identity]
+        elif reported is not None and commands.outcome is not Outcome.WAITING:
+            del self._insisted[vehicle.identity]
 
     def _refuses(self, vehicle: Vehicle) -> bool:
         if self._silent and any(channel in self._silent for channel in vehicle.setpoint_channels):

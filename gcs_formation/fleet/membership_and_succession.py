@@ -210,9 +210,9 @@ class Membership:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)
-            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now)
+            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING:
-            vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now)
+            vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
         elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
             vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
         elif vehicle.member is not Member.STARTING:

@@ -13,13 +13,17 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.autopilot_family import Command
+from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, SHOWN_WITHIN_S, Command
 
 RETRY_S: Final = 0.7
+RETRY_REFUSED_S: Final = 3.0
+"""When a command that is insisted on is sent again after a refusal that may last."""
 MAX_CONFIRMATION: Final = 255
 TRY_AGAIN = (m.MAV_RESULT_TEMPORARILY_REJECTED, m.MAV_RESULT_FAILED)
 """Results that may change without our doing: a vehicle that can't be armed yet answers FAILED."""
 UNDER_WAY: Final = m.MAV_RESULT_IN_PROGRESS
+REFUSES_S: Final = 2.0
+"""A command counts as refused when it has had no other answer for this time."""
 REFUSED_S: Final = 1.0
 REFUSED_HEARTBEATS: Final = 2
 """A setpoint is refused when nothing else has been answered for this time, in which so many heartbeats have come: one
@@ -46,28 +50,40 @@ class Outcome(Enum):
 
 @dataclass
 class CommandQueue:
-    """Sends a list of commands in order, each until its acknowledgement comes."""
+    """Sends a list of commands in order, each until its acknowledgement comes.
+
+    A refusal that may last ends a list, unless it is insisted on: then the command goes on being sent until it is
+    accepted, or heartbeats show that it has been carried out.
+    """
 
     outcome: Outcome = Outcome.IDLE
     refusal: tuple[int, int] | None = None
     """Command and MAV_RESULT of the last acknowledgement that wasn't ACCEPTED."""
     since: Instant = Instant(0)
     """Since when the command under way has been, or none."""
+    insists: bool = False
+    """Whether a refusal doesn't end the list."""
+    lists: int = 0
+    """How many lists have begun."""
     _waiting: deque[Command] = field(default_factory=deque[Command])
     _attempt: int = 0
     _next_attempt: Instant = Instant(0)
     _first_attempt: Instant = Instant(0)
     _answered: int = 0
     """How many attempts of the command under way have been answered."""
+    _refused: Instant | None = None
+    """Since when the command under way has been refused."""
+    _shown: int = 0
+    """How many heartbeats have shown that it has been carried out."""
     _late: tuple[int, int, Instant] = (0, 0, Instant(0))
     """What was accepted before all of its attempts were answered: its id, how many weren't, and until when that may
     come."""
 
-    def begin(self, commands: tuple[Command, ...], now: Instant) -> None:
-        """Start with these commands, and drop any earlier ones."""
-        self._waiting = deque(commands)
-        self._attempt, self._next_attempt, self.since, self.refusal = 0, now, now, None
-        self.outcome = Outcome.WAITING if commands else Outcome.ACCEPTED
+    def begin(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
+        """Start with these commands, and drop any earlier ones; `insist`: whatever the vehicle answers."""
+        self._waiting, self.insists, self.refusal = deque(commands), insist, None
+        self.lists += 1
+        self._go_on(now)
 
     def due(self, now: Instant) -> Command | None:
         """Return the command to send now, if any."""
@@ -102,13 +118,52 @@ class CommandQueue:
                 return None
             accepted = self._waiting.popleft()
             self._expect_late(ack.command, now)
-            self._attempt, self._next_attempt, self.since = 0, now, now
-            self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
+            self._go_on(now)
             return accepted
-        self.refusal = (ack.command, ack.result)
-        if ack.result not in TRY_AGAIN:
-            self.outcome = Outcome.REFUSED
+        self._refuse(ack, now)
         return None
+
+    def _go_on(self, now: Instant) -> None:
+        """Turn to the next command."""
+        self._attempt, self._next_attempt, self.since = 0, now, now
+        self._refused, self._shown = None, 0
+        self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
+
+    def _refuse(self, ack: CommandAck, now: Instant) -> None:
+        self.refusal = (ack.command, ack.result)
+        if self._refused is None:
+            self._refused = now
+        if ack.result in TRY_AGAIN:
+            return
+        if self.insists:
+            self._next_attempt = after(now, RETRY_REFUSED_S)
+        else:
+            self.outcome = Outcome.REFUSED
+
+    def refused(self, now: Instant) -> bool:
+        """Return whether the command under way is insisted on, and has been refused for a while."""
+        if not self.insists or self._refused is None:
+            return False
+        return seconds_between(self._refused, now) >= REFUSES_S
+
+    @property
+    def refused_with(self) -> int | None:
+        """MAV_RESULT of the last refusal of the command under way, if it is insisted on; None if there is none."""
+        if not self.insists or self._refused is None or self.refusal is None:
+            return None
+        return self.refusal[1]
+
+    def look(self, *, shown: bool, known: bool, now: Instant) -> None:
+        """Take a heartbeat that shows, or doesn't, that the command under way has been carried out.
+
+        One that may have shown it before (`known`) says nothing until there is an answer.
+        """
+        self._shown = self._shown + 1 if shown and self._attempt else 0
+        if self._shown < SHOWN_IN_HEARTBEATS or (known and self._refused is None):
+            return
+        if seconds_between(self._first_attempt, now) >= SHOWN_WITHIN_S:
+            self._waiting.popleft()
+            self._go_on(now)
 
     def _expect_late(self, command: int, now: Instant) -> None:
         """Note how many acknowledgements of earlier attempts at a command, just accepted, are still on their way.

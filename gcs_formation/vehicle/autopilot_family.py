@@ -34,7 +34,8 @@ FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
-"""A command has no effect when both this time and so many heartbeats have passed since its acknowledgement."""
+"""A command has no effect when both this time and so many heartbeats have passed since its acknowledgement, and has had
+its effect, acknowledged or not, when heartbeats show it after so long."""
 Command = CommandLong | CommandInt
 Known = list[CommandInt | None]
 """What a vehicle has been told of airspeed, heading and height; None where it must be told again."""

@@ -126,6 +126,8 @@ class Vehicle:
             self._take_utc(message)
         elif isinstance(message, CurrentMode):
             self._take_mode(message)
+        elif isinstance(message, Heartbeat):
+            self._take_heartbeat(message, now)
         elif message is not None:
             self.telemetry.take(message)
         return changed
@@ -174,6 +176,16 @@ class Vehicle:
     def flew(self) -> bool:
         """Whether it flew when it was last heard."""
         return self.autopilot.is_airborne(self.telemetry)
+
+    @property
+    def refusal(self) -> str:
+        """The command that it refuses though it is insisted on, with its answer; nothing if there is none."""
+        asked, answer = self.commands.under_way, self.commands.refused_with
+        if asked is None or answer is None:
+            return ""
+        effect, name = self.autopilot.effect(asked), m.name_of("MAV_CMD", asked.command)
+        result = f"{name}: {m.name_of('MAV_RESULT', answer)}"
+        return result if effect is None else f"{effect.description} ({result})"
 
     @property
     def circles(self) -> bool:
@@ -313,6 +325,15 @@ class Vehicle:
         gnss = self.round_trips.gnss
         if gnss is not None:
             gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
+
+    def _take_heartbeat(self, message: Heartbeat, now: Instant) -> None:
+        self.telemetry.take_heartbeat(message)
+        commands, autopilot = self.commands, self.autopilot
+        command = commands.under_way if commands.insists else None
+        effect = None if command is None else autopilot.effect(command)
+        if command is not None and effect is not None:
+            shown = effect.shown(self.telemetry) == effect.expected
+            commands.look(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
 
     def _take_mode(self, message: CurrentMode) -> None:
         if not self.autopilot.setpoints_set_mode:

@@ -14,7 +14,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
-from airlink.messages.command import CommandInt
+from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState
 from flight_model.earth import GeodeticOrigin
@@ -102,6 +102,34 @@ def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() 
     ground = Ground()
     ground.fly(40.0, airspeed_mps=lambda at_s: 22.0 if at_s < 10.0 else 27.0 - 5.0 * math.exp(-(at_s - 10.0) / 4.0))
     assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
+
+
+def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_is_accepted() -> None:
+    ground = Ground()
+    vehicle = ground.second()
+    vehicle.commands.begin((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
+    for tenth in range(130):
+        now = after(START, 0.1 * tenth)
+        if vehicle.commands.due(now) is not None:
+            result = m.MAV_RESULT_DENIED if tenth < 100 else m.MAV_RESULT_ACCEPTED
+            vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, result), now)
+        ground.monitor.judge_refusals(now)
+    words = "mode LOITER (DO_SET_MODE: DENIED)"
+    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is told again"]
+    assert ground.notes.of("obeys", 2) == [f"no longer refuses {words}"]
+
+
+def test_a_refused_command_that_another_replaced_is_not_said_to_be_obeyed() -> None:
+    ground = Ground()
+    vehicle = ground.second()
+    vehicle.commands.begin((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
+    vehicle.commands.due(START)
+    vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_DENIED), START)
+    ground.monitor.judge_refusals(after(START, 2.0))
+    vehicle.commands.begin((), after(START, 3.0))
+    ground.monitor.judge_refusals(after(START, 3.0))
+    assert len(ground.notes.of("disobeys", 2)) == 1
+    assert ground.notes.of("obeys", 2) == []
 
 
 @pytest.mark.parametrize(("climb_mps", "said"), [(0.8, []), (-0.8, ["airspeed"]), (0.0, ["airspeed"])])

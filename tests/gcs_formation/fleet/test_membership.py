@@ -11,6 +11,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
+from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
@@ -172,6 +173,23 @@ def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_other
     assert formation.silent(FORGOTTEN_AFTER_S + 0.1) is Member.HOLDING
     assert formation.told() == [LOITER]
     assert formation.vehicles[LEADER].member is Member.FLYING
+
+
+@pytest.mark.parametrize("returns", [False, True])
+def test_one_that_refuses_to_loiter_or_to_come_back_is_told_again(returns: bool) -> None:
+    formation = Formation()
+    formation.silent(FORGOTTEN_AFTER_S + 0.1)
+    if returns:
+        formation.reports(LOITER)
+        formation.ages_s[1] = 0.0
+        assert formation.judge(41.0) is Member.RETURNING
+    commands, now = formation.follower.commands, after(Instant(0), 50.0)
+    first = commands.due(now)
+    commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_DENIED), now)
+    again = commands.due(after(now, 5.0))
+    assert first is not None
+    assert again is not None
+    assert (again.command, again.param2) == (first.command, first.param2) == (176, GUIDED if returns else LOITER)
 
 
 def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_its_time_is_over() -> None:

@@ -7,7 +7,14 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.acknowledgement import MAX_CONFIRMATION, RETRY_S, CommandQueue, Outcome
+from gcs_formation.vehicle.acknowledgement import (
+    MAX_CONFIRMATION,
+    REFUSES_S,
+    RETRY_REFUSED_S,
+    RETRY_S,
+    CommandQueue,
+    Outcome,
+)
 
 ARM = CommandLong(7, 1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=1)
 MODE = CommandLong(7, 1, m.MAV_CMD_DO_SET_MODE, param1=1, param2=15)
@@ -80,6 +87,64 @@ def test_a_refusal_ends_the_list(queue, result):
     assert queue.outcome is Outcome.REFUSED
     assert queue.refusal == (MODE.command, result)
     assert queue.due(after(START, RETRY_S)) is None
+
+
+@pytest.fixture
+def insisting() -> CommandQueue:
+    commands = CommandQueue()
+    commands.begin((MODE, ARM), START, insist=True)
+    return commands
+
+
+@pytest.mark.parametrize("result", [m.MAV_RESULT_DENIED, m.MAV_RESULT_UNSUPPORTED, 6, 7, 8, 42])
+def test_a_command_that_is_insisted_on_is_sent_again_until_it_is_accepted_whatever_was_answered(insisting, result):
+    for attempt in range(5):
+        now = after(START, attempt * RETRY_REFUSED_S)
+        assert insisting.due(now).command == MODE.command
+        insisting.acknowledge(CommandAck(MODE.command, result), now)
+        assert insisting.due(after(now, RETRY_REFUSED_S - 0.1)) is None
+        assert insisting.outcome is Outcome.WAITING
+        assert insisting.refused_with == result
+        assert insisting.refused(now) == (attempt > 0)
+    insisting.due(after(START, 5 * RETRY_REFUSED_S))
+    insisting.acknowledge(accepted(MODE), after(START, 5 * RETRY_REFUSED_S))
+    assert not insisting.refused(after(START, 60.0))
+    assert insisting.refused_with is None
+    assert insisting.under_way == ARM
+
+
+def test_one_that_is_refused_once_and_accepted_then_does_not_count_as_refused(insisting):
+    insisting.due(START)
+    insisting.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_FAILED), START)
+    assert not insisting.refused(after(START, REFUSES_S - 0.1))
+    assert insisting.refused(after(START, REFUSES_S))
+    insisting.due(after(START, REFUSES_S))
+    insisting.acknowledge(accepted(MODE), after(START, REFUSES_S))
+    assert not insisting.refused(after(START, REFUSES_S))
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_a_command_whose_effect_two_heartbeats_show_is_done_without_being_accepted(insisting, refused):
+    insisting.look(shown=True, known=False, now=START)  # not sent yet
+    insisting.due(START)
+    if refused:
+        insisting.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), START)
+    for at_s, shown in ((0.5, False), (1.5, True)):
+        insisting.look(shown=shown, known=False, now=after(START, at_s))
+        assert insisting.under_way == MODE
+    insisting.look(shown=True, known=False, now=after(START, 2.5))
+    assert insisting.under_way == ARM
+    assert insisting.outcome is Outcome.WAITING
+
+
+def test_what_heartbeats_may_have_shown_before_counts_once_there_is_an_answer(insisting):
+    insisting.due(START)
+    for at_s in (1.0, 2.0, 3.0, 4.0):
+        insisting.look(shown=True, known=True, now=after(START, at_s))
+    assert insisting.under_way == MODE
+    insisting.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), after(START, 4.5))
+    insisting.look(shown=True, known=True, now=after(START, 5.0))
+    assert insisting.under_way == ARM
 
 
 def test_a_command_in_progress_is_neither_done_nor_refused(queue):
