@@ -28,7 +28,7 @@ from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
-from gcs_formation.phases import COMMANDED, Cause, Phase
+from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Recorder, Reporter, Tick
 from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -185,8 +185,8 @@ class Station(Engine):
         else:
             self._look_on(now)
         self._send_all(self._dispatch.stand_ins(now), now)
-        if self.flight.phase is Phase.LOITERING:
-            self.course.wait_for_loiter(now)
+        if self.flight.phase in OVER:
+            self.course.bring_to_end(now)
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS

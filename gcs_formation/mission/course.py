@@ -231,7 +231,14 @@ class Course:
             self.cut_short = True
             self.move(Cause.PATH_ENDED, now)
 
-    def wait_for_loiter(self, now: Instant) -> None:
+    def bring_to_end(self, now: Instant) -> None:
+        """Look after vehicles at the end of the flight, in the phases in which it is over."""
+        if self.flight.phase is Phase.LOITERING:
+            self._wait_for_loiter(now)
+        else:
+            self._ending.judge(now)
+
+    def _wait_for_loiter(self, now: Instant) -> None:
         """Continue to bring vehicles to where they may be left alone; end the run when all are there."""
         self._ending.advance(now)
         if self._ending.landings.failure and not self.failure:
@@ -239,7 +246,8 @@ class Course:
         if self._ending.over(seconds_between(self.flight.since, now)):
             pending = self._ending.pending()
             for vehicle in pending:
-                self._note(now, "unacknowledged", "has not acknowledged that it loiters", vehicle)
+                text = f"has not acknowledged that it loiters{self._ending.lacks(vehicle)}"
+                self._note(now, "unacknowledged", text, vehicle)
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)
             else:

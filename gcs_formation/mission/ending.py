@@ -1,11 +1,18 @@
-"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land."""
+"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
+
+Whether one flies is judged anew at every tick until it leaves: an unknown place isn't the ground. None goes home that
+refuses its own height there, which it is told before; it circles where it is.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from enum import Enum
+from typing import Final
 
-from airlink.clock import Instant
+from airlink import mavlink as m
+from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import GroundFloor
@@ -18,12 +25,29 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 LOITER_LIMIT_S = 20.0
 """Longest wait for vehicles to climb out and acknowledge that they loiter."""
+UNANSWERED_FOR_S = 5.0
+"""How long one may leave unanswered that it is to go home."""
+
+
+class Told(Enum):
+    """What a vehicle is told at the end."""
+
+    NOTHING = "to go on"
+    DOWN = "to stay on the ground"
+    HOLD = "to circle at the height that it has, which isn't known"
+    LEAVE = "to circle at a height of its own, here or at home"
+    STAY = "to circle here first, as it refuses to do so at home"
+
+
+LEFT: Final = (Told.LEAVE, Told.STAY)
+"""What a vehicle is told for good."""
 
 
 class Ending:
     """Brings every vehicle to a state in which it may be left alone.
 
-    A vehicle that is taking off climbs out first; one that its pilot has taken over is left to the pilot.
+    A vehicle that is taking off climbs out first; one that its pilot has taken over is left to the pilot. Commands are
+    insisted on, whatever vehicles answer.
     """
 
     def __init__(
@@ -61,46 +85,100 @@ class Ending:
         self._loiter_s = 0.0
         self._manner: End = manner
         self._vehicles = vehicles
-        self._left: dict[VehicleId, Vehicle] = {}
-        """Those that are still to be told to leave."""
-        self._restarts: dict[VehicleId, int] = {}
-        """How often each had restarted when it was told."""
+        self._told: dict[VehicleId, tuple[Told, int]] = {}
+        """What each was told, and how often it had restarted then."""
+        self._leaving = False
+        """Whether vehicles leave; before that only those on the ground are told anything."""
 
     def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
         """Keep vehicles on the ground there, whatever they were about to do; others loiter so long at the end."""
         self._loiter_s = loiter_s
-        for vehicle in self._ours.values():
-            if not vehicle.autopilot.is_airborne(vehicle.telemetry):
-                _keep_down(vehicle, now)
+        self.judge(now)
 
     def leave(self, now: Instant) -> None:
         """Begin to tell vehicles to circle or go home; those that have no height of their own yet get one."""
         self.stack.add(self._places())
-        self._left = {i: vehicle for i, vehicle in self._ours.items() if vehicle.member is not Member.PARTED}
+        self._leaving = True
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Command vehicles that are in the air and have climbed out to loiter or go home; continue the landings.
-
-        One that has restarted since has forgotten that, and is commanded anew.
-        """
-        for identity, restarts in list(self._restarts.items()):
-            vehicle = self._vehicles[identity]
-            if vehicle.restarts > restarts:
-                self.landings.drop(vehicle)
-                self._left[identity] = vehicle
-                del self._restarts[identity]
-        for identity, vehicle in list(self._left.items()):
-            autopilot, seen = vehicle.autopilot, vehicle.telemetry
-            if seen.motion and autopilot.is_airborne(seen) and not autopilot.climbs_out(seen):
-                height_m = self.stack.heights_m.get(identity, seen.motion.height_m)
-                vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now)
-                del self._left[identity]
-                self._restarts[identity] = vehicle.restarts
-                if self._manner == "land":
-                    self.landings.await_turn(vehicle, height_m)
-        climbs_out = any(self._is_pending(identity, self._vehicles[identity]) for identity in self._left)
+        """Command vehicles that may be in the air and have climbed out to loiter or go home; continue the landings."""
+        self.judge(now)
+        climbs_out = False
+        for identity, vehicle in self._ours.items():
+            told = self._heeds(identity, vehicle)
+            if told is Told.LEAVE:
+                self._watch_way_home(identity, vehicle, now)
+            elif told is not Told.STAY and vehicle.member is not Member.PARTED:
+                climbs_out = climbs_out or self._is_pending(identity, vehicle)
         self.landings.advance(now, climbs_out=climbs_out)
+
+    def judge(self, now: Instant) -> None:
+        """Tell vehicles what their state asks for now: an unknown place isn't the ground, and may turn out to be it."""
+        for identity, vehicle in self._ours.items():
+            if vehicle.member is Member.PARTED:
+                continue
+            told = self._heeds(identity, vehicle)
+            wanted = told if told in LEFT else self._wanted(vehicle)
+            if wanted is not told:
+                self._tell(identity, vehicle, wanted, now)
+
+    def _heeds(self, identity: VehicleId, vehicle: Vehicle) -> Told:
+        """Return what a vehicle was told; one that flew and has restarted since has forgotten it."""
+        told, restarts = self._told.get(identity, (Told.NOTHING, 0))
+        return told if told is Told.DOWN or vehicle.restarts == restarts else Told.NOTHING
+
+    def _wanted(self, vehicle: Vehicle) -> Told:
+        autopilot, seen = vehicle.autopilot, vehicle.telemetry
+        if not vehicle.may_fly:
+            return Told.DOWN
+        if not self._leaving or autopilot.climbs_out(seen):
+            return Told.NOTHING
+        return Told.LEAVE if seen.motion and autopilot.is_airborne(seen) else Told.HOLD
+
+    def _tell(self, identity: VehicleId, vehicle: Vehicle, what: Told, now: Instant) -> None:
+        self._told[identity] = what, vehicle.restarts
+        self.landings.drop(vehicle)
+        autopilot, seen = vehicle.autopilot, vehicle.telemetry
+        if what is Told.DOWN:
+            _keep_down(vehicle, now)
+        elif what is Told.HOLD:
+            asked = autopilot.requests(vehicle.rates_hz)
+            vehicle.commands.begin((*autopilot.hold(), *asked), now, insist=True)
+        elif what is Told.LEAVE:
+            height_m = self._height_m(identity, vehicle)
+            vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now, insist=True)
+            if self._manner == "land":
+                self.landings.await_turn(vehicle, height_m)
+        else:
+            vehicle.commands.begin((), now)
+
+    def _height_m(self, identity: VehicleId, vehicle: Vehicle) -> float:
+        """Return the height at which one circles that has told where it is, m."""
+        place = place_of(vehicle)
+        if place is not None:
+            self.stack.add({identity: place})
+        return self.stack.heights_m[identity]
+
+    def _watch_way_home(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
+        """Have one that refuses to go home, or its height there, circle here; it leaves when it takes both.
+
+        So does one that doesn't answer. One that refuses its height on the way isn't sent home again. Nobody lands if
+        somebody refuses.
+        """
+        if self._manner == "loiter":
+            return
+        autopilot, seen, commands = vehicle.autopilot, vehicle.telemetry, vehicle.commands
+        refuses, homeward = commands.refused(now), seen.custom_mode == autopilot.home_mode
+        waits = commands.insists and commands.outcome is Outcome.WAITING and not homeward
+        if not (refuses or (waits and seconds_between(commands.since, now) > UNANSWERED_FOR_S)):
+            return
+        if refuses and self._manner == "land":
+            self.landings.refuse(f"vehicle {identity} refuses {vehicle.refusal}{seen.last_words}")
+        height_m = self._height_m(identity, vehicle)
+        here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
+        self._told[identity] = Told.STAY, vehicle.restarts
+        commands.begin(here if homeward else (*here, *home), now, insist=True)
 
     def _places(self) -> dict[VehicleId, ReportedMotion]:
         armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
@@ -120,15 +198,25 @@ class Ending:
         """Return the vehicles that can be reached and may not be left alone yet."""
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
 
+    def lacks(self, vehicle: Vehicle) -> str:
+        """Return why one may not be left alone, as the end of a sentence; nothing if it just hasn't answered."""
+        if vehicle.refusal:
+            return f": it refuses {vehicle.refusal}{vehicle.telemetry.last_words}"
+        held = self._heeds(vehicle.identity, vehicle) is Told.HOLD and vehicle.commands.outcome is Outcome.ACCEPTED
+        return " at a height of its own: whether and where it flies isn't known" if held else ""
+
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
         if vehicle.connection.state not in TALKING:
             return False
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True
-        return identity in self._left and may_be_armed(vehicle)
+        ours = identity in self._ours and vehicle.member is not Member.PARTED
+        return ours and self._heeds(identity, vehicle) not in LEFT and may_be_armed(vehicle)
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:
     """Disarm a vehicle on the ground, even if an arming command is still pending."""
-    unsafe = vehicle.telemetry.armed or vehicle.commands.outcome is Outcome.WAITING
-    vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now)
+    asked, waiting = vehicle.commands.under_way, vehicle.commands.outcome is Outcome.WAITING
+    acts = waiting and asked is not None and asked.command != m.MAV_CMD_SET_MESSAGE_INTERVAL
+    unsafe = vehicle.telemetry.armed or acts
+    vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now, insist=True)

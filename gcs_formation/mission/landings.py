@@ -86,6 +86,11 @@ class Landings:
         if self._landing is vehicle:
             self._landing = None
 
+    def refuse(self, text: str) -> None:
+        """Begin no further landing, for a reason."""
+        self.failure = self.failure or text
+        self._waiting.clear()
+
     @property
     def under_way(self) -> bool:
         """Whether a vehicle is landing or waiting to land."""

@@ -42,6 +42,7 @@ HEARTBEATS_S: Final = 3.0
 EKF_READY: Final = 831
 """Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 ACTIVE: Final = m.MAV_STATE_ACTIVE
+STANDBY: Final = m.MAV_STATE_STANDBY
 
 OUR_HEARTBEATS = Check(
     ("MAV_GCS_SYSID", "SYSID_MYGCS"),
@@ -91,11 +92,13 @@ class ArduPilot(Autopilot, ABC):
     slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is in flight by its heartbeat, or armed and above the ground."""
-        heartbeat = telemetry.heartbeat
-        if heartbeat is None or telemetry.motion is None:
-            return False
-        return telemetry.armed and (heartbeat.system_status == ACTIVE or telemetry.motion.above_home_m > AIRBORNE_M)
+        """Return whether it is armed, and in flight by its heartbeats or above the ground."""
+        aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
+        return telemetry.armed and (aloft or telemetry.flight_status == ACTIVE)
+
+    def says_grounded(self, telemetry: Telemetry) -> bool:
+        """Return whether its heartbeats say so; STANDBY is also that of one that has just restarted in flight."""
+        return telemetry.flight_status == STANDBY
 
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the first two steps: streams, ready."""
@@ -219,8 +222,12 @@ class ArduPlane(ArduPilot):
         return (self.set_mode(self.loiter_mode), self._altitude(height_m))
 
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it knows its home
-        """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all."""
-        return (self.set_mode(m.PLANE_MODE_RTL), self._altitude(height_m))
+        """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all.
+
+        The height goes before it too, where it changes nothing: whoever refuses it isn't sent home.
+        """
+        altitude = self._altitude(height_m)
+        return (altitude, self.set_mode(m.PLANE_MODE_RTL), altitude)
 
     def land(self) -> tuple[Command, ...]:
         """Return AUTOLAND, of version 4.7 on: at home, in the direction of the take-off."""

@@ -275,6 +275,17 @@ class Autopilot(ABC):
     def is_airborne(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle flies, by its own account."""
 
+    @abstractmethod
+    def says_grounded(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle says that it stands on the ground, wherever it is."""
+
+    def is_grounded(self, telemetry: Telemetry) -> bool:
+        """Return whether it certainly stands on the ground: disarmed, or it says so, and from a place that agrees."""
+        if telemetry.heartbeat is None or telemetry.boots:
+            return False
+        at_home = telemetry.motion is not None and self.says_grounded(telemetry)
+        return not telemetry.armed or (at_home and not self.is_airborne(telemetry))
+
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether a fixed wing is taking off, below the height at which that ends."""
         motion = telemetry.motion
@@ -332,6 +343,10 @@ class Autopilot(ABC):
         """Return the commands to land where the vehicle took off; none for a family that can't."""
         return ()
 
+    def hold(self) -> tuple[Command, ...]:
+        """Return the command to circle or stand where it is, at the height that it has."""
+        return (self.set_mode(self.loiter_mode),)
+
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what lands there
         """Return the commands, in order, to fly home, and circle there at `height_m` above the scenario's origin.
 
@@ -341,7 +356,7 @@ class Autopilot(ABC):
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - of what stands
         """Return the commands, in order, to circle where it was `seen` at `height_m` above the scenario's origin."""
-        return (self.set_mode(self.loiter_mode),)
+        return self.hold()
 
 
 def _mode(seen: Telemetry) -> int | None:

@@ -148,6 +148,10 @@ class Px4(Autopilot, ABC):
         aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
         return telemetry.armed and (aloft or telemetry.landed_state in OFF_THE_GROUND)
 
+    def says_grounded(self, telemetry: Telemetry) -> bool:
+        """Return whether it says so; as long as it hasn't told where it is, it may fly."""
+        return telemetry.landed_state == m.MAV_LANDED_STATE_ON_GROUND
+
     def mode_asked(self, command: Command) -> int | None:
         """Return the main and sub mode that a command asks for, as one number."""
         if command.command != m.MAV_CMD_DO_SET_MODE:
@@ -276,13 +280,15 @@ class Px4Plane(Px4):
         return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-        """Return HOLD, then the place and height.
+        """Return HOLD, then the place and height if it has told where it is.
 
         When the mode is acknowledged no acknowledgement of an earlier setpoint, which is the same command as the
         place, is on its way any more.
         """
         place = seen.motion
-        return (self.set_mode(LOITER), self._reposition(place.north_m, place.east_m, height_m)) if place else ()
+        if place is None:
+            return self.hold()
+        return (*self.hold(), self._reposition(place.north_m, place.east_m, height_m))
 
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD over its home; RTL, whose height is the same for all, if it hasn't told where that is."""

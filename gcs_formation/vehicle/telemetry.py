@@ -24,6 +24,7 @@ from airlink.messages.telemetry import (
 from flight_model.earth import GeodeticOrigin
 
 ACTIVE: Final = m.MAV_STATE_ACTIVE
+FLIGHT_STATUSES: Final = (m.MAV_STATE_STANDBY, ACTIVE)
 BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
 KEPT_TEXTS: Final = 8
 TEXT_BYTES: Final = 50
@@ -86,6 +87,8 @@ class Telemetry:
     """Whether the motors are armed."""
     custom_mode: int | None = None
     """The autopilot's own mode number, None before the first heartbeat."""
+    flight_status: int = m.MAV_STATE_UNINIT
+    """Its last MAV_STATE of those two that an ArduPilot tells by whether it flies; CRITICAL and EMERGENCY don't say."""
     ekf_flags: int = 0
     sensors_healthy: int = 0
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
@@ -126,6 +129,8 @@ class Telemetry:
         self.heartbeats += 1
         self.armed = bool(message.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
         self.custom_mode = message.custom_mode
+        if message.system_status in FLIGHT_STATUSES:
+            self.flight_status = message.system_status
 
     def take_position(self, message: GlobalPositionInt) -> None:
         """Store a position; an autopilot that has no fix says latitude and longitude 0."""
@@ -171,7 +176,7 @@ class Telemetry:
     def forget(self) -> None:
         """Forget everything that a restart makes untrue."""
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
-        self.armed = False
+        self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None

@@ -24,7 +24,14 @@ from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMete
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, EffectWatch, StartUpStep
+from gcs_formation.vehicle.autopilot_family import (
+    AIRBORNE_M,
+    STATION_SYSTEM,
+    Autopilot,
+    Command,
+    EffectWatch,
+    StartUpStep,
+)
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -95,6 +102,8 @@ class Vehicle:
         without setpoints, heartbeats or a link."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
         self._sampled: ReportedMotion | None = None
+        self._flew_before = False
+        """Whether it may have flown when it last restarted."""
 
     @property
     def follows_setpoints(self) -> bool:
@@ -176,6 +185,19 @@ class Vehicle:
     def flew(self) -> bool:
         """Whether it flew when it was last heard."""
         return self.autopilot.is_airborne(self.telemetry)
+
+    @property
+    def may_fly(self) -> bool:
+        """Whether it isn't known to stand on the ground.
+
+        It flies, or did before it restarted and hasn't told yet that it stands; it is armed and doesn't tell whether it
+        flies; or it is above the ground without a heartbeat.
+        """
+        seen, autopilot = self.telemetry, self.autopilot
+        if autopilot.is_airborne(seen) or autopilot.is_grounded(seen):
+            return autopilot.is_airborne(seen)
+        aloft = seen.motion is not None and seen.motion.above_home_m > AIRBORNE_M
+        return self._flew_before or aloft or (seen.armed and not autopilot.says_grounded(seen))
 
     @property
     def refusal(self) -> str:
@@ -367,6 +389,7 @@ class Vehicle:
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
         self.restarts += 1
+        self._flew_before = self.may_fly
         self.telemetry.forget()
         self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import FrameWriter, StreamParser
+from airlink.messages.command import CommandAck, CommandLong
+from airlink.messages.telemetry import GlobalPositionInt
 from gcs_formation.phases import Cause, Phase
 from sim_vehicles.autopilot.modes import Mode
+from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import STRAIGHT, Fly
-from tests.flights.in_memory import World
+from tests.flights.in_memory import Between, World
 
 END_S = 12.0
 START = {"in_air": True, "run_in_s": 10}
@@ -93,6 +101,125 @@ def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phas
     assert not world.station.course.go_home_at_once(world.clock.now())
     wanted_m = [body.steering.height_m for body in world.fleet.bodies]
     assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
+
+
+class Deaf(Between):
+    """Emulators of which some never carry out some commands, and answer with a result instead.
+
+    One hides where it is. What all are told, besides setpoints and intervals of messages, is kept.
+    """
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.refuse: Callable[[CommandLong], int | None] = lambda _: None
+        self.hidden: int | None = None
+        self.told: list[CommandLong] = []
+        self._answers: list[Datagram] = []
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        for frame in StreamParser().feed(datagram.data):
+            command = frame.message
+            if isinstance(command, CommandLong) and command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self.told.append(command)
+                result = self.refuse(command)
+                if result is not None:
+                    ack = FrameWriter(command.target_system, 1).encode(CommandAck(command.command, result))
+                    self._answers.append(Datagram(datagram.socket, datagram.peer, ack))
+                    return
+        super().take(datagram, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        answers, self._answers = self._answers, []
+        return [each for each in super().datagrams_to_send() if not self._hides(each)] + answers
+
+    def _hides(self, datagram: Datagram) -> bool:
+        frames = StreamParser().feed(datagram.data)
+        return any(each.system == self.hidden and isinstance(each.message, GlobalPositionInt) for each in frames)
+
+    def disarmed(self) -> list[int]:
+        """Return who was told to disarm."""
+        return [each.target_system for each in self.told if each.command == m.MAV_CMD_COMPONENT_ARM_DISARM]
+
+
+@pytest.mark.parametrize("hides", [False, True])
+def test_one_that_restarts_just_before_the_end_is_told_to_circle_and_never_to_disarm(hides: bool) -> None:
+    """It flies at 100 m, and hasn't told that; it may never do."""
+    world = World(Deaf, duration_s=60)
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.hidden = 2 if hides else None
+    world.inject(2, "restart")
+    world.network.run(lambda: bool(world.times_s("restarted", 2)))
+    world.station.course.stop(world.clock.now())
+    world.run()
+    assert between.disarmed() == []
+    assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.LOITER] * 3
+    assert world.times_s("phase", text="done")
+    assert len(world.times_s("unacknowledged", 2)) == hides, "without a place it has no height of its own"
+
+
+@pytest.mark.parametrize("result", [m.MAV_RESULT_DENIED, m.MAV_RESULT_UNSUPPORTED, m.MAV_RESULT_COMMAND_INT_ONLY])
+def test_one_that_refuses_to_loiter_is_told_again_and_the_run_says_so(result: int) -> None:
+    world = World(Deaf, duration_s=60)
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.refuse = lambda command: result if (command.target_system, command.param2) == (2, Mode.LOITER) else None
+    world.station.course.stop(world.clock.now())
+    world.run()
+    tries = [each for each in between.told if (each.target_system, each.param2) == (2, Mode.LOITER)]
+    assert 6 <= len(tries) <= 8, "every 3 s for 20 s"
+    assert len(world.times_s("disobeys", 2, "refuses mode LOITER")) == len(world.times_s("unacknowledged", 2)) == 1
+    assert world.times_s("unacknowledged") == world.times_s("unacknowledged", 2)
+    (done,) = [event for event in world.notes.events if event.text == "done"]
+    assert done.details["cause"] == Cause.NOT_ALL_LOITERED.value
+
+
+def test_one_that_refuses_to_loiter_at_first_does_so_once_it_can() -> None:
+    world = World(Deaf, duration_s=60)
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.refuse = lambda command: (
+        m.MAV_RESULT_DENIED if (command.target_system, command.param2) == (2, Mode.LOITER) else None
+    )
+    world.station.course.stop(world.clock.now())
+    world.network.run(lambda: bool(world.times_s("disobeys", 2)))
+    between.refuse = lambda _: None
+    world.run()
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+    assert world.words("obeys") == ["no longer refuses mode LOITER (DO_SET_MODE: DENIED)"]
+    assert world.times_s("unacknowledged") == []
+
+
+def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_one_height_at_home() -> None:
+    """Two came within 1.3 m of each other at home, and the run said that every vehicle loiters."""
+    world = World(Deaf, vehicles={"count": 4}, duration_s=60, finish={"loiter_s": 60})
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.refuse = lambda command: (
+        m.MAV_RESULT_UNSUPPORTED if command.command == m.MAV_CMD_DO_CHANGE_ALTITUDE else None
+    )
+    assert world.station.order("rtl", world.clock.now()).accepted
+    world.run()
+    assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.LOITER] * 4
+    assert not world.times_s("mode", text="RTL")
+    heights_m = sorted(body.state.height_m for body in world.fleet.bodies)
+    assert np.diff(heights_m).min() > 10.0
+    assert len(world.times_s("disobeys", text="refuses DO_CHANGE_ALTITUDE: UNSUPPORTED")) == 4
+    assert len(world.times_s("unacknowledged")) == 4
+
+
+def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:
+    """It flew straight on as it was told last."""
+    world = World(Deaf, duration_s=60, finish={"loiter_s": 5})
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.refuse = lambda command: (
+        m.MAV_RESULT_DENIED if (command.target_system, command.param2) == (2, Mode.RTL) else None
+    )
+    assert world.station.order("rtl", world.clock.now()).accepted
+    world.run()
+    assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.RTL, Mode.LOITER, Mode.RTL]
+    assert len(world.times_s("unacknowledged", 2)) == 1
 
 
 GEOMETRIES: dict[str, dict[str, Any]] = {

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from airlink import mavlink as m
-from airlink.clock import Instant
+from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat
@@ -19,14 +19,17 @@ from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.mission.ending import Ending
+from gcs_formation.mission.ending import UNANSWERED_FOR_S, Ending
 from gcs_formation.mission.vertical_separation import place_of
+from gcs_formation.vehicle.acknowledgement import REFUSES_S, Outcome
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
-NOW = Instant(0)
+NOW, LATER = Instant(0), Instant(1_000_000_000)
+CIRCLES = m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_LOITER
+DISARMED = m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0
 FLYING, WAITING = m.MAV_STATE_ACTIVE, m.MAV_STATE_STANDBY
 Place = Callable[..., Vehicle]
 
@@ -51,13 +54,53 @@ def tell(vehicle: Vehicle, mode: int, height_m: float, *, armed: bool = True, st
     vehicle.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
 
 
-def told(vehicle: Vehicle) -> list[tuple[int, float]]:
+def beat(mode: int, status: int) -> Heartbeat:
+    return Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, m.MAV_MODE_FLAG_SAFETY_ARMED, mode, status)
+
+
+def beats(vehicle: Vehicle, mode: int, status: int) -> None:
+    """Let an armed vehicle tell its mode and status, and no position."""
+    vehicle.telemetry.take(beat(mode, status))
+
+
+def told(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
     """Return the commands under way, each acknowledged as it comes, with mode or first parameter."""
     sent: list[tuple[int, float]] = []
-    while (command := vehicle.commands.due(NOW)) is not None:
+    while vehicle.commands.under_way is not None and (until is None or asked(vehicle) != until):
+        command = vehicle.commands.due(now)
+        if command is None:
+            break
         sent.append((command.command, command.param2 if command.command == m.MAV_CMD_DO_SET_MODE else command.param1))
-        vehicle.commands.acknowledge(CommandAck(command.command, m.MAV_RESULT_ACCEPTED), NOW)
+        vehicle.commands.acknowledge(CommandAck(command.command, m.MAV_RESULT_ACCEPTED), now)
     return sent
+
+
+def asked(vehicle: Vehicle) -> int | None:
+    """Return the mode that the command under way asks for."""
+    command = vehicle.commands.under_way
+    return None if command is None else vehicle.autopilot.mode_asked(command)
+
+
+def accept(vehicle: Vehicle) -> int:
+    """Accept one command, and return its id."""
+    command = vehicle.commands.due(NOW)
+    assert command is not None
+    vehicle.commands.acknowledge(CommandAck(command.command, m.MAV_RESULT_ACCEPTED), NOW)
+    return command.command
+
+
+def refuse(vehicle: Vehicle, result: int, now: Instant = NOW) -> None:
+    """Answer the command under way."""
+    vehicle.commands.due(now)
+    command = vehicle.commands.under_way
+    assert command is not None
+    vehicle.commands.acknowledge(CommandAck(command.command, result), now)
+
+
+def goes_home_at(height_m: float) -> list[tuple[int, Any]]:
+    """Return the height, RTL, and the height again, which the change of mode has reset."""
+    height = loiters_at(height_m)[1]
+    return [height, (m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL), height]
 
 
 def loiters_at(height_m: float) -> list[tuple[int, Any]]:
@@ -175,7 +218,156 @@ def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
 def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place):
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away now
     ending(*vehicles, manner="rtl")
-    home = [(m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)]
-    assert [told(vehicle) for vehicle in vehicles] == [
-        [*home, loiters_at(height_m)[1]] for height_m in (100.0, 115.0, 130.0)
-    ]
+    assert [told(vehicle) for vehicle in vehicles] == [goes_home_at(height_m) for height_m in (100.0, 115.0, 130.0)]
+
+
+ABOARD = pytest.mark.parametrize("status", [FLYING, m.MAV_STATE_CRITICAL, m.MAV_STATE_EMERGENCY, m.MAV_STATE_UNINIT])
+
+
+@ABOARD
+def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(place: Place, status: int):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    vehicle.telemetry.forget()
+    beats(vehicle, m.PLANE_MODE_GUIDED, status)
+    end = ending(vehicle)
+    assert told(vehicle)[0] == CIRCLES
+    assert end.pending() == [vehicle], "it has no height of its own"
+    assert "where it flies isn't known" in end.lacks(vehicle)
+    tell(vehicle, m.PLANE_MODE_LOITER, 100.0)
+    end.advance(NOW)
+    assert told(vehicle) == loiters_at(100.0)
+    assert end.pending() == []
+
+
+def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: Place):
+    """Just up again, an ArduPilot says STANDBY, and would obey when it is told to disarm."""
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    vehicle._restart()
+    end = ending(vehicle)
+    assert told(vehicle)[0] == CIRCLES
+    beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
+    end.advance(NOW)
+    assert told(vehicle) == []
+    tell(vehicle, m.PLANE_MODE_MANUAL, 0.0, status=WAITING)
+    end.advance(NOW)
+    assert told(vehicle) == [DISARMED]
+
+
+def test_one_that_restarted_on_the_ground_is_told_nothing(place: Place):
+    vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
+    vehicle._restart()
+    end = ending(vehicle)
+    beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
+    end.advance(NOW)
+    assert told(vehicle) == []
+
+
+def test_one_in_an_emergency_9_m_above_its_home_circles(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 9.0)
+    tell(vehicle, m.PLANE_MODE_GUIDED, 9.0, status=m.MAV_STATE_CRITICAL)
+    ending(vehicle)
+    assert vehicle.airborne
+    assert told(vehicle) == loiters_at(9.0)
+
+
+def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: Place):
+    """While the others still open the formation."""
+    vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
+    end = Ending({vehicle.identity: vehicle}, GroundFloor(load_scenario(scenario())))
+    end.begin(NOW)
+    assert vehicle.commands.due(NOW) is not None
+    end.judge(NOW)
+    assert vehicle.commands.outcome is Outcome.WAITING
+    tell(vehicle, m.PLANE_MODE_TAKEOFF, 1.0)
+    end.judge(NOW)
+    assert vehicle.commands.due(LATER) is None
+    end.leave(LATER)
+    assert vehicle.commands.due(LATER) is None, "it climbs out"
+
+
+def test_one_that_refuses_to_circle_is_told_again_and_is_not_done(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle)
+    for _ in range(3):
+        refuse(vehicle, m.MAV_RESULT_DENIED)
+        assert end.pending() == [vehicle]
+        assert end.lacks(vehicle) == ": it refuses mode LOITER (DO_SET_MODE: DENIED)"
+
+
+def test_one_that_refuses_to_circle_and_is_seen_to_do_so_gets_its_height(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle)
+    refuse(vehicle, m.MAV_RESULT_DENIED)
+    for _ in range(2):
+        vehicle._take_heartbeat(beat(m.PLANE_MODE_LOITER, FLYING), after(NOW, 2.5))
+    assert told(vehicle, after(NOW, 2.5)) == loiters_at(100.0)[1:]
+    assert end.pending() == []
+
+
+@pytest.mark.parametrize("result", [m.MAV_RESULT_UNSUPPORTED, m.MAV_RESULT_DENIED, m.MAV_RESULT_FAILED])
+def test_one_that_refuses_its_height_circles_where_it_is_instead_of_at_home_and_is_not_done(place: Place, result: int):
+    """At home all would be at one height."""
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle, manner="rtl")
+    refuse(vehicle, result)
+    end.advance(after(NOW, REFUSES_S))
+    command = vehicle.commands.due(after(NOW, REFUSES_S))
+    assert command is not None
+    assert (command.command, command.param2) == CIRCLES
+    vehicle.commands.acknowledge(CommandAck(command.command, m.MAV_RESULT_ACCEPTED), after(NOW, REFUSES_S))
+    refuse(vehicle, result, after(NOW, REFUSES_S))
+    assert end.pending() == [vehicle]
+    assert "DO_CHANGE_ALTITUDE" in end.lacks(vehicle)
+    end.advance(after(NOW, 60.0))
+    again = vehicle.commands.due(after(NOW, 60.0))
+    assert again is not None
+    assert again.command == m.MAV_CMD_DO_CHANGE_ALTITUDE
+
+
+def test_one_that_takes_its_height_after_all_goes_home(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle, manner="rtl")
+    refuse(vehicle, m.MAV_RESULT_FAILED)
+    end.advance(after(NOW, REFUSES_S))
+    assert told(vehicle, after(NOW, REFUSES_S)) == [*loiters_at(100.0), *goes_home_at(100.0)]
+    assert end.pending() == []
+
+
+def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_told_again(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle, manner="rtl")
+    assert accept(vehicle) == m.MAV_CMD_DO_CHANGE_ALTITUDE
+    refuse(vehicle, m.MAV_RESULT_DENIED)
+    end.advance(after(NOW, REFUSES_S))
+    assert told(vehicle, after(NOW, REFUSES_S), until=m.PLANE_MODE_RTL)[:2] == loiters_at(100.0)
+    refuse(vehicle, m.MAV_RESULT_DENIED, after(NOW, REFUSES_S))
+    assert end.pending() == [vehicle]
+    assert end.lacks(vehicle) == ": it refuses mode RTL (DO_SET_MODE: DENIED)"
+
+
+def test_one_that_refuses_its_height_on_its_way_home_turns_back_to_circle_for_good(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle, manner="rtl")
+    accept(vehicle)
+    accept(vehicle)
+    tell(vehicle, m.PLANE_MODE_RTL, 100.0)
+    refuse(vehicle, m.MAV_RESULT_DENIED)
+    end.advance(after(NOW, REFUSES_S))
+    assert told(vehicle, after(NOW, REFUSES_S)) == loiters_at(100.0)
+
+
+def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it_is(place: Place):
+    vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
+    end = ending(vehicle, manner="rtl")
+    late = after(NOW, UNANSWERED_FOR_S + 0.1)
+    end.advance(late)
+    assert told(vehicle, late)[:2] == loiters_at(100.0)
+
+
+def test_nobody_lands_if_one_refuses_its_height(place: Place):
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
+    end = ending(*vehicles, manner="land")
+    refuse(vehicles[0], m.MAV_RESULT_UNSUPPORTED)
+    end.advance(after(NOW, REFUSES_S))
+    assert end.landings.failure == "vehicle 1 refuses DO_CHANGE_ALTITUDE: UNSUPPORTED"
+    assert not end.landings.under_way

@@ -15,7 +15,7 @@ from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from tests.gcs_formation.vehicle.conftest import ORIGIN, position
+from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
 
 PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -62,6 +62,36 @@ def test_on_the_ground_it_isnt_airborne_in_the_air_it_is(plane, telemetry, tell)
     assert plane.is_airborne(telemetry)
     tell(m.PLANE_MODE_RTL, armed=True, above_home_m=100.0, status=m.MAV_STATE_CRITICAL)
     assert plane.is_airborne(telemetry)
+
+
+def test_its_home_is_flown_to_only_once_its_height_is_accepted(plane, telemetry):
+    """RTL_ALTITUDE is the same for all, and replaced by a height that comes after the mode."""
+    before, mode, after = plane.go_home(130.0, telemetry)
+    assert (mode.command, mode.param2) == (m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)
+    assert before == after
+    assert (after.command, after.param1) == (m.MAV_CMD_DO_CHANGE_ALTITUDE, 150.0)
+
+
+@pytest.mark.parametrize("status", [m.MAV_STATE_CRITICAL, m.MAV_STATE_EMERGENCY])
+@pytest.mark.parametrize(("before", "flies"), [(m.MAV_STATE_ACTIVE, True), (m.MAV_STATE_STANDBY, False)])
+def test_what_says_that_it_is_in_an_emergency_flies_below_10_m_if_it_flew_before(
+    plane, telemetry, tell, status, before, flies
+):
+    for told in (before, status):
+        tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=9.0, status=told)
+    assert plane.is_airborne(telemetry) == flies
+    assert plane.is_grounded(telemetry) != flies
+
+
+def test_without_a_position_it_flies_if_it_says_so_and_isnt_known_to_stand_if_it_says_that(plane, telemetry):
+    for status, flies in ((m.MAV_STATE_ACTIVE, True), (m.MAV_STATE_STANDBY, False)):
+        telemetry.take(heartbeat(m.PLANE_MODE_GUIDED, armed=True, status=status))
+        assert plane.is_airborne(telemetry) == flies
+        assert not plane.is_grounded(telemetry)
+    telemetry.take(heartbeat(m.PLANE_MODE_GUIDED, armed=False, status=m.MAV_STATE_STANDBY))
+    assert plane.is_grounded(telemetry)
+    telemetry.take(heartbeat(m.PLANE_MODE_INITIALIZING, armed=False, status=m.MAV_STATE_CALIBRATING))
+    assert not plane.is_grounded(telemetry)
 
 
 def test_a_take_off_is_a_climb_out_until_45_m(plane, telemetry, tell):

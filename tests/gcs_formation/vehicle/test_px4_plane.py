@@ -126,6 +126,17 @@ def test_armed_on_the_ground_it_is_active_and_not_airborne(px4):
     assert not PLANE.is_airborne(px4(HOLD, armed=False, up_m=50.0))
 
 
+def test_it_stands_on_the_ground_only_where_it_says_so_and_where_that_is(px4, telemetry):
+    assert PLANE.is_grounded(px4(TAKEOFF, armed=True))
+    telemetry.take(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_UNDEFINED))
+    assert not PLANE.is_grounded(telemetry)
+    unknown = Telemetry(ORIGIN)
+    unknown.take(beat(HOLD, armed=True))
+    unknown.take(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_ON_GROUND))
+    assert not PLANE.is_grounded(unknown)
+    assert PLANE.loiter(100.0, unknown) == (PLANE.set_mode(HOLD),)
+
+
 def test_setpoints_are_taken_in_hold_and_in_the_air_only(px4):
     assert PLANE.takes_setpoints(px4(HOLD, armed=True, up_m=50.0, in_air=True))
     assert not PLANE.takes_setpoints(px4(HOLD, armed=True))
