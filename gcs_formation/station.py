@@ -20,7 +20,7 @@ from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.interval_watch import MessageIntervals
-from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, NoiseWatch
+from gcs_formation.fleet.margin_watch import AirspeedWatch, DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.link_health import LinkState
@@ -70,9 +70,9 @@ class Station(Engine):
         self.course = Course(
             scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
         )
-        self.flight, self._membership = self.course.flight, membership
+        self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.course.fail)
-        self.margins, self._noise = MarginWatch(scenario, *fleet), NoiseWatch(*fleet)
+        self._noise, self._airspeeds = NoiseWatch(*fleet), AirspeedWatch(*fleet)
         self.design = DesignWatch(
             scenario, self.vehicles, (self.controller.retune, self.margins.retune), self._reporter.event
         )
@@ -166,6 +166,7 @@ class Station(Engine):
                 self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
             self._noise.watch(now, [each.noise for each in self.controller.estimator.filters])
+            self._airspeeds.watch(now)
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.heartbeats(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)

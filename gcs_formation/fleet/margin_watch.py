@@ -1,4 +1,4 @@
-"""How good links and telemetry are in flight: delays against the delay margins, noise against what is declared."""
+"""How good links and telemetry are in flight: delays against margins, noise and airspeeds against what they can be."""
 
 from __future__ import annotations
 
@@ -46,6 +46,7 @@ SLOW_LOOKS: Final = 5
 """Consecutive looks, one a second, for which they must have been slower in flight: a machine may be held up."""
 DESIGN_STEP_S: Final = 0.01
 UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
+BELIEVED_AGAIN: Final = "what it measures is believed again"
 
 
 class DesignWatch:
@@ -266,3 +267,27 @@ class NoiseWatch:
                 self._off.remove(identity)
                 details: dict[str, Detail] = {"ratio": ratios[worst]}
                 self._note(now, "noise", "is as noisy as declared again", vehicle, details)
+
+
+class AirspeedWatch:
+    """Says whose measured airspeed isn't believed, and that it is again."""
+
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._vehicles, self._note = vehicles, note
+        self._unbelieved: set[VehicleId] = set()
+
+    def watch(self, now: Instant) -> None:
+        """Look once a second."""
+        for identity, vehicle in self._vehicles.items():
+            check, was_believed = vehicle.airspeed_check, identity not in self._unbelieved
+            if check is None or check.believes == was_believed:
+                continue
+            if was_believed:
+                self._unbelieved.add(identity)
+                shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
+                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures isn't believed: {shown}"
+                self._note(now, "airspeed", text, vehicle, {"begins": True})
+            else:
+                self._unbelieved.remove(identity)
+                self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})

@@ -9,6 +9,7 @@ from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
 from formation_scenario.vehicles import family_of, reads_equivalent_airspeed
+from gcs_formation.estimation.airspeed_check import AirspeedCheck
 from gcs_formation.estimation.airspeed_scale import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
@@ -55,5 +56,6 @@ def _vehicle(
     endpoint, origin, telemetry = endpoints[socket], scenario.origin.geodetic, scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
-    rate_hz, by_utc = telemetry.rate_hz, telemetry.by_utc
-    return Vehicle(planned.vehicle_id, column, autopilot, connection, origin, rate_hz, by_utc=by_utc)
+    check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
+    who, rate_hz, by_utc = (planned.vehicle_id, column), telemetry.rate_hz, telemetry.by_utc
+    return Vehicle(*who, autopilot, connection, origin, rate_hz, by_utc=by_utc, airspeed_check=check)

@@ -19,6 +19,7 @@ from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from gcs_formation.estimation.airspeed_check import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips import RoundTrips
@@ -72,12 +73,16 @@ class Vehicle:
         telemetry_rate_hz: float,
         *,
         by_utc: bool = False,
+        airspeed_check: AirspeedCheck | None = None,
     ) -> None:
-        """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known."""
+        """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known.
+
+        With an `airspeed_check`, a fixed wing's, its airspeeds are believed as far as that says so.
+        """
         self.identity, self.column = identity, column
         """Who it is, and its place in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
-        self.telemetry = Telemetry(origin, autopilot.stands)
+        self.telemetry, self.airspeed_check = Telemetry(origin, autopilot.stands), airspeed_check
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
         self.source_binding = SourceBinding(connection, self.clock)
@@ -232,8 +237,7 @@ class Vehicle:
             self.telemetry.implausible += 1
             return None
         heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
-        self._learn_airspeed(motion, heading_rad)
-        airspeed_mps = self.airspeed_mps
+        airspeed_mps = self._airspeed(motion, heading_rad)
         if seen.stands:
             airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
         return Sample(
@@ -272,13 +276,18 @@ class Vehicle:
         """Its newest true airspeed; NaN before it has told one."""
         return self.autopilot.true_airspeed(self.telemetry.airspeed_mps)
 
-    def _learn_airspeed(self, motion: ReportedMotion, heading_rad: float) -> None:
-        scale = self.autopilot.airspeed_scale
-        if scale is None or not self.flew:
-            return
-        velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
-        above_sea_m = motion.height_m + self.autopilot.origin.alt_m
-        scale.learn(motion.stamp_s, above_sea_m, velocity_mps, self.telemetry.airspeed_mps, heading_rad)
+    def _airspeed(self, motion: ReportedMotion, heading_rad: float) -> float:
+        """Return its true airspeed, m/s, as far as what it reads is believed; in the air, learn from it."""
+        scale, check, reading_mps = self.autopilot.airspeed_scale, self.airspeed_check, self.telemetry.airspeed_mps
+        if check is not None and self.flew:
+            ratio = self.autopilot.true_airspeed(1.0)
+            if not check.take(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
+                return check.synthetic_mps
+        if scale is not None and self.flew:
+            velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
+            above_sea_m = motion.height_m + self.autopilot.origin.alt_m
+            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+        return self.airspeed_mps
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
