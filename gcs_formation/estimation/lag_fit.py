@@ -41,9 +41,7 @@ RECENT_S: Final = 20.0
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 """What it keeps from one fit to the next."""
 FITTED: Final = 2.0
-"""Independent residuals that a mean and a share take up which are fitted to them."""
-LEAST_FREE: Final = 0.1
-"""That are left then, at least."""
+"""Independent residuals that a mean and a share take up which are fitted to them: so few tell nothing of chance."""
 SIGNIFICANT: Final = 2.0
 """Standard deviations of the misfit that don't count."""
 
@@ -236,7 +234,8 @@ class LagFit:
         """Find by what common share the lags in use differ from those of what was flown last.
 
         So many batches as stay alike tell no more of residuals than an independent one. Few of these, less a mean and a
-        share that were fitted to them, tell little of how large residuals are.
+        share that were fitted to them, tell little of how large residuals are, and nothing where none are left. A share
+        beyond what simulations span is taken for theirs.
         """
         sums, last = self._shown, len(self._shown) - 1
         samples = max(sums[last][last] + self._calm_count, 1.0)
@@ -250,10 +249,13 @@ class LagFit:
         shown -= slopes * total / samples
         excitation = max(by_all - squared(slopes) / samples, 1e-12)
         size = sums[0][0] + self._calm_square - squared(total) / samples
-        free = max(samples / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED, LEAST_FREE)
+        free = samples / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED
+        if free <= 0.0:
+            self.misfit = 0.0
+            return
         left = max(size - squared(shown) / excitation, 0.0) / (self._alike * free)
         chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
-        self.misfit = max(0.0, abs(shown) / excitation - SIGNIFICANT * chance)
+        self.misfit = within(abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)
 
 
 def _zeros(size: int) -> vec[vec[float]]:

@@ -1,5 +1,6 @@
 """Lags learnt from what simulated vehicles of known lags fly."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.stability.mismatch import LAGS_NOTED
 from tests.gcs_formation import tables
 from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
 
@@ -33,6 +35,22 @@ def wander(time_s):
         0.15 * np.sign(np.sin(0.8 * time_s)),
         100 + 4 * np.sin(0.25 * time_s),
     )
+
+
+class Watched:
+    """An estimator that hears `hz` samples a second, and the largest misfit that it has found."""
+
+    def __init__(self, hz, models, history, telemetry_hz, law_hz, *, in_use):
+        self.of = LagEstimator(models, history, hz, law_hz, in_use=in_use)
+        self.most, self._apart = np.zeros((3, len(models))), round(telemetry_hz / hz)
+
+    def hear(self, column, stamp, motion):
+        if round(stamp * 1e-9 / TICK_S) % self._apart == 0:
+            self.of.hear(column, stamp, motion)
+
+    def learn(self, learning):
+        self.of.learn(learning)
+        self.most = np.maximum(self.most, self.of.misfit)
 
 
 def flown(
@@ -138,6 +156,25 @@ def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
     lags = flown(CORNERS, in_use=False)
     assert {each.model.values() for each in lags.vehicles} == {lags.vehicles[0].model.values()}
     assert np.array(lags.misfit)[:2] == pytest.approx(0.3, abs=0.1)
+
+
+@pytest.mark.parametrize("hz", [1, 2, 10 / 3])
+def test_noise_is_not_taken_for_other_lags_however_few_samples_there_are(hz):
+    """Two samples are met exactly by a mean and a share: what they leave tells nothing of chance.
+
+    Of twenty vehicles that begin off their slots, up to a hundred times as far off as the lags are.
+    """
+
+    def tell(time_s):
+        return 22 + 3 * np.exp(-time_s / 3), 0.2 * np.exp(-time_s / 3), 100 + 8 * np.exp(-time_s / 4)
+
+    lags = flown(np.ones((20, 4)), 15, tell, noise=(0.2, 0.01, 0.3), kind=partial(Watched, hz))
+    assert (lags.most < LAGS_NOTED).all()
+    assert min(flown(CORNERS, 25, in_use=False, kind=partial(Watched, hz)).of.misfit[0]) > 0.15
+
+
+def test_no_more_is_said_of_a_misfit_than_that_lags_are_farther_off_than_simulated():
+    assert flown(((1, 6, 1, 1),), 40, in_use=False).misfit[1] == [1.0]
 
 
 def test_straight_flight_teaches_nothing():
