@@ -168,6 +168,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_warnings.bursts_of_nothing,
         check_warnings.too_old,
         check_warnings.refused_rate,
+        check_warnings.no_time_for_a_lap,
     ):
         if text := found(scenario):
             yield text

@@ -2,7 +2,8 @@
 
 A round trip doesn't tell how it is split, so half of it is taken each way. A vehicle whose uplink takes d longer than
 its downlink then has its clock mapped d/2 too early, and is kept where it should have been d/2 ago. What leader and
-follower have in common cancels; the rest, (d_follower - d_leader)/2, is a distance along the path.
+follower have in common cancels; the rest, (d_follower - d_leader)/2, is a distance along the path. A vehicle whose
+clock is mapped by UTC has no such d.
 """
 
 from __future__ import annotations
@@ -43,8 +44,6 @@ MOST_S = 120.0
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
     """Yield the largest constant error along the path that each follower is left with, where it is worth saying."""
-    if scenario.telemetry.clock == "gnss":
-        return
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
     for vehicle in scenario.followers:
         at_s = max(times_s, key=lambda at_s: abs(_behind_m(scenario, vehicle, at_s)))
@@ -55,8 +54,28 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
                 f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{leaders} leave a "
                 f"constant error of {abs(error_m):.2f} m along the path ({'behind' if error_m > 0 else 'ahead of'} its "
                 f"slot{f', from {at_s:g} s on' if at_s else ''}): round trips don't tell how a delay is split, "
-                "telemetry.clock: gnss does"
+                f"{_what_does(scenario, vehicle)}"
             )
+
+
+def _what_does(scenario: Scenario, follower: Vehicle) -> str:
+    """Return what tells how a delay is split, or whose UTC doesn't."""
+    if not scenario.telemetry.by_utc:
+        return "telemetry.clock: gnss does"
+    without = (each for each in (scenario.leader, follower) if each is not None and not _by_utc(scenario, each))
+    return f"and the UTC of vehicle {', '.join(str(each.vehicle_id) for each in without)} can't be used (clock)"
+
+
+def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
+    """Return whether a vehicle's clock is mapped by its UTC: what is off it by more than causality allows isn't used.
+
+    Nothing arrives before it was sent, over the link that the flight begins with.
+    """
+    from gcs_formation.fleet.common_clock import SLACK_S  # noqa: PLC0415 - only where clocks are mapped by UTC
+
+    up_s, down_s = ways_s(scenario.link_steps(vehicle)[0])
+    known = vehicle.clock.utc and -up_s - SLACK_S <= vehicle.clock.utc_error_s <= down_s + SLACK_S
+    return scenario.telemetry.by_utc and known
 
 
 def narrow_links(scenario: Scenario) -> Iterator[str]:
@@ -102,10 +121,16 @@ def _bits(message_id: int) -> float:
 
 def _behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:
     """Return how far behind its slot the splits of its link and the leader's leave a follower, m."""
-    early_s = [
-        (up_s - down_s) / 2 for up_s, down_s in (_ways_at_s(scenario, v, at_s) for v in (vehicle, scenario.leader))
-    ]
+    early_s = [_early_s(scenario, each, at_s) for each in (vehicle, scenario.leader)]
     return scenario.path.speed_mps * (early_s[0] - early_s[1])
+
+
+def _early_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> float:
+    """Return by how much too early a vehicle's clock is mapped, s; that of a virtual leader is ours."""
+    if vehicle is None or _by_utc(scenario, vehicle):
+        return 0.0
+    up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
+    return (up_s - down_s) / 2
 
 
 def ways_s(step: LinkStep) -> tuple[float, float]:
@@ -118,14 +143,14 @@ def ways_s(step: LinkStep) -> tuple[float, float]:
     return mean_s(step.uplink), mean_s(step.downlink)
 
 
-def _ways_at_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> tuple[float, float]:
-    """Return the mean delays of a vehicle's link at a time; a virtual leader has none."""
-    if vehicle is None:
-        return 0.0, 0.0
+def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
+    """Return the mean delays of a vehicle's link at a time."""
     return ways_s([step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
 
 
 def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
+    if _by_utc(scenario, vehicle):
+        return "clock by UTC"
     up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
     return f"{1e3 * up_s:g} ms up and {1e3 * down_s:g} ms down"
 
@@ -167,6 +192,22 @@ def goes_round(scenario: Scenario) -> str | None:
     return (
         f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once{sure}; "
         f"else the leader goes round first, for about {planned.lap_s:.0f} s"
+    )
+
+
+def no_time_for_a_lap(scenario: Scenario) -> str | None:
+    """Return that who misses the first pass isn't waited for until the next one; None if everybody is.
+
+    The leader's first pass is over after its run-in, and a lap follows.
+    """
+    lap_s, run_in_s, found_s = assembly(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
+    if found_s >= run_in_s + lap_s or not scenario.followers:
+        return None
+    least_s = math.ceil(run_in_s + lap_s)
+    return (
+        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a lap "
+        f"takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whoever is in its slot; "
+        f"{least_s} or more wait"
     )
 
 

@@ -22,6 +22,7 @@ from gcs_formation.app.check_warnings import (
     assembly,
     goes_round,
     never_reached,
+    no_time_for_a_lap,
     refused_rate,
     slots_of_no_shape,
     split_errors,
@@ -299,6 +300,32 @@ def test_unequal_ways_are_warned_of_with_the_metres_that_they_cost_against_the_l
     assert "0.88 m along the path (behind its slot, from 30 s on)" in about_3
 
 
+@pytest.mark.parametrize(
+    ("clocks", "said"),
+    [
+        ([{}, {"utc": False}], ("behind", 2)),
+        ([{"utc": False}, {}], ("ahead of", 1)),
+        ([{}, {"utc_error_s": 0.4}], ("behind", 2)),
+        ([{}, {"utc_error_s": 0.05}], None),
+        ([{}, {}], None),
+        ([{"utc": False}, {"utc": False}], None),
+    ],
+)
+def test_who_has_no_utc_beside_others_that_fly_by_it_is_off_by_its_own_split(
+    clocks: list[dict[str, Any]], said: tuple[str, int] | None
+) -> None:
+    """22 m/s times half of 400 less 80 ms, of leader and follower alike; UTC that is wrong by less could be true."""
+    vehicles = [{"id": i + 1, "role": ("leader", "follower")[i], "clock": clock} for i, clock in enumerate(clocks)]
+    links = {"default": {"uplink": {"delay_ms": 400}, "downlink": {"delay_ms": 80}}}
+    keys = {"vehicles": vehicles, "path": PLAIN["path"], "links": links, "telemetry": {"clock": "gnss"}}
+    found = "".join(split_errors(load_scenario(keys)))
+    if said is None:
+        assert found == ""
+    else:
+        assert f"leave a constant error of 3.52 m along the path ({said[0]} its slot): round trips don't" in found
+        assert f"the UTC of vehicle {said[1]} can't be used" in found
+
+
 def started(**keys: Any) -> Assembly:
     straight = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     return assembly(load_scenario({"vehicles": {"count": 4}, "path": straight, "start": {"in_air": True}} | keys))
@@ -312,6 +339,16 @@ def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: floa
     assert found.least_run_in_s is not None
     assert found.least_run_in_s == pytest.approx(least_s, abs=0.05)
     assert found.least_run_in_s > (started().least_run_in_s or 0.0) + 1.0
+
+
+def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
+    """60 s from where the leader sets out to its first pass, and a lap."""
+    planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
+    least_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
+    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": least_s}})) is None
+    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": least_s - 2}})) or ""
+    assert said.startswith(f"start.timeout_s: found {least_s - 2}; the leader's first pass comes 60 s after")
+    assert said.endswith(f"; {least_s} or more wait")
 
 
 def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:
