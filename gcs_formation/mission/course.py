@@ -142,7 +142,7 @@ class Course:
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._may_command = vehicles, note, may_command
-        self._ground, self._unassembled, self._way = GroundFloor(scenario), False, WayToStart()
+        self._ground, self._late, self._way = GroundFloor(scenario), False, WayToStart()
         self._ending = Ending({}, self._ground)
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
@@ -154,7 +154,7 @@ class Course:
         if not self.flight.move(cause, now):
             return False
         if cause is Cause.PATH_BEGUN:
-            self.assembled = self._controller.assembled or not self._unassembled
+            self._judge_assembly(now)
         self._note(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)
@@ -169,23 +169,28 @@ class Course:
     def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
         """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""
         if self.flight.phase is not Phase.ASSEMBLING:
-            self._unassembled = False
+            self._late = False
             return False
         limit_s = self._scenario.start.timeout_s
-        late = seconds_between(self.flight.since, now) > limit_s
-        self._unassembled = self._unassembled and late
+        self._late = late = seconds_between(self.flight.since, now) > limit_s
         if late and tick is not None and not tick.active[tick.leader]:
             age_s, most_s = tick.age_s[tick.leader], self._scenario.law.max_age_s
             old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {most_s:g}" if age_s > most_s else ""
             self.fail(f"the leader was not there to follow within {limit_s:g} s{old}", now)
-        elif late and not self._unassembled and not self._controller.assembled:
-            self._unassembled = True
-            self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
         elif late:
             self._way.watch(self._controller.guidance, now)
             if not self._way.gets_on:
                 self._fail_to_start(now)
         return late
+
+    def _judge_assembly(self, now: Instant) -> None:
+        """Say whether the path begins with every follower in its slot, as it does unless the time for that is over.
+
+        Before that, as in a turn to the path's start, who is out of its slot gets there again.
+        """
+        self.assembled = self._controller.assembled or not self._late
+        if not self.assembled:
+            self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
 
     def _fail_to_start(self, now: Instant) -> None:
         gained_m = self._way.gained_m
