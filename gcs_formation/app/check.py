@@ -17,6 +17,7 @@ from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app import check_warnings
 from gcs_formation.app.check_flight import final_circles, little_left
+from gcs_formation.app.check_navigation import drifts
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law_margins import consensus_margins, follower_margins
@@ -159,6 +160,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from check_warnings.split_errors(scenario)
     yield from check_warnings.narrow_links(scenario)
+    yield from drifts(scenario)
     yield from little_left(scenario)
     yield from final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
