@@ -1,7 +1,7 @@
 """Computes the setpoints of all vehicles from their newest states, in one place and in a fixed order.
 
-measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> separation rule ->
-fence -> ground.
+measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> fence -> separation
+rule -> ground.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ class FormationController:
         """The setpoints that were sent, and when each acts."""
         self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
-        self.separation = ConflictResolver(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
+        self.separation = ConflictResolver(scenario, self.history, self.models)
         self._in_slots_s, self._turn_rps, self._leader_wind = 0.0, 0.0, LeaderWind(self._dt_s)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
@@ -176,8 +176,9 @@ class FormationController:
             self._by_law(tick, states, lead)
             self._await_followers(tick)
             self._at_heights(tick, heights_m)
-            self.separation.keep(tick, measured)
         self.fence.keep(tick)
+        if self._columns > 1:
+            self.separation.keep(tick, measured)
         self.floor.keep(tick)
         self.history.note(tick.setpoints)
         self._judge_assembly(tick)

@@ -144,9 +144,16 @@ class _Search:
         held_back = waits.height_m.size if self._before[vehicle] and not self._released(near) else 0
         total[:held_back] = np.inf
         safe = np.flatnonzero(total <= NEGLIGIBLE_M_S)
-        chosen = int(safe[0]) if safe.size else int(np.argmin(total))
+        chosen = self._mildest(options, safe, waits.height_m.size) if safe.size else int(np.argmin(total))
         self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
         return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
+
+    def _mildest(self, options: Manoeuvre, safe: Indices, waiting: int) -> int:
+        """Return the first of the safe options; of those that give way at once the first within the fence's heights."""
+        if safe[0] < waiting:
+            return int(safe[0])
+        height_m, (least_m, most_m) = options.height_m[safe], self._picture.heights_m
+        return int(safe[int(((height_m < least_m) | (height_m > most_m)).argmin())])
 
     def _released(self, near: ClosestApproach) -> bool:
         """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone."""

@@ -23,7 +23,7 @@ HEADING, HEIGHT = 1, 2
 
 
 class FenceLimits:
-    """Holds setpoints inside the fence, tick by tick: after the separation rule, before the ground's floor.
+    """Holds setpoints inside the fence, tick by tick: after the law, before the separation rule and the ground's floor.
 
     A vehicle is turned away when it is about to have no room for a circle inside, to either side; until then the law
     may do as it likes. Where there is no such circle any more, it heads for the inside the shorter way.

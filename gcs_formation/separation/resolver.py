@@ -15,6 +15,7 @@ from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import column_ids
+from formation_scenario.surroundings import Fence
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
@@ -64,6 +65,7 @@ class ConflictResolver:
         self._hovers: bool = scenario.hovers
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
+        self._heights_m = (scenario.safety.fence or Fence()).heights_m
         self._history, self._models = history, models
         self._unresponsive = Unresponsive(history, models, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
@@ -196,6 +198,7 @@ class ConflictResolver:
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
             times_s=self._times_s,
+            heights_m=self._heights_m,
         )
 
     def _state(

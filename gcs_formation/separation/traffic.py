@@ -48,6 +48,8 @@ class TrafficPicture:
     """Gives the height (N,) that no vehicle is sent below by the rule."""
     times_s: Array
     """(S,) at which ways are looked at."""
+    heights_m: tuple[float, float] = (-math.inf, math.inf)
+    """The lowest and the highest height that the fence allows."""
 
     @cached_property
     def velocity_mps(self) -> Array:

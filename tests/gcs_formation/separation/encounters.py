@@ -48,6 +48,8 @@ class Vehicles:
     loss: float = 0.0
     seed: int = 0
     floor_m: float = 15.0
+    fence_m: tuple[float, float] = (-math.inf, math.inf)
+    """The fence's heights."""
 
     @property
     def state(self) -> FlightStates:
@@ -92,6 +94,7 @@ def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
         floor=lambda state: np.full(state.north_m.size, vehicles.floor_m),
         times_s=TIMES_S,
+        heights_m=vehicles.fence_m,
     )
 
 

@@ -74,6 +74,17 @@ def test_nobody_is_sent_below_the_floor() -> None:
     assert flown.least_m > 0.9 * KEPT_M
 
 
+@pytest.mark.parametrize("fence_m", [(0.0, 105.0), (95.0, 200.0), (98.0, 102.0)])
+def test_who_gives_way_stays_within_the_heights_of_the_fence(fence_m: tuple[float, float]) -> None:
+    """Up and down are as far, so it sinks below the first; within the last it turns aside."""
+    flown = encounter(Vehicles(ENCOUNTERS["head-on"], fence_m=fence_m), 18)
+    heights_m = np.array([setpoints[2] for setpoints in flown.setpoints])
+    assert fence_m[0] <= heights_m.min()
+    assert heights_m.max() <= fence_m[1]
+    assert flown.gave_way[1]
+    assert flown.least_m > 0.9 * KEPT_M
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_random_encounters_never_break_the_limit(seed: int) -> None:
