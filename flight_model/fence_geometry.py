@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, beside, within
 
 REACT_S = 2.0
 """How long a vehicle flies straight on before a turn away from the fence shows."""
 TURN_SHARE = 0.7
 """Share of the highest turn rate on which that turn counts."""
 CHECKED_M = 25.0
-"""Room that paths and slots must leave; a vehicle that has been turned away is free again with as much."""
+"""Room that paths, laps and slots must leave; a vehicle that has been turned away is free again with as much."""
+LEAST_MPS = 1.0
+"""What a lower airspeed counts as, where it is divided by."""
+
+
+class Flyers(NamedTuple):
+    """Who flies beside a leader, itself included: (F,) of each."""
+
+    forward_m: Array
+    right_m: Array
+    turn_rps: Array
+    """The highest turn rates."""
+
+
+class Drift(NamedTuple):
+    """An airspeed, and the wind that carries it over ground, m/s."""
+
+    speed_mps: float
+    north_mps: float
+    east_mps: float
+    through_air_mps: float
+    """What bounds circles: airspeed and wind together."""
 
 
 def inside_m(corners_m: Array, place_m: Array) -> Array:
@@ -47,3 +70,29 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
     ahead = place_m + REACT_S * velocity_mps
     centres = np.stack([ahead + side * radius_m[..., None] * right for side in (-1.0, 1.0)], axis=-2)
     return inside_m(corners_m, centres) - radius_m[..., None]
+
+
+def room_along_m(
+    corners_m: Array, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
+) -> tuple[Array, Array]:
+    """Return where everybody is while the leader flies along a way, (F, S, 2), and the room that is left, (F, S) m.
+
+    The leader's nose is as far in the wind as its course needs, and slots are counted from its nose.
+
+    Args:
+        corners_m: (K, 2) of the fence, north and east.
+        way: (S,) of the leader: north, east, m, and course, rad.
+        flyers: everybody.
+        drift: how they are carried.
+    """
+    north_m, east_m, course_rad = way
+    cos, sin = np.cos(course_rad), np.sin(course_rad)
+    along_mps, aside_mps = drift.north_mps * cos + drift.east_mps * sin, drift.east_mps * cos - drift.north_mps * sin
+    heading_rad = course_rad - np.arcsin(within(aside_mps / max(drift.speed_mps, LEAST_MPS), -1.0, 1.0))
+    ground_mps = np.sqrt(np.maximum(drift.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
+    forward_m, right_m, turn_rps = (each[:, None] for each in flyers)
+    places = np.stack(beside(north_m, east_m, heading_rad, forward_m, right_m), axis=-1)
+    velocity = np.stack((ground_mps * cos, ground_mps * sin), axis=-1)
+    shape = places.shape[:-1]
+    through_air, turn = np.full(shape, drift.through_air_mps), np.broadcast_to(turn_rps, shape)
+    return places, room_m(corners_m, places, velocity, through_air, turn).max(axis=-1)

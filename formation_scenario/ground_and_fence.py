@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flight_model.arrays import Array, beside
-from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
+from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, room_along_m
 from flight_model.path import PathPoints, SplinePath
 from flight_model.path_over_terrain import SAMPLE_M, STEP_M, sample_places
 from formation_scenario.begin_and_end import planned_end_s, planned_m, start_states
@@ -27,7 +27,7 @@ LEVEL_M = 1.0
 STEP_SAMPLES = 200
 """Times of a step at which the path's height and the ground are taken."""
 OFFSET: KeyPath = ("start", "offset_m")
-Flyers = dict[tuple[float, float, float], tuple[str, Vehicle]]
+Places = dict[tuple[float, float, float], tuple[str, Vehicle]]
 """Who flies at each place of the formations: forward, right and up of the leader."""
 
 
@@ -228,8 +228,8 @@ def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...
         yield from _fence_sides(np.array(fence.corners_m), scenario, sampled, flyers)
 
 
-def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Flyers:
-    found: Flyers = {}
+def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
+    found: Places = {}
     for step in steps:
         for column, vehicle in enumerate(columns(scenario)):
             if vehicle is not None:
@@ -240,7 +240,7 @@ def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Flyers:
     return found
 
 
-def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
+def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
     lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
     height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
     for place, index, limit, key in (
@@ -253,23 +253,27 @@ def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Flyers) -> Iterat
             yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
 
 
-def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Flyers) -> Iterator[Finding]:
+def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
     """Yield the place farthest outside; if none is, the one with the least room."""
-    points, speed = sampled.points, scenario.path.speed_mps
-    forward_m, right_m, _ = np.array(list(flyers)).T[:, :, None]
-    places = np.stack(beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m), axis=-1)
+    points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
+    turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
+    way = points.north_m, points.east_m, points.course_rad
+    places, room = room_along_m(corners_m, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
     within = inside_m(corners_m, places)
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
         found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
         yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
         return
-    velocity = speed * np.stack((np.cos(points.course_rad), np.sin(points.course_rad)), axis=-1)
-    through_air = speed + scenario.wind.speed_mps
-    turn = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])[:, None]
-    room = room_m(corners_m, places, velocity, np.full(within.shape, through_air), turn + 0.0 * within).max(-1)
     if room.min() < CHECKED_M:
         who, index = np.unravel_index(int(room.argmin()), room.shape)
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
         yield sampled.finding(int(index), found, allowed)
+
+
+def drift(scenario: Scenario) -> Drift:
+    """Return how the scenario's wind carries a formation that flies at its path's speed; what hovers isn't carried."""
+    speed_mps = scenario.path.speed_mps
+    north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
+    return Drift(speed_mps, north_mps, east_mps, speed_mps + scenario.wind.speed_mps)

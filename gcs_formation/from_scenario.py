@@ -8,10 +8,10 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
-from flight_model.fence_geometry import inside_m
+from flight_model.fence_geometry import Flyers
 from formation_scenario import Scenario, slot_table
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import column_models
+from formation_scenario.slot_assignment import column_models, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from gcs_formation.control.laws import law_kind
@@ -19,6 +19,7 @@ from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.guidance.laps import LapFence
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 
@@ -31,8 +32,6 @@ HOLD_SHARE = 0.8
 ENERGY_HOLD_SHARE = 0.6
 """The same of aircraft under total-energy control: a larger change of airspeed costs them heights by metres, and more
 time than the run-in to be in their slots again."""
-MOST_SETTLES = 4
-"""How many times as long the straight before the path gets at most, round after round."""
 HOLD_TURN_SHARE = 0.5
 """Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
@@ -109,7 +108,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         hold_radius_m=hold_radius_m(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
-        most_settles=_most_settles(scenario),
+        fence=_lap_fence(scenario),
     )
 
 
@@ -131,16 +130,16 @@ def settle_s(scenario: Scenario) -> float:
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
 
 
-def _most_settles(scenario: Scenario) -> int:
-    """Return how many times as long that straight may get: the turn onto it has to be inside the fence."""
+def _lap_fence(scenario: Scenario) -> LapFence | None:
+    """Return what the formation's laps before the path are to have room in."""
     fence = scenario.safety.fence
     if fence is None or not fence.corners_m:
-        return MOST_SETTLES
-    settle_m, around_m = settle_s(scenario) * scenario.path.speed_mps, 2.0 * hold_radius_m(scenario)
-    entries = [scenario.leader_path.at(-times * settle_m) for times in range(1, MOST_SETTLES + 1)]
-    places = np.array([(each.north_m, each.east_m) for each in entries])
-    fits = inside_m(np.array(fence.corners_m), places) > around_m
-    return max(1, int(np.argmin(np.append(fits, False))))
+        return None
+    first = 0 if scenario.leader else 1
+    forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
+    turn_rps = np.array([each.turn_rate_max_rps for each in column_models(scenario)[first:]])
+    start = scenario.leader_path.at(0.0)
+    return LapFence(np.array(fence.corners_m), start, Flyers(forward_m, right_m, turn_rps))
 
 
 def hold_radius_m(scenario: Scenario) -> float:

@@ -171,6 +171,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_warnings.too_old,
         check_warnings.refused_rate,
         check_warnings.no_time_for_a_lap,
+        check_warnings.cramped_lap,
     ):
         if text := found(scenario):
             yield text

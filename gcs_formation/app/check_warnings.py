@@ -19,15 +19,15 @@ from airlink import mavlink as m
 from airlink.messages import KINDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
-from flight_model.curve import PathPoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.feasibility import refused_orders, unfinished_change
+from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from formation_scenario.slot_assignment import columns
-from gcs_formation.from_scenario import hold_radius_m, settle_s
-from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S
-from gcs_formation.guidance.tracking import join
+from gcs_formation.from_scenario import leader_guidance
+from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
+from gcs_formation.guidance.tracking import JoinRoute
 
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
@@ -171,12 +171,34 @@ class Assembly(NamedTuple):
 
 def assembly(scenario: Scenario) -> Assembly:
     """Return what a scenario's start needs."""
-    radius_m, speed_mps = hold_radius_m(scenario), scenario.path.speed_mps
+    leads, speed_mps = leader_guidance(scenario), scenario.path.speed_mps
     least_s = _least_run_in_s(scenario) if scenario.start.in_air else None
-    # Round from where the leader turns off before the path until it has its start again.
-    before_m, run_in_m = DECISION_S * speed_mps, max(scenario.start.run_in_s, settle_s(scenario)) * speed_mps
-    round_m = join(PathPoint(-before_m, 0.0, 0.0, 0.0), PathPoint(-run_in_m, 0.0, 0.0, 0.0), radius_m, 1.0).length_m
-    return Assembly(least_s, (round_m + run_in_m - before_m) / speed_mps + DECISION_S, radius_m)
+    lap, start = _lap(scenario, leads), leads.path.at(0.0)
+    end = lap.at(lap.length_m)
+    straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
+    return Assembly(least_s, (lap.length_m + straight_m) / speed_mps, leads.hold_radius_m)
+
+
+def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
+    """Return the leader's way from where it turns off before its path to the straight before it."""
+    air = drift(scenario)
+    return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
+
+
+def cramped_lap(scenario: Scenario) -> str | None:
+    """Return where a lap before the path has too little room in the fence, None if it has enough."""
+    leads = leader_guidance(scenario)
+    if leads.fence is None:
+        return None
+    places, lack_m = leads.fence.lack(_lap(scenario, leads), drift(scenario))
+    worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
+    if lack_m[worst] == 0.0:
+        return None
+    north_m, east_m = places[worst].tolist()
+    return (
+        f"safety.fence.corners_m: found no room for a lap before the path (turns of {leads.hold_radius_m:.0f} m): at "
+        f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
+    )
 
 
 def goes_round(scenario: Scenario) -> str | None:

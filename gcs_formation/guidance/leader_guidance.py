@@ -15,12 +15,14 @@ from flight_model.displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, min
 from flight_model.path import Route, SplinePath
 from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
+from gcs_formation.guidance.laps import LapFence
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     JoinRoute,
     MotionRates,
     RouteHeading,
     join,
+    joins,
     nearest,
     project,
     route_heading,
@@ -32,6 +34,10 @@ DECISION_S: Final = 2.0
 """How long before the path's start to decide whether to begin it or to go around again."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
+MOST_SETTLES: Final = 4
+"""How many times as long that straight gets at most, round after round."""
+SHORTER_SETTLES: Final = (3.0, 2.0, 1.0, 0.75, 0.5)
+"""How many times as long it is where the fence leaves no room for a longer one."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
@@ -210,9 +216,9 @@ class LeaderGuidance:
     hold_radius_m: float
     climb_max_mps: float
     settle_s: float = SETTLE_S
-    """Shortest straight flight between a turn and the path; as much is added for each round that didn't do."""
-    most_settles: int = 1
-    """How many times as long it gets at most."""
+    """Straight flight between a turn and the path; as much is added for each round that didn't do."""
+    fence: LapFence | None = None
+    """What laps are to have room in."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
@@ -333,11 +339,29 @@ class LeaderGuidance:
 
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
-        settle_s = self.settle_s * min(max(self.rounds, 1), self.most_settles)
-        entry = self.path.at(-max(self.run_in_m, settle_s * self.speed_mps))
         begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
+        self.route, self.distance_m = self.lap(begin, state.wind_north_mps, state.wind_east_mps), 0.0
+
+    def lap(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+        """Return the way from a place to the straight before the path: the longest straight, then the shortest way.
+
+        With a fence, the first of these ways that has room in it, or else the one that lacks least.
+        """
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
-        self.route, self.distance_m = join(begin, entry, self.hold_radius_m, slope), 0.0
+        ways = (
+            way
+            for straight_m in self._straights_m()
+            for way in joins(begin, self.path.at(-straight_m), self.hold_radius_m, slope)
+        )
+        if self.fence is None:
+            return next(ways)
+        return self.fence.roomiest(ways, self.speed_mps, wind_north_mps, wind_east_mps)
+
+    def _straights_m(self) -> list[float]:
+        """Return how long the straight before the path may be, the longest first."""
+        settle_m = self.settle_s * self.speed_mps
+        longest_m = max(self.run_in_m, settle_m * min(max(self.rounds, 1), MOST_SETTLES))
+        return [longest_m, *(times * settle_m for times in SHORTER_SETTLES if times * settle_m < longest_m)]
 
 
 def _course(state: FlightState) -> float:

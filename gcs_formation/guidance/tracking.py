@@ -236,9 +236,14 @@ class JoinRoute:
 
 def join(start: PathPoint, end: PathPoint, radius_m: float, slope: float) -> JoinRoute:
     """Return the shortest of the four routes turn, straight, turn; turns have `radius_m`."""
+    return joins(start, end, radius_m, slope)[0]
+
+
+def joins(start: PathPoint, end: PathPoint, radius_m: float, slope: float) -> list[JoinRoute]:
+    """Return the routes turn, straight, turn, the shortest one first; turns have `radius_m`."""
     found = (_legs(start, end, radius_m, first, last) for first in (1, -1) for last in (1, -1))
     routes = [JoinRoute(legs, start.height_m, end.height_m, slope) for legs in found if legs]
-    return min(routes, key=lambda route: route.length_m)
+    return sorted(routes, key=lambda route: route.length_m)
 
 
 def _legs(start: PathPoint, end: PathPoint, radius_m: float, first: int, last: int) -> tuple[Leg, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight_model.fence_geometry import REACT_S, TURN_SHARE, inside_m, room_m
+from flight_model.fence_geometry import REACT_S, TURN_SHARE, Drift, Flyers, inside_m, room_along_m, room_m
 from formation_scenario import ScenarioError, load_scenario
 from tests.flights.conftest import scenario
 
@@ -42,6 +42,20 @@ def test_room_is_what_a_circle_to_either_side_leaves() -> None:
     ahead = 200.0 + REACT_S * speed
     left, right = min(400 - ahead, 30.0 + radius) - radius, (30.0 - radius) - radius
     assert room == pytest.approx([left, right])
+
+
+def test_in_a_wind_slots_are_behind_the_nose_and_the_wind_carries_everybody() -> None:
+    """Course north at 20 m/s through air, 12 m/s from the west: the nose 3-4-5 in the wind, 16 m/s over ground."""
+    corners, turn = 100.0 * SQUARE, np.array([0.2, 0.2])
+    way, flyers = (
+        (np.array([5000.0]), np.array([9900.0]), np.zeros(1)),
+        Flyers(np.array([0.0, -50.0]), np.zeros(2), turn),
+    )
+    places, room = room_along_m(corners, way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
+    assert places[:, 0] == pytest.approx(np.array([[5000.0, 9900.0], [4960.0, 9930.0]]))
+    reached, radius = 5000.0 + REACT_S * 16.0, 32.0 / (TURN_SHARE * 0.2)
+    assert reached < 10000.0 - radius
+    assert room[:, 0] == pytest.approx([100.0, 70.0])
 
 
 def keys(**fence: Any) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from gcs_formation.app.check import _seconds, check_report
 from gcs_formation.app.check_warnings import (
     Assembly,
     assembly,
+    cramped_lap,
     goes_round,
     never_reached,
     no_time_for_a_lap,
@@ -359,6 +361,21 @@ def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:
     assert "by the links' loss" in str(goes_round(lossy))
     deaf = load_scenario(bare | {"links": {"default": {"loss": 1.0}}})
     assert goes_round(deaf) == "links: too much is lost for the formation to assemble within 120 s"
+
+
+@pytest.mark.parametrize("wind_mps", [0.0, 8.0])
+def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_wider(wind_mps: float) -> None:
+    def said(wider_m: float) -> str | None:
+        south, west, north, east = -500 - wider_m, -400 - wider_m, 9500 + wider_m, 400 + wider_m
+        fence = {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}
+        path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
+        keys = {"vehicles": {"count": 4}, "path": path, "start": {"in_air": True}, "safety": {"fence": fence}}
+        return cramped_lap(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
+
+    found = re.search(r"no room for a lap before the path .* vehicles are turned away; (\d+) m more", str(said(0.0)))
+    assert found is not None
+    assert said(int(found[1])) is None
+    assert said(0.9 * int(found[1])) is not None
 
 
 @pytest.mark.parametrize(

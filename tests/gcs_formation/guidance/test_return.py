@@ -7,6 +7,7 @@ import math
 import pytest
 
 from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.fence_geometry import CHECKED_M
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import Fence
 from gcs_formation import from_scenario
@@ -70,15 +71,37 @@ def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_ti
     assert lengths_m == pytest.approx([SETTLE_S * SPEED * times for times in (1, 2, 3, 4, 4, 4)])
 
 
-@pytest.mark.parametrize(("south_m", "times"), [(-1500.0, 1), (-2000.0, 2), (-2500.0, 3), (-9000.0, 4)])
-def test_it_gets_no_longer_than_the_fence_has_room_for_the_turn_onto_it(south_m: float, times: int) -> None:
+def fenced(south_m: float, west_m: float, east_m: float) -> LeaderGuidance:
+    """Of the same path, in a fence that is wide enough in the north; after so many rounds that its laps are longest."""
     planned = load_scenario(scenario())
-    corners = ((south_m, -2000.0), (6000.0, -2000.0), (6000.0, 2000.0), (south_m, 2000.0))
-    fenced = planned.safety.model_copy(update={"fence": Fence(corners_m=corners)})
-    leads = from_scenario.leader_guidance(planned.model_copy(update={"safety": fenced}))
-    assert leads.most_settles == times
-    before_m = times * leads.settle_s * leads.speed_mps
-    assert times == 1 or before_m + 2.0 * leads.hold_radius_m < -south_m
+    corners = ((south_m, west_m), (6000.0, west_m), (6000.0, east_m), (south_m, east_m))
+    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners)})
+    leads = from_scenario.leader_guidance(planned.model_copy(update={"safety": safety}))
+    leads.rounds = 9
+    return leads
+
+
+@pytest.mark.parametrize("times", [0.5, 0.75, 1, 2, 3, 4])
+def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times: float) -> None:
+    """The turn onto it leads farther, the slot 30 m outside and behind most, and it is to be 25 m inside the fence."""
+    before_m, radius_m = times * SETTLE_S * SPEED, fenced(-9000.0, -2000.0, 2000.0).hold_radius_m
+    outermost_m = before_m + math.hypot(radius_m + 30.0, 30.0)
+    leads = fenced(-(outermost_m + CHECKED_M), -2000.0, 2000.0)
+    way = leads.lap(leads.path.at(-44.0), 0.0, 0.0)
+    assert way.at(way.length_m).north_m == pytest.approx(-before_m)
+    steps = [way.at(way.length_m * step / 500).north_m for step in range(501)]
+    assert min(steps) == pytest.approx(-before_m - radius_m, abs=1.0)
+
+
+@pytest.mark.parametrize("wind_east_mps", [-8.0, 0.0, 8.0])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_lap_is_flown_on_the_side_where_the_fence_has_room(side: int, wind_east_mps: float) -> None:
+    west_m, east_m = (-200.0, 2000.0) if side > 0 else (-2000.0, 200.0)
+    leads = fenced(-2000.0, west_m, east_m)
+    way = leads.lap(leads.path.at(-44.0), 0.0, wind_east_mps)
+    steps = [side * way.at(way.length_m * step / 100).east_m for step in range(101)]
+    assert min(steps) > -1.0
+    assert max(steps) > leads.hold_radius_m
 
 
 @pytest.mark.parametrize(
