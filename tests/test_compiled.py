@@ -34,6 +34,7 @@ DECIDING = (
 PATCHING = (
     "a_step_is_the_extended_kalman_filters",
     "whose_path_leads_out_stays_inside",
+    "that_the_fence_turns_towards_each_other",
     "junk_at_one_socket_stops_neither",
     "before_what_arrived_during_a_long_receive",
     "after_a_stop_all_that_came_meanwhile",
