@@ -136,8 +136,8 @@ def judge(
 
     A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
     follower was lost. It isn't judged where that was wanted: with `cut_short`, when the run was ended before its path
-    or its time was, and of a follower that crashes by the scenario's faults, unless nobody is left, or a bound on its
-    largest error was broken before.
+    or its time was, and of a follower that crashes by the scenario's faults, unless no follower is left, or a bound on
+    its largest error was broken before.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
@@ -149,28 +149,38 @@ def judge(
             reached, judged, why = False, True, missing
         if each.metric in FOLLOWER_METRICS:
             chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
-            for vehicle in (one for one in flight.followers(scenario) if one in chosen):
-                value = _follower_value(each, flight, vehicle, parts)
-                lost_s = _lost_at_s(each, flight, vehicle)
+            lost = {vehicle: _lost_at_s(each, flight, vehicle) for vehicle in flight.followers(scenario)}
+            for vehicle, lost_s in lost.items():
+                if vehicle not in chosen:
+                    continue
+                verdict = Verdict(each, vehicle, _follower_value(each, flight, vehicle, parts), reached, judged, why)
                 if _leads_throughout(each, flight, vehicle):
-                    yield Verdict(each, vehicle, value, reached, judged=False, reason="led all the time")
+                    verdict = replace(verdict, judged=False, reason="led all the time")
                 elif lost_s is not None:
-                    crash_s = _crashes_at_s(scenario, vehicle, lost_s)
-                    lost = Verdict(each, vehicle, value, False, True, f"lost at {lost_s:.1f} s", lost=True)
-                    if down_s is not None:
-                        lost = replace(lost, reason=why)
-                    elif crash_s is not None:
-                        broken = judged and _broken_before(crash_s, each, flight, vehicle, parts)
-                        lost = replace(lost, judged=broken, reason=f"{'before it ' * broken}crashed at {crash_s:.1f} s")
-                    yield lost
-                else:
-                    yield Verdict(each, vehicle, value, reached, judged, why)
+                    crash_s = None if down_s is not None else _crashes_at_s(scenario, vehicle, lost_s)
+                    broken = crash_s is not None and judged and _broken_before(crash_s, each, flight, vehicle, parts)
+                    said = why if down_s is not None else f"lost at {lost_s:.1f} s"
+                    verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
+                    if crash_s is not None:
+                        verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
+                yield verdict
         elif each.metric in LINK_METRICS:
             for planned in scenario.selected(each.followers):
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
                 yield Verdict(each, planned.vehicle_id, value, reached, judged, why)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
+
+
+def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> Verdict:
+    """Return the verdict of a follower that crashed by the scenario's faults.
+
+    `broken`: a bound was, for good, before; `last`: no follower is left.
+    """
+    reason = f"crashed at {crash_s:.1f} s"
+    if last:
+        return replace(verdict, judged=True, reason=f"{reason}, and nobody else follows")
+    return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
 
 
 def unflown(flight: RecordedFlight, from_s: float, to_s: float, flown_s: float) -> str:

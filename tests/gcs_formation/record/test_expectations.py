@@ -111,6 +111,9 @@ def test_what_the_scenario_s_own_faults_crash_is_not_judged():
     found = verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=faults)
     assert (found.held, found.judged, found.reason) == (None, False, "crashed at 4.0 s")
     assert verdict(crashed=[FOLLOWER], to_s=CRASH_S, faults=faults).held is True
+    both = [{"at_s": 4.0, "vehicles": [2, 3], "kind": "crash"}]
+    last = verdict(crashed=[FOLLOWER, THIRD], to_s=FLOWN_S, faults=both)
+    assert (last.held, last.reason) == (False, "crashed at 4.0 s, and nobody else follows")
     others = [{"at_s": 4.0, "vehicles": [3], "kind": "crash"}]
     assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=others).held is False
     assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False
