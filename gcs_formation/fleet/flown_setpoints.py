@@ -47,6 +47,12 @@ CLIMBS_SHARE: Final = 0.5
 to climb, whatever the law wants beyond that."""
 SUNK_M: Final = 15.0
 """It sinks if it has lost more height since. If that is more, as much as the air that it has shown explains."""
+AT_LIMIT_SHARE: Final = 0.9
+"""One that is told a height above its own by this share of that is told to climb as fast as it can."""
+CLIMBS_LEAST_SHARE: Final = 0.25
+CHECKS_STUCK: Final = 20
+"""It is stuck that climbs at less than this share of its limit for 8 s in which it is told so: air that sinks fast
+enough to explain it keeps it from its height as well."""
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
 CHECKS_MENDED: Final = 8
@@ -89,6 +95,7 @@ class FlownSetpoints:
         "since",
         "sinks",
         "stamps",
+        "stuck",
         "vehicle",
     )
 
@@ -110,6 +117,8 @@ class FlownSetpoints:
         """Of the vertical motion of the air that would explain its heights, (m/s)²."""
         self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
         """Its greatest height since it has been told to climb, when that was true, and whether it has lost it."""
+        self.stuck = 0
+        """For how many checks in a row it has hardly climbed though it is told to as fast as it can."""
         self.bad, self.good, self.broken, self.missed = [0, 0, 0], 0, False, AIRSPEED
         """How often in a row each channel was missed, and none was; whether it doesn't follow, and which it missed."""
 
@@ -159,6 +168,8 @@ class FlownSetpoints:
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected, flown = _changes(before, end, seen, hovers=self.model.speed_min_mps == 0.0)
         channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
+        may_climb = by_height and not fast
+        sunk = sunk or self._stuck(told_m - seen.height_m if may_climb else math.nan, seen.height_m - before.height_m)
         if sunk is not None:
             self.good = 0
             if channel is not None or not self.broken:
@@ -190,6 +201,14 @@ class FlownSetpoints:
         if not self.sinks:
             return None
         return NonConformance(CHANNELS[HEIGHT], 0.0, -lost_m, (stamp - self.highest_at) / NANOSECONDS)
+
+    def _stuck(self, told_m: float, risen_m: float) -> NonConformance | None:
+        """Return the climb that it doesn't fly though it is told to, so far above its height and for so long."""
+        full_m = self.model.climb_max_mps * WINDOW_S
+        stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_LEAST_SHARE * full_m
+        self.stuck = self.stuck + 1 if stuck else 0
+        self.good = 0 if stuck else self.good
+        return None if self.stuck < CHECKS_STUCK else NonConformance(CHANNELS[HEIGHT], full_m, risen_m)
 
     def _settled(self, now: Instant) -> Judged:
         """Return of which channels setpoints have been commanded, and acknowledged, for long enough."""

@@ -99,6 +99,24 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("climb_mps", [1.2, 2.0])
+def test_a_leader_that_does_not_climb_is_reported_though_sinking_air_would_explain_it(climb_mps: float) -> None:
+    """Its guidance asks for more as it falls behind: until the limit of its climb, and 8 s from then on."""
+    ends_m = 100 + 800 * climb_mps / 22
+    path = {
+        "speed_mps": 22,
+        "waypoints_m": [[0, 0, 100], [400, 0, 100], [1200, 0, ends_m], [2400, 0, 2 * ends_m - 100]],
+    }
+    world = World(duration_s=50, path=path)
+    world.fly_to(10.0)
+    world.inject(1, "ignore")
+    ignores_s = world.now_s
+    world.run()
+    (reported_s,) = world.times_s("disobeys", 1)
+    assert reported_s - ignores_s < 32.0
+
+
+@pytest.mark.slow
 def test_a_follower_that_ignores_a_change_of_formation_is_reported_and_so_is_its_end() -> None:
     world = World(duration_s=25, formation=CHANGE)
     world.fly_to(4.0)
