@@ -42,6 +42,9 @@ come from the side."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
 overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
+GOES_ON_S: Final = 1.5
+"""For so long one goes on turning, or changing its airspeed, as it did when the window began, whatever it is told
+then: (7) has neither a bank nor a throttle that must come back first."""
 CLIMBS_SHARE: Final = 0.5
 """One that is told a height above its own by more than this share of what its climb can reach within its lags is told
 to climb, whatever the law wants beyond that."""
@@ -147,11 +150,7 @@ class FlownSetpoints:
         commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
-        if len(self.past) == WINDOW_CHECKS:
-            self.past.pop(0)
-            self.stamps.pop(0)
-        self.past.append(seen)
-        self.stamps.append(stamp)
+        self._remember(stamp, seen)
         told_m = self._commanded(stamp, seen, history, now)
         by_speed, by_heading, by_height = self._settled(now)
         sunk = self._sunk(stamp, seen, told_m if by_height else math.nan)
@@ -167,15 +166,30 @@ class FlownSetpoints:
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected, flown = _changes(before, end, seen, hovers=self.model.speed_min_mps == 0.0)
-        channel = self._judge(expected, flown, seen.airspeed_mps, (by_speed, by_heading, by_height))
-        may_climb = by_height and not fast
-        sunk = sunk or self._stuck(told_m - seen.height_m if may_climb else math.nan, seen.height_m - before.height_m)
+        judged = by_speed, by_heading, by_height
+        channel = self._judge(expected, self._gone_on(expected, flown), seen.airspeed_mps, judged)
+        above_m = told_m - seen.height_m if by_height and not fast else math.nan
+        sunk = sunk or self._stuck(above_m, flown[HEIGHT])
         if sunk is not None:
             self.good = 0
             if channel is not None or not self.broken:
                 self.broken, self.missed = True, HEIGHT
                 return sunk
         return None if channel is None else NonConformance(CHANNELS[channel], expected[channel], flown[channel])
+
+    def _remember(self, stamp: int, seen: FlightState) -> None:
+        if len(self.past) == WINDOW_CHECKS:
+            self.past.pop(0)
+            self.stamps.pop(0)
+        self.past.append(seen)
+        self.stamps.append(stamp)
+
+    def _gone_on(self, expected: Triple, flown: Triple) -> Triple:
+        """Return the changes flown, without what it went on with as the window began, against what was expected."""
+        before, after_s = self.past[0], max((self.stamps[1] - self.stamps[0]) / NANOSECONDS, CHECK_S)
+        faster_mps, turned_rad, _ = _changes(before, before, self.past[1], hovers=False)[1]
+        speed_mps = _without(expected[AIRSPEED], flown[AIRSPEED], GOES_ON_S * faster_mps / after_s)
+        return speed_mps, _without(expected[HEADING], flown[HEADING], GOES_ON_S * turned_rad / after_s), flown[HEIGHT]
 
     def _commanded(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> float:
         """Return the height that it is told, NaN if it isn't commanded; note when its airspeed is far off."""
@@ -286,6 +300,12 @@ def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState
     wanted_north, wanted_east = end_north - north, end_east - east
     wanted = max(math.hypot(wanted_north, wanted_east), LEAST_NORM)
     return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
+
+
+def _without(expected: float, flown: float, gone_on: float) -> float:
+    """Return a change without what somebody went on with, as far as that is against what was expected of it."""
+    against = expected * gone_on < 0.0 and abs(flown) < abs(expected)
+    return flown - gone_on if against else flown
 
 
 def _carried_m(model: AutopilotModel) -> float:

@@ -272,6 +272,19 @@ def test_a_small_step_of_airspeed_that_energy_control_answers_late_is_no_disobed
     assert [channel for channel, _ in found] == channels
 
 
+@pytest.mark.parametrize(("rate_rps", "channels"), [(0.05, []), (0.0, ["heading"])])
+def test_who_still_turned_the_other_way_has_the_time_to_come_back(rate_rps: float, channels: list[str]) -> None:
+    """Told 0.13 rad to the left at 20 s, it turns right until it has banked over; not who flies straight on."""
+
+    def flown_rad(at_s: float) -> float:
+        right_rad = rate_rps * min(max(at_s - 17.0, 0.0), 3.4)
+        back = -np.expm1(-max(at_s - 20.4, 0.0) / 2.5) if rate_rps else 0.0
+        return float(right_rad - (right_rad + 0.13) * back)
+
+    found = judged(lambda _: 22.0, lambda _: 0.0, 20.0, -0.13, told_mps=22.0, flown_rad=flown_rad)
+    assert [channel for channel, _ in found] == channels
+
+
 def judged(
     airspeed_mps: Callable[[float], float],
     climb_mps: Callable[[float], float],
@@ -280,6 +293,7 @@ def judged(
     told_mps: float = 27.0,
     told_m: float = 100.0,
     overrides: Sequence[str] = (),
+    flown_rad: Callable[[float], float] = lambda _: 0.0,
 ) -> list[tuple[str, float]]:
     """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
     planned, history, estimator = load_scenario(scenario(), overrides), SetpointHistory(10.0), SimpleNamespace()
@@ -296,7 +310,7 @@ def judged(
         for channel in plane.setpoint_channels:
             channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)
             channel.acknowledged(now)
-        flown = FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), 0.0, 0.0, 0.0)
+        flown = FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), flown_rad(at_s), 0.0, 0.0)
         estimator.filters = [SimpleNamespace(state=flown, stamp=now)] * 3
         monitor.judge_motion(commanded, now)
     return [(each.details["channel"], each.at_s) for each in notes if each.kind == "disobeys"]
