@@ -93,6 +93,11 @@ class AutopilotModel:
             kept.find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         return kept
 
+    @property
+    def may_stand(self) -> bool:
+        """Whether it may be told to stand, as multirotors alone may."""
+        return self.speed_min_mps == 0.0
+
     def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
         """Return the constants in the order of the constructor's arguments."""
         return (

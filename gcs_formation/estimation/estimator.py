@@ -373,4 +373,4 @@ class StateEstimator:
 
 def _least_mps(model: AutopilotModel) -> float:
     """Return what a smaller airspeed is taken as; what can stand may drift backwards."""
-    return LEAST_AIRSPEED_MPS if model.speed_min_mps > 0.0 else -model.speed_max_mps
+    return -model.speed_max_mps if model.may_stand else LEAST_AIRSPEED_MPS

@@ -110,7 +110,7 @@ class SentSetpoints:
             place = self.later(place, since)
             speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            if model.speed_min_mps == 0.0:
+            if model.may_stand:
                 respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
             else:
                 respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
@@ -153,7 +153,7 @@ class SetpointHistory:
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Move airspeed, heading, height and climb rate on likewise, roughly, and leave the place.
 
-        Of the setpoints in each `RESPOND_NS` the mean counts. What may stand hovers: its velocity counts.
+        Of the setpoints in each `RESPOND_NS` the mean counts. Of what may stand, a multirotor, the velocity counts.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)

@@ -165,7 +165,7 @@ class FlownSetpoints:
         by_speed = by_speed and not levels_out
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
-        expected, flown = _changes(before, end, seen, hovers=self.model.speed_min_mps == 0.0)
+        expected, flown = _changes(before, end, seen, hovers=self.model.may_stand)
         judged = by_speed, by_heading, by_height
         channel = self._judge(expected, self._gone_on(expected, flown), seen.airspeed_mps, judged)
         above_m = told_m - seen.height_m if by_height and not fast else math.nan
@@ -196,7 +196,7 @@ class FlownSetpoints:
         if self.since is None:
             return math.nan
         told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
-        if self.model.speed_min_mps > 0.0 and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
+        if not self.model.may_stand and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
             self.off_at = now
         return told_m
 
@@ -249,7 +249,7 @@ class FlownSetpoints:
         if by_height:
             air_mps = (risen_m - flown_m) / self.carried_m
             self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
-        if slowest_mps > 0.0:
+        if not self.model.may_stand:
             flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
         least_mps = max(gust_mps, LEAST_AIRSPEED_MPS)
         aside_rad = gust_mps / max(airspeed_mps, least_mps)
