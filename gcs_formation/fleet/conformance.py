@@ -110,14 +110,15 @@ class ConformanceMonitor:
             heartbeats = vehicle.telemetry.heartbeats
             for channel in vehicle.setpoint_channels:
                 refused, reported = channel.is_refused(heartbeats), channel in self._refused
-                name = m.name_of("MAV_CMD", channel.command)
                 if refused and not reported and vehicle.member is Member.FLYING:
                     self._refused.add(channel)
+                    name = m.name_of("MAV_CMD", channel.command)
                     result = m.name_of("MAV_RESULT", channel.result)
                     text = f"refuses its setpoints: {name}: {result}{vehicle.telemetry.last_words}"
                     self._note(now, "disobeys", text, vehicle, {"order": name, "result": result})
                 elif reported and channel.accepted:
                     self._refused.remove(channel)
+                    name = m.name_of("MAV_CMD", channel.command)
                     self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
 
     def judge_silence(self, now: Instant) -> None:
