@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x03"
+NUMBER_BYTES = 8
 TURNS: Final = 2
 """Cycles of the main loop for each row."""
 HEADER = struct.Struct("<8sQ")
@@ -89,24 +90,54 @@ class TruthWriter:
         self._waiting.truncate(0)
 
 
-def read_truth(path: Path) -> dict[str, Array]:
-    """Return the complete rows so far: `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V).
+class TruthRecord:
+    """The complete rows of a file so far."""
 
-    Raises:
-        TruthError: the file isn't a record of ground truth.
-    """
-    with path.open("rb") as file:
-        head = file.read(HEADER.size)
+    def __init__(self, path: Path) -> None:
+        """Open the file.
+
+        Raises:
+            TruthError: it isn't a record of ground truth.
+            FileNotFoundError: there is none.
+        """
+        self._path = path
+        with path.open("rb") as file:
+            head = file.read(HEADER.size)
         if len(head) < HEADER.size or head[: len(MAGIC)] != MAGIC:
             raise TruthError(f"{path} is not a record of ground truth")
-        vehicles = HEADER.unpack(head)[1]
-        width = 1 + len(QUANTITIES) * vehicles
-        count = (path.stat().st_size - HEADER.size) // (8 * width)
-        time_s, columns = np.empty(count), np.empty((len(QUANTITIES), count * vehicles))
-        at_once = max(1, BLOCK_BYTES // (8 * width))
-        for begin in range(0, count, at_once):
-            rows = np.fromfile(file, "<f8", count=min(at_once, count - begin) * width).reshape(-1, width)
-            time_s[begin : begin + at_once] = rows[:, 0]
-            some = columns[:, begin * vehicles : (begin + at_once) * vehicles]
-            columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES)), some)
-    return {"time_s": time_s, **dict(zip(QUANTITIES, columns.reshape(len(QUANTITIES), count, vehicles), strict=True))}
+        self._vehicles: int = HEADER.unpack(head)[1]
+        self._width = 1 + len(QUANTITIES) * self._vehicles
+        self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * self._width)
+        self._next = 0
+        """Row of the file that is read next."""
+        self._kept = np.empty((0, self._width))
+        """The rows before it that are still needed."""
+
+    @property
+    def last_s(self) -> float:
+        """Time of the last row, since the clock's epoch; there must be one."""
+        return float(self._read(self.rows - 1, 1)[0, 0])
+
+    def until(self, time_s: float) -> dict[str, Array]:
+        """Return the rows from the last ones before the earlier call's time to the first ones after `time_s`.
+
+        Returns:
+            `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V). Its first row is the record's or
+            not after the earlier time, its last one the record's or after `time_s`.
+        """
+        some = [self._kept]
+        while self._next < self.rows and not (some[-1].size and some[-1][-1, 0] > time_s):
+            some.append(self._read(self._next, max(1, BLOCK_BYTES // (NUMBER_BYTES * self._width))))
+            self._next += len(some[-1])
+        rows = np.concatenate(some)
+        passed = int(rows[:, 0].searchsorted(time_s, side="right"))
+        self._kept = rows[min(max(0, passed - 1), max(0, len(rows) - 2)) :].copy()
+        columns = columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES)))
+        named = dict(zip(QUANTITIES, columns.reshape(len(QUANTITIES), len(rows), self._vehicles), strict=True))
+        return {"time_s": rows[:, 0], **named}
+
+    def _read(self, begin: int, count: int) -> Array:
+        with self._path.open("rb") as file:
+            file.seek(HEADER.size + begin * NUMBER_BYTES * self._width)
+            numbers = np.fromfile(file, "<f8", count=min(count, self.rows - begin) * self._width)
+        return numbers.reshape(-1, self._width)

@@ -114,12 +114,11 @@ class InjectedDelays:
                 series_s.extend(self._since_last_s(vehicle, self._links) * (ticks - self._ticks))
         self._ticks = ticks
 
-    def series_s(self, rows: int) -> Mapping[VehicleId, Array]:
+    def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
         """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
 
-        `rows` is how many there are of all T ticks and vehicles.
+        `ticks`: T, those before a resumption included.
         """
-        ticks = rows // len(self._sums)
         series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
         for vehicle, each_s in series_s.items():
             known_s = self._series_s.get(vehicle)

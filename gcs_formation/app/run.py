@@ -25,7 +25,6 @@ from airlink.engine import MemoryNetwork
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver, resolved
-from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import columns
@@ -43,7 +42,7 @@ from gcs_formation.vehicle.autopilot_family import Autopilot, Command
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
-from sim_vehicles.truth import TruthError, TruthWriter, read_truth
+from sim_vehicles.truth import TruthError, TruthRecord, TruthWriter
 
 IMPORTED_AHEAD = ("scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial")
 """What only some flights need, and these at any moment: a tick that has to import it is late by a second."""
@@ -152,18 +151,19 @@ def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
 def _conclude(session: Session) -> Summary:
     """Return the summary; without one, the ground truth stays in the directory for `report`."""
     directory = session.recorder.path
-    summary = session.conclude(recorded_truth(directory))
+    truth = recorded_truth(directory)
+    summary = session.conclude(None if truth is None else truth.until)
     (directory / TRUTH).unlink(missing_ok=True)
     return summary
 
 
-def recorded_truth(directory: Path) -> dict[str, Array] | None:
+def recorded_truth(directory: Path) -> TruthRecord | None:
     """Return the emulators' ground truth as far as it was written, None if they wrote none."""
     try:
-        rows = read_truth(directory / TRUTH)
+        record = TruthRecord(directory / TRUTH)
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
-    return rows if len(rows["time_s"]) >= 2 else None
+    return record if record.rows >= 2 else None
 
 
 def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -28,10 +27,10 @@ from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import parts, split, table
+from gcs_formation.record.flight import SCORED, Gathering, Truth, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import read_spool, spools, write_parquet
+from gcs_formation.record.timeseries import Spool, spools, write_parquet
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
@@ -187,7 +186,7 @@ class Session:
 
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
-    def conclude(self, truth: Mapping[str, Array] | None) -> Summary:
+    def conclude(self, truth: Truth | None) -> Summary:
         """Close the record, and write the time series and the summary.
 
         Raises:
@@ -222,17 +221,21 @@ class Session:
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
-    def _make_summary(self, truth: Mapping[str, Array] | None, wall_s: float) -> Summary:
+    def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
-        rows = read_spool(spool)
-        columns = table(rows, self.scenario, truth, self._injected.series_s(rows["t_s"].size))
+        rows, gathering = Spool(spool), Gathering(self.scenario, SCORED)
+        injected_s = self._injected.series_s(rows.ticks)
+        passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))
         if self.options.record in {"full", "series"}:
-            write_parquet(self.recorder.path / TIMESERIES, parts(columns))
+            write_parquet(self.recorder.path / TIMESERIES, passing)
+        else:
+            for _ in passing:
+                pass
         summary = summarise(
             RunOutcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
-                flight=split(columns, self.scenario),
+                flight=gathering.flight(),
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,14 +19,24 @@ from gcs_formation.record.timeseries import (
     LAW_ERROR,
     PHASES,
     PLACE,
-    ROWS_AT_ONCE,
+    SETPOINT,
     TRUTH,
     flying,
     true_columns,
 )
 
 Columns = Mapping[str, Array]
+Truth = Callable[[float], Mapping[str, Array]]
+"""Returns the rows up to the first ones after a time, from the last ones before the time that it was called with
+before."""
 WHOLE = slice(None)
+SCORED = frozenset(
+    (
+        *("t_s", "mission_time_s", "phase", "active", "leads", "yielding", "jitter_s"),
+        *(AIRBORNE, *PLACE, *TRUTH[:3], *SETPOINT, *ERROR, GROUND[1]),
+    )
+)
+"""What a summary is made of."""
 GAP_S = 3.0
 """A longer time without a tick isn't a tick or two that came late: the station was killed, and its flight resumed."""
 
@@ -137,42 +147,57 @@ class RecordedFlight:
         return np.any(down, axis=0)[window]
 
 
-def table(
-    spooled: Columns, scenario: Scenario, truth: Columns | None, injected_s: Mapping[VehicleId, Array]
-) -> Columns:
-    """Return a spool's columns with injected delays, true places, errors and clearances added, each (T, V).
+def tables(
+    blocks: Iterable[Columns], scenario: Scenario, truth: Truth | None, injected_s: Mapping[VehicleId, Array]
+) -> Iterator[dict[str, Array]]:
+    """Yield a spool's blocks with injected delays, true places, errors and clearances added, each column (T, V).
 
-    `truth` is what the emulated vehicles really did, as `sim_vehicles.truth` names and reads it: `time_s` (T,) since
-    the clock's epoch, all else (T, V) in the scenario's order.
+    `truth` reads what the emulated vehicles really did, as `sim_vehicles.truth` names it: `time_s` (T,) since the
+    clock's epoch, all else (T, V) in the scenario's order. `injected_s` has (T, 2) of all blocks' ticks.
     """
-    columns = _in_order(spooled, scenario)
-    columns |= _injected(np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1))
-    if truth is not None:
-        columns |= true_columns(truth, columns["t_s"][:, 0])
-    columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
-    north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
-    ground_m = np.zeros(north_m.shape)
-    for column in range(len(scenario.vehicles) if scenario.terrain else 0):
-        ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
-    return columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
+    done, ways_s = 0, np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1)
+    for block in blocks:
+        columns = _in_order(block, scenario)
+        time_s = columns["t_s"][:, 0]
+        columns |= _injected(ways_s[done : done + time_s.size])
+        done += time_s.size
+        if truth is not None:
+            columns |= true_columns(truth(float(time_s[-1]) if time_s.size else -np.inf), time_s)
+        columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
+        north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
+        ground_m = np.zeros(north_m.shape)
+        for column in range(len(scenario.vehicles) if scenario.terrain else 0):
+            ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
+        yield columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
 
 
 def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
-    """Return the flight of the columns (T, V) of `table`."""
+    """Return the flight of columns (T, V)."""
     identities = enumerate(each.vehicle_id for each in scenario.vehicles)
     vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
     return RecordedFlight(vehicles, TRUTH[0] in columns)
 
 
-def parts(columns: Columns) -> Iterator[dict[str, Array]]:
-    """Yield the columns (T, V) of `table` as tables of at most `ROWS_AT_ONCE` rows or a tick, at least one.
+class Gathering:
+    """Takes columns of `tables` as they pass, to make a flight of them: what isn't taken needn't be held at once."""
 
-    Ticks are in order, at each the vehicles in order.
-    """
-    ticks, vehicles = columns["t_s"].shape
-    at_once = max(1, ROWS_AT_ONCE // vehicles)
-    for begin in range(0, max(1, ticks), at_once):
-        yield {name: each[begin : begin + at_once].ravel() for name, each in columns.items()}
+    def __init__(self, scenario: Scenario, names: Container[str]) -> None:
+        """Take the columns of these names."""
+        self._scenario, self._names = scenario, names
+        self._taken = dict[str, list[Array]]()
+
+    def passing(self, tables: Iterable[Columns]) -> Iterator[Columns]:
+        """Yield the tables (T, V), of ticks one after the other; the flight is whole when they have all passed."""
+        for each in tables:
+            for name, column in each.items():
+                if name in self._names:
+                    self._taken.setdefault(name, []).append(np.ascontiguousarray(column.T))
+            yield each
+
+    def flight(self) -> RecordedFlight:
+        """Return the flight of what has passed: each vehicle's columns one after the other in memory."""
+        columns = {name: np.concatenate(parts, axis=1).T for name, parts in self._taken.items()}
+        return split(columns, self._scenario)
 
 
 def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, columns_of
+from flight_model.arrays import Array, Mask, columns_of, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
@@ -127,37 +127,66 @@ def _suffix(resumed: int) -> str:
     return f".{resumed + 1}" if resumed else ""
 
 
-def read_spool(path: Path) -> dict[str, Array]:
-    """Return the columns of a spool, each of its files up to its last whole tick: a row for each vehicle and tick.
+class Spool:
+    """What a spool's files have, each up to its last whole tick, read block by block."""
 
-    Raises:
-        RecordError: another version wrote it, with other values.
-    """
-    first, *others = [_read_part(part) for part in spools(path) or [path]]
-    if not others:
-        return first
-    return {name: np.concatenate([each, *(part[name] for part in others)]) for name, each in first.items()}
+    def __init__(self, path: Path) -> None:
+        """Read what vehicles they have.
+
+        Raises:
+            RecordError: another version wrote them, with other values.
+        """
+        self._parts = [_Part(each) for each in spools(path) or [path]]
+        self.ticks = sum(part.ticks for part in self._parts)
+        """How many they have together."""
+
+    def blocks(self, rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
+        """Yield the columns of so many rows or a tick at once, at least one block: a row for each vehicle and tick."""
+        some = [part for part in self._parts if part.ticks] or self._parts[:1]
+        for part in some:
+            yield from part.blocks(rows)
+
+    def read(self) -> dict[str, Array]:
+        """Return the columns of all rows."""
+        first, *others = self.blocks()
+        if not others:
+            return first
+        return {name: np.concatenate([each, *(block[name] for block in others)]) for name, each in first.items()}
 
 
-def _read_part(path: Path) -> dict[str, Array]:
-    with path.open("rb") as file:
-        head = file.readline()
-        count = (path.stat().st_size - file.tell()) // (NUMBER_BYTES * len(SPOOLED))
+class _Part:
+    """One of a spool's files."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with path.open("rb") as file:
+            head = file.readline()
+            self._begin = file.tell()
+        count = (path.stat().st_size - self._begin) // (NUMBER_BYTES * len(SPOOLED))
         named: dict[str, Any] = json.loads(head) if count else {"vehicles": [], "values": SPOOLED}
         if tuple(named.get("values", ())) != SPOOLED:
             raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
-        vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
-        ticks = count // max(1, len(vehicles))
-        rows = np.empty((len(SPOOLED), ticks * len(vehicles)))
-        for begin in range(0, rows.shape[1], ROWS_AT_ONCE):
-            some = rows[:, begin : begin + ROWS_AT_ONCE]
-            columns_of(np.fromfile(file, dtype="<f8", count=some.size).reshape(-1, len(SPOOLED)), some)
-    network, system = np.tile(vehicles, (ticks, 1)).T
-    return {"network": network, "vehicle": system} | dict(zip(SPOOLED, rows, strict=True))
+        self._vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
+        self.ticks = count // max(1, len(self._vehicles))
+
+    def blocks(self, rows: int) -> Iterator[dict[str, Array]]:
+        """Yield the columns of so many rows or a tick at once, at least one block."""
+        vehicles = len(self._vehicles)
+        at_once = max(1, rows // max(1, vehicles))
+        with self._path.open("rb") as file:
+            file.seek(self._begin)
+            for begin in range(0, max(1, self.ticks), at_once):
+                ticks = min(at_once, self.ticks - begin)
+                read = np.fromfile(file, dtype="<f8", count=ticks * vehicles * len(SPOOLED))
+                network, system = np.tile(self._vehicles, (ticks, 1)).T
+                columns = columns_of(read.reshape(-1, len(SPOOLED)))
+                yield {"network": network, "vehicle": system} | dict(zip(SPOOLED, columns, strict=True))
 
 
 def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
     """Write a time series as tables of a spool's columns, of successive ticks, at least one; phases are in words there.
+
+    Columns are (N,), or (T, V) with the vehicles of a tick beside each other.
 
     A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
     """
@@ -165,8 +194,9 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
     phases = pa.array(PHASES, pa.string())
     with ExitStack() as stack:
         writer: pq.ParquetWriter | None = None
-        for columns in tables:
-            arrays: dict[str, Any] = {name: _arrow(each, flag=name in FLAGS) for name, each in columns.items()}
+        for each in tables:
+            columns = {name: column.ravel() for name, column in each.items()}
+            arrays: dict[str, Any] = {name: _arrow(column, flag=name in FLAGS) for name, column in columns.items()}
             arrays["phase"] = pa.DictionaryArray.from_arrays(_arrow(columns["phase"].astype(np.int8)), phases)
             schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
             if writer is None:
@@ -267,12 +297,9 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
 def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
     """Return the vehicles' true columns (T, V) at times (T,): places by cubic interpolation, the rest linearly."""
     moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
-    heading_rad = truth["heading_rad"]
-    if (np.abs(heading_rad[1:] - heading_rad[:-1]) >= np.pi).any():  # as few do
-        heading_rad = np.unwrap(heading_rad, axis=0)
-    linear = (heading_rad if name == "true_heading_rad" else truth[name.removeprefix("true_")] for name in TRUTH[3:])
     place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
-    columns = dict(zip(TRUTH, (*place, *map(moments.linear, linear)), strict=True))
+    rest = (moments.linear(truth[name.removeprefix("true_")], angle=name == "true_heading_rad") for name in TRUTH[3:])
+    columns = dict(zip(TRUTH, (*place, *rest), strict=True))
     # A place between one in flight and one on the ground is neither.
     return columns | {AIRBORNE: (moments.linear(truth["airborne"]) >= 1.0).astype(np.float64)}
 
@@ -295,10 +322,13 @@ class _Moments:
         value = np.ascontiguousarray(value)
         return value.take(self._before, axis=0), value.take(self._before + 1, axis=0)
 
-    def linear(self, value: Array) -> Array:
-        """Return the values (T, V) on straight lines: those of `np.interp`."""
+    def linear(self, value: Array, *, angle: bool = False) -> Array:
+        """Return the values (T, V) on straight lines: those of `np.interp`, of angles the shorter way round."""
         before, after = self._ends(value)
-        found = (after - before) / self._step_s * self._since_s + before
+        change = after - before
+        if angle and (np.abs(change) >= np.pi).any():  # as few do
+            change = wrap(change)
+        found = change / self._step_s * self._since_s + before
         found[self._beyond] = value[-1]
         return found
 

@@ -23,7 +23,7 @@ from gcs_formation.mission.resumption import Known, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.json_shape import misfit
 from gcs_formation.record.run_directory import EVENTS, FLUSH_S, PORT, RECORDING, SCENARIO, SPOOL, SUMMARY, event_shape
-from gcs_formation.record.timeseries import PHASES, SLOT, read_spool
+from gcs_formation.record.timeseries import PHASES, SLOT, Spool
 
 ACCEPTED = ": accepted"
 EVERY_S = 1.0
@@ -72,7 +72,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
     """
     events, _ = recorded_events(directory)
     try:
-        rows = read_spool(directory / SPOOL)
+        rows = Spool(directory / SPOOL).read()
     except (OSError, ValueError) as error:
         raise RecordError(f"cannot read {directory / SPOOL}: {error}") from error
     now = _after_record(now, events, rows["t_s"])

@@ -20,7 +20,7 @@ from formation_scenario.gains import redesigned
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
-from gcs_formation.record.flight import Columns, RecordedFlight, split, table
+from gcs_formation.record.flight import Columns, RecordedFlight, split, tables
 from gcs_formation.record.json_shape import (
     INTEGER,
     NUMBER,
@@ -34,7 +34,7 @@ from gcs_formation.record.json_shape import (
 )
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
-from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, flying, read_parquet, read_spool
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, Spool, flying, read_parquet
 from gcs_formation.stability import scenario_delay_margin
 
 Events = tuple[Mapping[str, Any], ...]
@@ -268,10 +268,9 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
     from gcs_formation.record.unfinished import recorded_events  # noqa: PLC0415
 
     events, cut_off = recorded_events(directory)
-    columns = read_spool(directory / SPOOL)
-    truth = recorded_truth(directory)
+    columns, truth = Spool(directory / SPOOL).read(), recorded_truth(directory)
     if truth is not None:
-        known = columns["t_s"] <= truth["time_s"][-1]
+        known = columns["t_s"] <= truth.last_s
         columns = {name: values[known] for name, values in columns.items()}
     if not columns["t_s"].size:
         phases = [str(event.get("text")) for event in events if event.get("kind") == "phase"]
@@ -279,7 +278,8 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
         raise RecordError(f"found no control tick in {directory}: {last}, and nothing was flown")
     unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
     injected_s = {each.vehicle_id: unknown_s for each in scenario.vehicles}
-    flight = split(table(columns, scenario, truth, injected_s), scenario)
+    (whole,) = tables([columns], scenario, None if truth is None else truth.until, injected_s)
+    flight = split(whole, scenario)
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
     return _run_data(scenario, summary, events, flight, words)

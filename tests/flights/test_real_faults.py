@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gcs_formation.record.timeseries import read_spool
+from gcs_formation.record.timeseries import Spool
 from tests.flights.test_real_clock import emulators_of, late_s, path
 from tests.processes import LIMIT_S, STATION, events_of, started, wait_for, wait_for_event
 
@@ -41,7 +41,7 @@ def flown_s(out: Path) -> float:
     """Return how much of the flight along the path is in the record by now, s."""
     begun_s = [event["t_s"] for event in events_of(out) if event["text"] == "flying"]
     spool = out / "timeseries.ticks"
-    recorded_s = read_spool(spool)["t_s"] if spool.exists() else np.zeros(0)
+    recorded_s = Spool(spool).read()["t_s"] if spool.exists() else np.zeros(0)
     return float(recorded_s[-1]) - begun_s[0] if begun_s and recorded_s.size else 0.0
 
 
@@ -59,7 +59,7 @@ def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_p
     heard_s = next(event["t_s"] for event in events_of(out) if event["text"] == "connected")
     flying_s = next(event["t_s"] for event in events_of(out) if event["text"] == "flying")
     # Both are written at least once a second, by the station's clock; what it was late itself shows in its ticks.
-    late = float(np.diff(np.unique(read_spool(out / "timeseries.ticks")["t_s"])).max())
+    late = float(np.diff(np.unique(Spool(out / "timeseries.ticks").read()["t_s"])).max())
     assert heard_s + last_stamp_s(out / "flight.tlog") > flying_s + flown_s(out) - 1.0 - late
     assert not (out / "summary.json").exists()
 
@@ -96,7 +96,7 @@ def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: P
     assert "Traceback" not in said
     assert [event["kind"] for event in events_of(out)].count("failure") == 1
     assert events_of(out)[-1]["text"] == "failed"
-    assert len(read_spool(out / "timeseries.ticks")["t_s"]) > 0
+    assert len(Spool(out / "timeseries.ticks").read()["t_s"]) > 0
 
 
 @pytest.mark.slow

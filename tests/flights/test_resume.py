@@ -25,7 +25,7 @@ from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
-from gcs_formation.record.timeseries import read_parquet, read_spool
+from gcs_formation.record.timeseries import Spool, read_parquet
 from gcs_formation.record.unfinished import epoch_us, read_past
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
@@ -154,7 +154,7 @@ def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable
     assert flight.regained_s() < 30.0
     assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
     assert {command.param2 for command in flight.commanded(m.MAV_CMD_DO_SET_MODE)} == {m.PLANE_MODE_LOITER}
-    steps_s = np.diff(read_spool(flight.path / SPOOL)["t_s"])
+    steps_s = np.diff(Spool(flight.path / SPOOL).read()["t_s"])
     assert steps_s.min() >= 0.0
     assert 4.0 < steps_s.max() < 6.5
     events = [line.split('"kind": "')[1] for line in (flight.path / "events.jsonl").read_text().splitlines()]
@@ -170,7 +170,7 @@ def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
     assert isinstance(flight.world.notes, Kept)
     flight.world.notes.directory.flush()
     planned, options = flight.world.station.scenario, RunOptions(flight.path, resume=True)
-    recorded_s = max(float(read_spool(flight.path / SPOOL)["t_s"][-1]), events_of(flight.path)[-1]["t_s"])
+    recorded_s = max(float(Spool(flight.path / SPOOL).read()["t_s"][-1]), events_of(flight.path)[-1]["t_s"])
 
     monkeypatch.setattr(time, "time_ns", lambda: (EPOCH_US - 3600 * MICROSECONDS) * 1000)
     clock, resumed, behind_s = taken_up(planned, options)

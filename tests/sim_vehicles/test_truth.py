@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from sim_vehicles.truth import HEADER, TruthError, TruthWriter, read_truth
+import sim_vehicles.truth as truth_file
+from sim_vehicles.truth import HEADER, TruthError, TruthRecord, TruthWriter
 
 LOOP_S = 0.02
+
+
+def read_truth(path):
+    """Return all rows."""
+    return TruthRecord(path).until(np.inf)
 
 
 @pytest.fixture
@@ -44,6 +50,21 @@ def test_what_falls_out_of_the_air_is_airborne_no_more(make_air, tmp_path):
             if turn == 1:
                 air.fleet.vehicles[1].disarm(force=True)
     assert read_truth(path)["airborne"].tolist() == [[1.0, 1.0], [1.0, 0.0], [1.0, 0.0]]
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.1, 3.0])
+def test_rows_that_are_read_piece_by_piece_are_those_around_the_times_in_between(recorded, monkeypatch, step_s):
+    monkeypatch.setattr(truth_file, "BLOCK_BYTES", 1000)
+    whole, record, known_s = read_truth(recorded[0]), TruthRecord(recorded[0]), np.arange(1, 251) * 0.04
+    assert record.last_s == pytest.approx(10.0)
+    for begin_s in np.arange(0.0, 11.0, step_s):
+        piece = record.until(begin_s + step_s)
+        first = int(np.flatnonzero(whole["time_s"] == piece["time_s"][0])[0])
+        for name, column in piece.items():
+            np.testing.assert_array_equal(column, whole[name][first : first + len(column)])
+        assert len(piece["time_s"]) >= 2
+        assert piece["time_s"][0] <= max(known_s[0], begin_s)
+        assert piece["time_s"][-1] > begin_s + step_s or piece["time_s"][-1] == whole["time_s"][-1]
 
 
 @pytest.mark.parametrize("cut", [1, 7, 8, 60, 135])

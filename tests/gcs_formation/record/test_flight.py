@@ -7,7 +7,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
-from gcs_formation.record.flight import split, table
+from gcs_formation.record.flight import SCORED, Gathering, split, tables
 from gcs_formation.record.timeseries import MEASURED, PHASES
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
@@ -71,11 +71,15 @@ def truth(*crashed):
     }
 
 
-def flown(*crashed, third_leads_from_s=np.inf):
+def recorded(rows, true=None):
+    """Return the flight of a spool's columns and of the truth."""
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    return split(
-        table(spool(handed_over_s=third_leads_from_s, heir=THIRD), SCENARIO, truth(*crashed), injected), SCENARIO
-    )
+    (whole,) = tables([rows], SCENARIO, None if true is None else lambda _: true, injected)
+    return split(whole, SCENARIO)
+
+
+def flown(*crashed, third_leads_from_s=np.inf):
+    return recorded(spool(handed_over_s=third_leads_from_s, heir=THIRD), truth(*crashed))
 
 
 WHOLE = np.ones(TIME_S.size, dtype=bool)
@@ -110,16 +114,14 @@ def test_nobody_has_an_error_behind_a_leader_that_is_dead():
 
 def test_without_truth_the_station_s_knowledge_decides():
     airborne = TIME_S < 6.0
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(table(spool(station_airborne=airborne), SCENARIO, None, injected), SCENARIO)
+    flight = recorded(spool(station_airborne=airborne))
     assert np.isfinite(flight.error(THIRD)).all(axis=1).tolist() == airborne.tolist()
     assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
 
 
 def test_expectations_are_of_whoever_follows_in_their_window():
     """The second vehicle leads from 5 s on: of what follows then it can keep or break nothing, and the first can."""
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(table(spool(handed_over_s=5.0), SCENARIO, truth(), injected), SCENARIO)
+    flight = recorded(spool(handed_over_s=5.0), truth())
     windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
     scenario = load_scenario(KEYS | {"expect": expect})
@@ -134,11 +136,28 @@ def test_expectations_are_of_whoever_follows_in_their_window():
 
 def test_figures_of_one_that_led_say_of_what_share_of_the_time_they_are() -> None:
     """It is in its slot whenever it follows, 0.3 s of 10."""
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    flight = split(table(spool(handed_over_s=0.3), SCENARIO, truth(), injected), SCENARIO)
+    flight = recorded(spool(handed_over_s=0.3), truth())
     figures = [of_follower(flight, each, flight.window(0.0, 10.0), 0.0) for each in (FOLLOWER, THIRD)]
     assert [each["in_slot_share"] for each in figures] == [1.0, 1.0]
     assert [each["followed_share"] for each in figures] == [pytest.approx(3 / 101), 1.0]
+
+
+@pytest.mark.parametrize("ticks", [1, 7, 100, 101])
+def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
+    rows, true = spool(), truth(THIRD)
+    rng = np.random.default_rng(ticks)
+    injected = {each: rng.random((TIME_S.size, 2)) for each in (LEADER, FOLLOWER, THIRD)}
+    blocks = [{name: each[at : at + 3 * ticks] for name, each in rows.items()} for at in range(0, 303, 3 * ticks)]
+    gathering = Gathering(SCENARIO, SCORED)
+    passed = list(gathering.passing(tables(blocks, SCENARIO, lambda _: true, injected)))
+    assert [len(each["t_s"]) for each in passed[:-1]] == [ticks] * (len(blocks) - 1)
+    whole = split(next(tables([rows], SCENARIO, lambda _: true, injected)), SCENARIO)
+    flight = gathering.flight()
+    assert set(flight.vehicles[THIRD]) == SCORED
+    for name in SCORED:
+        np.testing.assert_array_equal(flight.vehicles[THIRD][name], whole.vehicles[THIRD][name])
+    ways_s = np.concatenate([each["injected_up_s"] for each in passed])
+    np.testing.assert_array_equal(ways_s[:, 2], injected[THIRD][:, 0])
 
 
 def test_of_nothing_there_is_no_least():
