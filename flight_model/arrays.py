@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -26,6 +27,7 @@ __all__ = [
     "any_of",
     "beside",
     "columns_of",
+    "mapped",
     "or_zero",
     "within",
     "wrap",
@@ -75,6 +77,13 @@ def columns_of(rows: Array, out: Array | None = None) -> Array:
     for begin in range(0, len(rows), block):
         found[:, begin : begin + block] = rows[begin : begin + block].T
     return found
+
+
+def mapped(path: Path, begin: int, shape: tuple[int, int]) -> Array:
+    """Return numbers of 64 bits, the lowest byte first, from a byte of a file on, as they are in the file: no copy."""
+    if not shape[0] * shape[1]:
+        return np.empty(shape)
+    return np.asarray(np.memmap(path, "<f8", "r", begin, shape))
 
 
 def or_zero(value: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import BLOCK_BYTES, Array, columns_of
+from flight_model.arrays import BLOCK_BYTES, Array, mapped
 from sim_vehicles.autopilot.board_clock import LOOP_HZ
 
 if TYPE_CHECKING:
@@ -100,44 +100,35 @@ class TruthRecord:
             TruthError: it isn't a record of ground truth.
             FileNotFoundError: there is none.
         """
-        self._path = path
         with path.open("rb") as file:
             head = file.read(HEADER.size)
         if len(head) < HEADER.size or head[: len(MAGIC)] != MAGIC:
             raise TruthError(f"{path} is not a record of ground truth")
         self._vehicles: int = HEADER.unpack(head)[1]
-        self._width = 1 + len(QUANTITIES) * self._vehicles
-        self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * self._width)
-        self._next = 0
-        """Row of the file that is read next."""
-        self._kept = np.empty((0, self._width))
-        """The rows before it that are still needed."""
+        width = 1 + len(QUANTITIES) * self._vehicles
+        self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * width)
+        self._numbers = mapped(path, HEADER.size, (self.rows, width))
 
     @property
     def last_s(self) -> float:
         """Time of the last row, since the clock's epoch; there must be one."""
-        return float(self._read(self.rows - 1, 1)[0, 0])
+        return float(self._numbers[-1, 0])
 
-    def until(self, time_s: float) -> dict[str, Array]:
-        """Return the rows from the last ones before the earlier call's time to the first ones after `time_s`.
+    def between(self, from_s: float, to_s: float) -> dict[str, Array]:
+        """Return the rows from the last one that isn't after a time to the first one that is after another.
+
+        There are two at least, where the record has so many.
 
         Returns:
-            `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V). Its first row is the record's or
-            not after the earlier time, its last one the record's or after `time_s`.
+            `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V).
         """
-        some = [self._kept]
-        while self._next < self.rows and not (some[-1].size and some[-1][-1, 0] > time_s):
-            some.append(self._read(self._next, max(1, BLOCK_BYTES // (NUMBER_BYTES * self._width))))
-            self._next += len(some[-1])
-        rows = np.concatenate(some)
-        passed = int(rows[:, 0].searchsorted(time_s, side="right"))
-        self._kept = rows[min(max(0, passed - 1), max(0, len(rows) - 2)) :].copy()
-        columns = columns_of(rows[:, 1:].reshape(-1, len(QUANTITIES)))
-        named = dict(zip(QUANTITIES, columns.reshape(len(QUANTITIES), len(rows), self._vehicles), strict=True))
-        return {"time_s": rows[:, 0], **named}
-
-    def _read(self, begin: int, count: int) -> Array:
-        with self._path.open("rb") as file:
-            file.seek(HEADER.size + begin * NUMBER_BYTES * self._width)
-            numbers = np.fromfile(file, "<f8", count=min(count, self.rows - begin) * self._width)
-        return numbers.reshape(-1, self._width)
+        times_s = self._numbers[:, 0]
+        first = max(0, min(int(times_s.searchsorted(from_s, side="right")) - 1, self.rows - 2))
+        end = max(first + 2, int(times_s.searchsorted(to_s, side="right")) + 1)
+        some = self._numbers[first:end]
+        numbers = some[:, 1:].reshape(len(some), self._vehicles, len(QUANTITIES))
+        columns = np.empty((len(QUANTITIES), len(some), self._vehicles))
+        block = max(1, BLOCK_BYTES // (NUMBER_BYTES * some.shape[1]))
+        for begin in range(0, len(some), block):
+            columns[:, begin : begin + block] = numbers[begin : begin + block].transpose(2, 0, 1)
+        return {"time_s": some[:, 0].copy(), **dict(zip(QUANTITIES, columns, strict=True))}

@@ -152,7 +152,7 @@ def _conclude(session: Session) -> Summary:
     """Return the summary; without one, the ground truth stays in the directory for `report`."""
     directory = session.recorder.path
     truth = recorded_truth(directory)
-    summary = session.conclude(None if truth is None else truth.until)
+    summary = session.conclude(None if truth is None else truth.between)
     (directory / TRUTH).unlink(missing_ok=True)
     return summary
 

@@ -26,9 +26,8 @@ from gcs_formation.record.timeseries import (
 )
 
 Columns = Mapping[str, Array]
-Truth = Callable[[float], Mapping[str, Array]]
-"""Returns the rows up to the first ones after a time, from the last ones before the time that it was called with
-before."""
+Truth = Callable[[float, float], Mapping[str, Array]]
+"""Returns the rows from the last one that isn't after a time to the first one that is after another."""
 WHOLE = slice(None)
 SCORED = frozenset(
     (
@@ -162,7 +161,8 @@ def tables(
         columns |= _injected(ways_s[done : done + time_s.size])
         done += time_s.size
         if truth is not None:
-            columns |= true_columns(truth(float(time_s[-1]) if time_s.size else -np.inf), time_s)
+            ends_s = (float(time_s[0]), float(time_s[-1])) if time_s.size else (np.inf, np.inf)
+            columns |= true_columns(truth(*ends_s), time_s)
         columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
         north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
         ground_m = np.zeros(north_m.shape)

@@ -16,7 +16,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask, columns_of, wrap
+from flight_model.arrays import Array, Mask, columns_of, mapped, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
@@ -61,7 +61,7 @@ GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 WAITING_TICKS = 64
 """Most ticks that wait to be written."""
-ROWS_AT_ONCE = 2**16
+ROWS_AT_ONCE = 2**14
 """So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
 SAMPLED_TICKS = 16
 NOISE_SHARE = 0.85
@@ -173,14 +173,12 @@ class _Part:
         """Yield the columns of so many rows or a tick at once, at least one block."""
         vehicles = len(self._vehicles)
         at_once = max(1, rows // max(1, vehicles))
-        with self._path.open("rb") as file:
-            file.seek(self._begin)
-            for begin in range(0, max(1, self.ticks), at_once):
-                ticks = min(at_once, self.ticks - begin)
-                read = np.fromfile(file, dtype="<f8", count=ticks * vehicles * len(SPOOLED))
-                network, system = np.tile(self._vehicles, (ticks, 1)).T
-                columns = columns_of(read.reshape(-1, len(SPOOLED)))
-                yield {"network": network, "vehicle": system} | dict(zip(SPOOLED, columns, strict=True))
+        numbers = mapped(self._path, self._begin, (self.ticks * vehicles, len(SPOOLED)))
+        for begin in range(0, max(1, self.ticks), at_once):
+            ticks = min(at_once, self.ticks - begin)
+            network, system = np.tile(self._vehicles, (ticks, 1)).T
+            columns = columns_of(numbers[begin * vehicles : (begin + ticks) * vehicles])
+            yield {"network": network, "vehicle": system} | dict(zip(SPOOLED, columns, strict=True))
 
 
 def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:

@@ -278,7 +278,7 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
         raise RecordError(f"found no control tick in {directory}: {last}, and nothing was flown")
     unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
     injected_s = {each.vehicle_id: unknown_s for each in scenario.vehicles}
-    (whole,) = tables([columns], scenario, None if truth is None else truth.until, injected_s)
+    (whole,) = tables([columns], scenario, None if truth is None else truth.between, injected_s)
     flight = split(whole, scenario)
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)

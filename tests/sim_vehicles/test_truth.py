@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-import sim_vehicles.truth as truth_file
-from sim_vehicles.truth import HEADER, TruthError, TruthRecord, TruthWriter
+from sim_vehicles.truth import HEADER, MAGIC, QUANTITIES, TruthError, TruthRecord, TruthWriter
 
 LOOP_S = 0.02
 
 
 def read_truth(path):
     """Return all rows."""
-    return TruthRecord(path).until(np.inf)
+    return TruthRecord(path).between(-np.inf, np.inf)
 
 
 @pytest.fixture
@@ -26,6 +27,15 @@ def recorded(make_air, tmp_path):
                 now = [body.state for body in air.fleet.bodies]
                 states.append(([each.north_m for each in now], [each.airspeed_mps for each in now]))
     return path, states
+
+
+@pytest.fixture(scope="module")
+def long_record(tmp_path_factory):
+    """Return a record of 10 s of three vehicles, and all its rows."""
+    path, rng = tmp_path_factory.mktemp("truth") / "truth.bin", np.random.default_rng(1)
+    rows = np.column_stack((np.arange(1, 251) * 0.04, rng.normal(size=(250, 3 * len(QUANTITIES)))))
+    path.write_bytes(HEADER.pack(MAGIC, 3) + rows.tobytes())
+    return TruthRecord(path), read_truth(path)
 
 
 def test_rows_are_the_fleet_s_states_at_half_the_main_loop_s_rate(recorded):
@@ -52,19 +62,20 @@ def test_what_falls_out_of_the_air_is_airborne_no_more(make_air, tmp_path):
     assert read_truth(path)["airborne"].tolist() == [[1.0, 1.0], [1.0, 0.0], [1.0, 0.0]]
 
 
-@pytest.mark.parametrize("step_s", [0.01, 0.1, 3.0])
-def test_rows_that_are_read_piece_by_piece_are_those_around_the_times_in_between(recorded, monkeypatch, step_s):
-    monkeypatch.setattr(truth_file, "BLOCK_BYTES", 1000)
-    whole, record, known_s = read_truth(recorded[0]), TruthRecord(recorded[0]), np.arange(1, 251) * 0.04
-    assert record.last_s == pytest.approx(10.0)
-    for begin_s in np.arange(0.0, 11.0, step_s):
-        piece = record.until(begin_s + step_s)
-        first = int(np.flatnonzero(whole["time_s"] == piece["time_s"][0])[0])
-        for name, column in piece.items():
-            np.testing.assert_array_equal(column, whole[name][first : first + len(column)])
-        assert len(piece["time_s"]) >= 2
-        assert piece["time_s"][0] <= max(known_s[0], begin_s)
-        assert piece["time_s"][-1] > begin_s + step_s or piece["time_s"][-1] == whole["time_s"][-1]
+@given(st.floats(-1.0, 11.0), st.floats(0.0, 11.0))
+def test_rows_between_two_times_are_all_that_values_between_them_are_interpolated_from(long_record, from_s, over_s):
+    record, whole = long_record
+    some = record.between(from_s, from_s + over_s)
+    assert record.last_s == whole["time_s"][-1]
+    first = int(np.flatnonzero(whole["time_s"] == some["time_s"][0])[0])
+    for name, column in some.items():
+        np.testing.assert_array_equal(column, whole[name][first : first + len(column)])
+    assert len(some["time_s"]) >= 2
+    assert first == 0 or some["time_s"][0] <= from_s or some["time_s"][-1] == record.last_s
+    assert some["time_s"][-1] > from_s + over_s or some["time_s"][-1] == record.last_s
+    wanted_s = np.linspace(from_s, from_s + over_s, 7)
+    expected, found = (np.interp(wanted_s, each["time_s"], each["north_m"][:, 1]) for each in (whole, some))
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("cut", [1, 7, 8, 60, 135])

@@ -74,7 +74,7 @@ def truth(*crashed):
 def recorded(rows, true=None):
     """Return the flight of a spool's columns and of the truth."""
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    (whole,) = tables([rows], SCENARIO, None if true is None else lambda _: true, injected)
+    (whole,) = tables([rows], SCENARIO, None if true is None else lambda *_: true, injected)
     return split(whole, SCENARIO)
 
 
@@ -149,9 +149,9 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     injected = {each: rng.random((TIME_S.size, 2)) for each in (LEADER, FOLLOWER, THIRD)}
     blocks = [{name: each[at : at + 3 * ticks] for name, each in rows.items()} for at in range(0, 303, 3 * ticks)]
     gathering = Gathering(SCENARIO, SCORED)
-    passed = list(gathering.passing(tables(blocks, SCENARIO, lambda _: true, injected)))
+    passed = list(gathering.passing(tables(blocks, SCENARIO, lambda *_: true, injected)))
     assert [len(each["t_s"]) for each in passed[:-1]] == [ticks] * (len(blocks) - 1)
-    whole = split(next(tables([rows], SCENARIO, lambda _: true, injected)), SCENARIO)
+    whole = split(next(tables([rows], SCENARIO, lambda *_: true, injected)), SCENARIO)
     flight = gathering.flight()
     assert set(flight.vehicles[THIRD]) == SCORED
     for name in SCORED:
