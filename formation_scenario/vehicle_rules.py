@@ -112,6 +112,8 @@ def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator
     elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
         found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
         yield (*at, "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more"
+    elif model.hovers and model.speed_min_mps > 0.0:
+        yield (*at, "speed_min_mps"), f"found {model.speed_min_mps:g} of a vehicle that hovers", "0: it can stand"
     elif model.airframe and model.airframe.airspeed_scale != 1.0 and not reads_equivalent_airspeed(vehicle):
         found = f"found {model.airframe.airspeed_scale:g} of a vehicle whose model has no airframe: no sensor is read"
         yield (*at, "airframe", "airspeed_scale"), found, "1, or an airframe in its model too"

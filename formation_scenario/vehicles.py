@@ -119,7 +119,7 @@ class VehicleModel(Keys):
     tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
     tau_ha_s: TimeConstant = key(1.0, "first time constant of height, s", 1.5)
     tau_hb_s: TimeConstant = key(3.0, "second time constant of height, s", 2)
-    speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 only of what hovers", 14)
+    speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 of what hovers, and only of that", 14)
     speed_max_mps: Speed = key(28.0, "highest airspeed, m/s", 29)
     accel_max_mps2: Positive = key(1.5, "largest change of airspeed, m/s²", 1)
     turn_rate_max_rps: Positive = key(0.25, "highest turn rate, rad/s", 0.2)

@@ -278,6 +278,12 @@ def test_only_what_hovers_may_stand(refusal):
     assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)
 
 
+@pytest.mark.parametrize(("model", "speed"), [("{hovers: true}", "16"), ("{hovers: true, speed_min_mps: 3}", "3")])
+def test_what_hovers_may_stand(refusal, model, speed):
+    told = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can stand"
+    assert told in refusal(f"vehicles={{count: 2, model: {model}}}", "path.speed_mps=20")
+
+
 @pytest.mark.parametrize(
     ("model", "told"),
     [
