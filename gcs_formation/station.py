@@ -184,6 +184,7 @@ class Station(Engine):
         if self.flight.phase in COMMANDED:
             self._fly(now)
         else:
+            self._conformance.stand_down()
             self._look_on(now)
         self._send_all(self._dispatch.stand_ins(now), now)
         if self.flight.phase in OVER:

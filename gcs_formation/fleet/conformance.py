@@ -184,6 +184,11 @@ class ConformanceMonitor:
             elif missing is None and before is not None:
                 self._note(now, "obeys", f"{before.description} is over", vehicle, {"order": before.description})
 
+    def stand_down(self) -> None:
+        """Expect nothing of setpoints, which nobody is sent any more."""
+        for flier in self._fliers:
+            flier.since = None
+
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check how the vehicles follow this and earlier ticks' setpoints."""
         for flier in self._fliers:

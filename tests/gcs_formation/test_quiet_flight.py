@@ -13,6 +13,7 @@ import gcs_formation
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
+from tests.processes import events_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEADY_S = 30.0
@@ -72,3 +73,20 @@ def test_setpoints_from_noisy_telemetry_are_quiet_from_the_start_of_the_path_on(
     assert steps.heading_deg[0] <= 0.5
     assert steps.heading_deg[1] <= 5 * 0.5
     assert steps.settled_s <= 25.0
+
+
+@pytest.mark.parametrize("config", ["quickstart.yaml", "arduplane.yaml"])
+def test_of_a_quiet_flight_there_is_nothing_to_say_but_what_it_does(config: str, tmp_path: Path) -> None:
+    """Through to 12 s after everybody has been told to loiter, when nobody is sent setpoints any more."""
+    summary = gcs_formation.run(
+        CONFIGS / config,
+        clock="virtual",
+        out=tmp_path / "run",
+        until=10.0,
+        finish={"loiter_s": 12.0},
+        disturbances=[],
+        expect=[],
+    )
+    assert summary.held
+    kinds = {event["kind"] for event in events_of(tmp_path / "run")}
+    assert kinds <= {"recording", "emulation", "link", "mode", "statustext", "ready", "member", "phase"}
