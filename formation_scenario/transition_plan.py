@@ -128,13 +128,15 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     """
     moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
     flight = conditions.flight(moments_s)
-    near = np.flatnonzero(_distances_m(level, flight, moments_s, conditions).min(axis=0) < apart_m)
+    apart = _distances_m(level, flight, moments_s, conditions)
+    near = np.flatnonzero(apart.min(axis=0) < apart_m)
     if not near.size:
-        return level
+        return replace(level, least_m=float(apart.min(initial=np.inf)))
     lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
     lifted = _lift(level, lift_m, flight, conditions)
-    _refuse_near(_distances_m(lifted, flight, moments_s, conditions), apart_m, moments_s, conditions)
-    return lifted
+    apart = _distances_m(lifted, flight, moments_s, conditions)
+    _refuse_near(apart, apart_m, moments_s, conditions)
+    return replace(lifted, least_m=float(apart.min()))
 
 
 def _refuse_beyond(

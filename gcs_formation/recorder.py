@@ -33,6 +33,7 @@ class VehicleLink:
         "disobeying",
         "down_s",
         "flew",
+        "flies_home_m",
         "heard",
         "jitter_s",
         "lag_s",
@@ -65,6 +66,8 @@ class VehicleLink:
         """Whether it did when it was last heard."""
         self.circling = False
         """Whether it isn't commanded and circles, or is about to turn onto its circle."""
+        self.flies_home_m: tuple[float, float] | None = None
+        """Where it flies, north and east, if it isn't commanded and its mode brings it home."""
         self.heard: int = now
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False

@@ -67,7 +67,8 @@ class Dispatch:
                 link.up_s, link.down_s = vehicle.round_trips.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew
-            link.circling = not link.ready and vehicle.circles
+            if not link.ready:
+                link.circling, link.flies_home_m = vehicle.circles, vehicle.flies_home_m
             link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]

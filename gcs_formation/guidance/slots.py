@@ -8,6 +8,7 @@ the route or the plan changes.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -179,6 +180,10 @@ class FormationPlan:
     def at_rest(self, now_s: float) -> bool:
         """Return whether all slots are at rest, from a time on."""
         return now_s >= self._over_s and not self.beside.any()
+
+    def least_m(self, now_s: float) -> float:
+        """Return how near any two slots come on their way, as planned; infinite once all are at rest."""
+        return math.inf if now_s >= self._over_s else self._way.least_m
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""

@@ -23,7 +23,6 @@ from gcs_formation.separation.approach import (
 )
 from gcs_formation.separation.traffic import (
     AS_COMMANDED,
-    REFERENCE,
     TrafficPicture,
     free_heights,
     possible_pairs,
@@ -196,7 +195,7 @@ class _Search:
         picture = self._picture
         courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
         which = np.full(courses.height_m.size, vehicle, dtype=np.intp)
-        moved = picture.velocity_mps[:, REFERENCE, None, None] * picture.times_s[:, None]
+        moved = picture.reference_mps[:, None] * picture.times_s[:, None]
         ours = fly_level(picture.traffic.take(which), courses, picture.times_s) - moved
         others = np.delete(np.arange(picture.commanded.size, dtype=np.intp), vehicle)
         theirs = self._ways[:2, :, others] - moved

@@ -30,7 +30,8 @@ ROOM_M: Final = 0.5
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
 SLOT_SHARE: Final = 0.8
-"""Share of the distance of the two nearest slots that is kept at most: the rule doesn't fight the formation."""
+"""Share of the distance of the two nearest slots that is kept at most, and of what slots leave on their planned ways:
+the rule doesn't fight the formation."""
 TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S: Final = 0.2
@@ -89,30 +90,32 @@ class ConflictResolver:
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
-    def keep(self, tick: Tick, measured: Measured) -> None:
+    def keep(self, tick: Tick, measured: Measured, planned_m: float = math.inf) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
+            planned_m: how near slots that move come to each other, as planned; infinite where none does.
         """
         if not self._enabled:
             return
         self._watch_free(measured)
         self._watch_slots(tick.slots_m)
+        kept_m = min(self.kept_m, SLOT_SHARE * planned_m)
         self._unresponsive.watch(tick.now, tick.links)
-        if self._nobody_near(tick, measured):
+        if self._nobody_near(tick, measured, kept_m):
             return
         members = self._members(tick)
         if len(members) < FEWEST:
             return
-        picture = self._picture(tick, measured, members, self._unresponsive.among(members))
+        picture = self._picture(tick, measured, members, kept_m)
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
 
-    def _nobody_near(self, tick: Tick, measured: Measured) -> bool:
+    def _nobody_near(self, tick: Tick, measured: Measured, kept_m: float) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
         if not self._predicted or self._encounters or self._unresponsive.any:
             return False
@@ -125,12 +128,13 @@ class ConflictResolver:
                     return False
                 together = max(together, acts[column])
         look = self._first_look
-        look.begin(tick.state[max(first, tick.leader)])
+        reference = max(first, tick.leader)
+        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, timing_s)
-        return look.all_apart(self.kept_m)
+        return look.all_apart(kept_m)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
@@ -157,12 +161,13 @@ class ConflictResolver:
             counted.insert(0, tick.leader)
         return counted
 
-    def _picture(self, tick: Tick, measured: Measured, members: list[int], unresponsive: list[int]) -> TrafficPicture:
+    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept_m: float) -> TrafficPicture:
         """Return the traffic that the rule looks at.
 
         Those that may be in two places are in it twice: as they don't respond, may turn tightly, or, multirotors that
-        nobody commands, may go on changing their velocity as they do.
+        nobody commands, may go on changing their velocity as they do, or set off for home.
         """
+        unresponsive = self._unresponsive.among(members)
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
@@ -183,17 +188,19 @@ class ConflictResolver:
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
         free = [at for at, each in enumerate(members) if self._hovers and not tick.active[each]]
-        if free:
-            traffic = traffic.beside(traffic.take(np.array(free)))
-            setpoints += [self._seems_about(members[at], measured) for at in free]
-            vehicles += [members[at] for at in free]
+        about = [(at, self._seems_about(members[at], measured)) for at in free]
+        about += [(at, homewards) for at in free if (homewards := self._homewards(tick, members[at], measured))]
+        if about:
+            traffic = traffic.beside(traffic.take(np.array([at for at, _ in about])))
+            setpoints += [setpoint for _, setpoint in about]
+            vehicles += [members[at] for at, _ in about]
         commanded += [False] * (len(vehicles) - len(members))
         return TrafficPicture(
             traffic=traffic,
             setpoints=Setpoints.from_each(setpoints),
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
-            kept_m=self.kept_m,
+            kept_m=kept_m,
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
@@ -259,6 +266,15 @@ class ConflictResolver:
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
         north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
+
+    def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
+        """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""
+        home_m, state = tick.links[column].flies_home_m, measured.states[column]
+        if home_m is None:
+            return None
+        to_north_m, to_east_m = home_m[0] - state.north_m, home_m[1] - state.east_m
+        speed_mps = min(self._models[column].speed_max_mps, math.hypot(to_north_m, to_east_m) / self._keys.horizon_s)
+        return speed_mps, math.atan2(to_east_m, to_north_m), math.nan
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of slots that stand nearer to each other than any of the scenario's."""

@@ -17,7 +17,9 @@ from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistan
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
 REFERENCE = 0
-"""The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts."""
+"""The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts.
+
+Of multirotors it is the velocity that it is commanded: the one that it has may come of giving way."""
 AS_COMMANDED = 2
 """How many of a vehicle's courses, the first ones, begin as commanded."""
 ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
@@ -57,21 +59,37 @@ class TrafficPicture:
         return self.traffic.state.ground_mps
 
     @cached_property
+    def reference(self) -> tuple[float, float]:
+        """Airspeed and heading of the reference."""
+        aims = self.traffic.hovers and bool(self.commanded[REFERENCE])
+        its = self.setpoints.air_motion if aims else self.traffic.state.air_motion
+        return float(its[0, REFERENCE]), float(its[1, REFERENCE])
+
+    @cached_property
+    def reference_mps(self) -> Array:
+        """Ground velocity of the reference north and east, (2, 1)."""
+        if not self.traffic.hovers:
+            return self.velocity_mps[:, [REFERENCE]]
+        speed_mps, heading_rad = self.reference
+        return np.array([[speed_mps * math.cos(heading_rad)], [speed_mps * math.sin(heading_rad)]])
+
+    @cached_property
     def along(self) -> tuple[Array, Array]:
         """Airspeed and heading of the reference as each can fly them, (N,); those not commanded go on."""
-        state, model, on = self.traffic.state, self.traffic.model, self.setpoints
-        speed = within(state.airspeed_mps[REFERENCE], model.speed_min_mps, model.speed_max_mps)
-        heading = np.full(speed.size, state.heading_rad[REFERENCE])
+        model, on = self.traffic.model, self.setpoints
+        speed, heading = (np.full(self.commanded.size, each) for each in self.reference)
+        speed = within(speed, model.speed_min_mps, model.speed_max_mps)
         return np.where(self.commanded, speed, on.speed_mps), np.where(self.commanded, heading, on.heading_rad)
 
     def lasting(self, vehicle: int) -> tuple[float, float]:
         """Return airspeed and heading that a vehicle can go on with when it has flown as commanded: the reference's.
 
-        The reference itself flies on as it then does (NaN). In a bend it turns while commanded to, and straight on
-        isn't the heading of now any more: a way that begins so and turns back couldn't be flown on at the next tick.
+        The reference itself, unless it's a multirotor, flies on as it then does (NaN). In a bend it turns while
+        commanded to, and straight on isn't the heading of now any more: a way that begins so and turns back couldn't be
+        flown on at the next tick.
         """
         speed, heading = self.along
-        turns = vehicle == REFERENCE
+        turns = vehicle == REFERENCE and not self.traffic.hovers
         return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
 
     def minimum(self, one: Indices, other: Indices) -> MinimumDistance:
@@ -109,7 +127,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     """Return the courses that are open to a vehicle, the mildest first.
 
     The course as commanded, then along the reference or straight on; along the reference at once; straight on at once.
-    A multirotor may also stop, or fly in any of eight directions, aside first.
+    A multirotor may also stop, before it flies straight on, or fly in any of eight directions, aside first.
     """
     now, setpoints, on = picture.traffic.state, picture.setpoints, (np.nan, np.nan)
     course = float(setpoints.speed_mps[vehicle]), float(setpoints.heading_rad[vehicle])
@@ -117,10 +135,9 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     present = float(now.airspeed_mps[vehicle]), float(now.heading_rad[vehicle])
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
-        north_mps, east_mps = picture.velocity_mps[:, REFERENCE]
-        ahead_rad, most_mps = math.atan2(east_mps, north_mps), float(picture.traffic.model.speed_max_mps[vehicle])
-        ways = [(0.0, ahead_rad), *((most_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
-        found += [(way, way) for way in ways]
+        ahead_rad, most_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
+        stop, *aside = [(0.0, ahead_rad), *((most_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
+        found[-1:] = [(stop, stop), found[-1], *((way, way) for way in aside)]
     return found
 
 
@@ -191,9 +208,7 @@ def bound(picture: TrafficPicture) -> Reach:
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)
-    drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(
-        along[0] - state.airspeed_mps[REFERENCE]
-    )
+    drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(along[0] - picture.reference[0])
     first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
     if traffic.hovers:
         aimed = [velocity_aimed_at(state, each, traffic.model) for each in (along, setpoints.air_motion)]
@@ -209,7 +224,7 @@ def bound(picture: TrafficPicture) -> Reach:
     off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
     far_m = (weight * off).sum(axis=0) + drift_mps * horizon_s
     fast_mps = (weight * error).sum(axis=0) + drift_mps
-    frame_mps = picture.velocity_mps[:, [REFERENCE]]
+    frame_mps = picture.reference_mps
     place_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
         _free(picture, frame_mps, far_m, fast_mps, horizon_s)

@@ -219,6 +219,11 @@ class Vehicle:
         """Whether its mode is one in which it circles where it is."""
         return self.telemetry.custom_mode == self.autopilot.circling_mode
 
+    @property
+    def flies_home_m(self) -> tuple[float, float] | None:
+        """North and east of its home, if its mode is one in which it flies there; None if not, or if it's unknown."""
+        return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
+
     def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
 

@@ -47,6 +47,23 @@ def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("shape", "other", "spacing_m"), [("plus", "line", 12), ("circle", "triangle", 13)])
+def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, tmp_path):
+    """Past each other at 1/sqrt(2) of the slots' distance, nearer than the rule keeps: they gave way for ever."""
+    keys = {
+        "start": {"in_air": True},
+        "duration_s": 70,
+        "vehicles": {"count": 5, "autopilot": FAMILY},
+        "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 40], [2000, 0, 40]]},
+        "formation": {"shape": shape, "spacing_m": spacing_m, "changes": [{"at_s": 10, "shape": other}]},
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    assert not [each for each in events(tmp_path / "run") if each["kind"] == "separation"]
+    assert flown["safety"]["min_separation_m"] > 0.95 * spacing_m / math.sqrt(2.0)
+    assert all(follower["in_slot_share"] == 1.0 for follower in flown["followers"].values())
+
+
+@pytest.mark.slow
 def test_they_stand_through_gusts_while_they_stand(tmp_path):
     keys = yaml.safe_load(CONFIG.read_text()) | {
         "start": {"in_air": True, "run_in_s": 6, "offset_m": [2, -1, 1]},

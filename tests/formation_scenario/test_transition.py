@@ -105,6 +105,8 @@ def test_a_slot_whose_vehicle_is_away_has_no_way_and_nobody_makes_room_for_it(lo
     present = np.array([False, True, True, True, True])
     flight = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
     way = plan_change(scenario, start, step.arrangement._replace(shape="line", leader=2), 0.0, flight, present)
+    places_m = way.sample(np.linspace(0.0, way.duration_s, 1001)).position_m[:, 1:]
+    assert way.least_m == pytest.approx(min(pdist(each).min() for each in places_m), abs=0.01)
     for moment in (0.0, way.duration_s / 2):
         np.testing.assert_array_equal(way.at(moment).position_m[0], [0, 60, 0])
         np.testing.assert_array_equal(way.at(moment).velocity_mps[0], 0.0)

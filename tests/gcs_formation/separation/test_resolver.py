@@ -57,7 +57,7 @@ class Crossing:
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
-    def keep(self, age_s: float = 0.0, at_s: float = 0.0) -> Tick:
+    def keep(self, age_s: float = 0.0, at_s: float = 0.0, planned_m: float = math.inf) -> Tick:
         height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours.tolist()
         table = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         now = after(Instant(0), at_s)
@@ -70,7 +70,7 @@ class Crossing:
         tick.slots_m = self.slots_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
-        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2))
+        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2), planned_m)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -97,6 +97,15 @@ def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None
     assert heard.keep(at_s=10.0).yielding == [False, True]
     unheard.heard_s = 2.0
     assert unheard.keep(at_s=10.0).yielding[0]
+
+
+@pytest.mark.parametrize(("planned_m", "gives"), [(math.inf, True), (13.1, True), (12.0, False)])
+def test_slots_that_are_planned_to_come_nearer_on_their_way_are_not_fought(planned_m: float, gives: bool) -> None:
+    """Two come within 10 m, less than the rule keeps, before the later one flies along with the other."""
+    beside = Crossing()
+    beside.ours[:] = True
+    beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, 16.0), (0.0, -0.2)
+    assert any(beside.keep(planned_m=planned_m).yielding) is gives
 
 
 @pytest.mark.parametrize(("age_s", "gives"), [(29.9, True), (30.1, False)])
