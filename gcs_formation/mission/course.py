@@ -261,7 +261,10 @@ class Course:
                 self.move(Cause.NOT_ALL_LOITERED if pending or elsewhere else Cause.LOITERED, now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
-        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first."""
+        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first.
+
+        What can stand is stopped first where it loiters: braking one by one, as each hears it, they would meet.
+        """
         opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.call_off()
         ahead = self._controller.ahead_m if opens else stays
         gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
@@ -270,5 +273,8 @@ class Course:
         self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
         self.opening = None
         if opens:
-            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now, self._ending.limit_s)
+            stands, limit_s = self._ending.stands, self._ending.limit_s
+            if stands:
+                self._controller.guidance.fly_at(0.0)
+            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now, limit_s, stops=stands)
             self._membership.end(self._ending.stack.heights_m)

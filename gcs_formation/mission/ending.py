@@ -76,9 +76,10 @@ class Ending:
         self.landings = landings or Landings(lambda: why_not_land(vehicles, ground))
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
-        stand = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
+        self.stands = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
+        """Whether all stand where they are, and needn't be one above the other."""
         lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
-        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=stand)
+        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands)
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""

@@ -28,6 +28,8 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its own height once it is told one this near to it, m."""
+STANDS_MPS = 0.5
+"""Speed over ground below which what was to stop stands."""
 BESIDE_M = 5.0
 """What circles are farther apart than vehicles must be, in calm air."""
 SWAY_SIGMAS = 4.0
@@ -221,9 +223,11 @@ class Opening:
         vehicles: Mapping[VehicleId, Vehicle],
         now: Instant,
         limit_s: float,
+        *,
+        stops: bool = False,
     ) -> None:
-        """Steer to the heights of `stack`, for `limit_s` at most."""
-        self._stack, self._controller = stack, controller
+        """Steer to the heights of `stack`, for `limit_s` at most; `stops`: and until all that is steered stands."""
+        self._stack, self._controller, self._stops = stack, controller, stops
         self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
         self._fliers = dict[VehicleId, Flier]()
 
@@ -243,7 +247,12 @@ class Opening:
     def over(self, now: Instant) -> bool:
         """Return whether everyone may circle, or it must do."""
         late = seconds_between(self._since, now) >= self._limit_s
-        return late or self._stack.apart(self._fliers)
+        return late or (self._stack.apart(self._fliers) and not (self._stops and self._moves()))
+
+    def _moves(self) -> bool:
+        """Return whether somebody who is steered doesn't stand yet."""
+        steered = (flier.place for flier in self._fliers.values() if flier.steered)
+        return any(math.hypot(place.north_mps, place.east_mps) > STANDS_MPS for place in steered)
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
         place, column = vehicle.telemetry.motion, vehicle.column

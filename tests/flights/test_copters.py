@@ -63,6 +63,25 @@ def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, t
     assert all(follower["in_slot_share"] == 1.0 for follower in flown["followers"].values())
 
 
+@pytest.mark.parametrize("ends", [{"duration_s": 12}, {"orders": [{"at_s": 12, "order": "loiter"}]}])
+def test_they_stop_together_before_they_are_left_alone(ends, tmp_path):
+    """One hears that it is to brake 0.8 s after the others: by then it had flown 6 m, into the one before it."""
+    keys = {
+        "start": {"in_air": True, "run_in_s": 6},
+        "duration_s": 30,
+        "vehicles": {"count": 3, "autopilot": FAMILY},
+        "path": {"speed_mps": 7, "waypoints_m": [[0, 0, 40], [2000, 0, 40]]},
+        "formation": {"shape": "follower", "spacing_m": 8},
+        "links": {"changes": [{"at_s": 2, "vehicles": [2], "delay_ms": 800}]},
+        "safety": {"separation_m": 4},
+    }
+    flown = gcs_formation.run(keys | ends, clock="virtual", out=tmp_path / "run").to_dict()
+    assert flown["safety"]["min_separation_m"] > 6.5
+    phases = [each for each in events(tmp_path / "run") if each["kind"] == "phase"]
+    began: dict[object, Any] = {each["text"]: each["t_s"] for each in phases}
+    assert 2.0 < began["loitering"] - began["ending"] < 15.0
+
+
 @pytest.mark.slow
 def test_they_stand_through_gusts_while_they_stand(tmp_path):
     keys = yaml.safe_load(CONFIG.read_text()) | {
