@@ -7,6 +7,8 @@ from typing import Final
 
 CHANNELS: Final = ("speed", "heading", "height")
 """What is controlled, each by a loop of its own."""
+HEIGHT: Final = 2
+"""Place of the height among them."""
 Triple = tuple[float, float, float]
 """Of forward, right and up; or of the channels."""
 UNKNOWN: Triple = (math.nan, math.nan, math.nan)

@@ -35,8 +35,7 @@ from gcs_formation.guidance.leader_guidance import (
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
 from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
-from gcs_formation.separation.fence import FenceLimits
-from gcs_formation.separation.floor import HeightFloor
+from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL: Final = 0

@@ -11,7 +11,7 @@ import numpy as np
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices, or_zero
 from flight_model.autopilot_model import AutopilotModel, within, wrap
-from flight_model.slot import CHANNELS, UNKNOWN, Triple
+from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import column_ids
@@ -42,7 +42,6 @@ SEEMS_FOR_S: Final = 2.0
 """For how long it may go on with it."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-HEIGHT: Final = CHANNELS.index("height")
 FEWEST: Final = 2
 """Vehicles that can come near each other."""
 

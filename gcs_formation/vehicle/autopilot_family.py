@@ -17,7 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 

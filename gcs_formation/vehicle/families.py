@@ -9,8 +9,7 @@ from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.slot_assignment import columns
 from formation_scenario.vehicles import family_of, reads_equivalent_airspeed
-from gcs_formation.estimation.airspeed_check import AirspeedCheck
-from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot

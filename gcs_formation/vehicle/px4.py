@@ -26,7 +26,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import AIRBORNE_M, ASKED_S, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry

@@ -19,7 +19,7 @@ from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.estimation.airspeed_check import AirspeedCheck
+from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips import RoundTrips

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_formation.estimation.airspeed_check import RETURN_S, AirspeedCheck
+from gcs_formation.estimation.airspeed import RETURN_S, AirspeedCheck
 
 SLOWEST_MPS, FASTEST_MPS, FLOWN_MPS = 16.0, 28.0, 22.0
 PERIOD_S = 0.1

@@ -14,7 +14,7 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fence
 from gcs_formation import from_scenario
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.fence import FenceLimits
+from gcs_formation.separation.airspace import FenceLimits
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 from tests.gcs_formation import tables

@@ -15,7 +15,7 @@ from formation_scenario.terrain import ElevationGrid
 from gcs_formation import from_scenario
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.floor import OVER_S, HeightFloor
+from gcs_formation.separation.airspace import OVER_S, HeightFloor
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 

@@ -9,7 +9,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address, VehicleId
 from airlink.messages.telemetry import Attitude
-from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.telemetry import APART_LIMIT_S

@@ -14,7 +14,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.estimation.airspeed_scale import AirspeedScale
+from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
