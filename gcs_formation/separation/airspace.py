@@ -43,17 +43,17 @@ class FenceLimits:
         self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
         self._identities = column_ids(scenario)
-        self._real = np.array([each is not None for each in self._identities])
+        self._is_vehicle = np.array([each is not None for each in self._identities])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
-        self._side = np.zeros(self._real.size)
+        self._side = np.zeros(self._is_vehicle.size)
         """-1, 1: to which side a column is being turned away."""
-        self._at_limit: Mask = np.zeros((2, self._real.size), dtype=bool)
+        self._at_limit: Mask = np.zeros((2, self._is_vehicle.size), dtype=bool)
 
     def keep(self, tick: Tick) -> None:
         """Put setpoints inside in the place of a tick's that aren't."""
         if not self._fenced:
             return
-        active: Mask = tick.active & self._real
+        active: Mask = tick.active & self._is_vehicle
         self._limit_heights(tick, active)
         if self._corners_m.size:
             self._turn_away(tick, active)

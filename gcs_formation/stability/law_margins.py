@@ -9,15 +9,18 @@ from functools import cache
 from operator import itemgetter
 
 from airlink.endpoint import VehicleId
+from flight_model.energy import AirframeParameters
+from flight_model.frequency_response import airframe_responses, lag_responses
+from flight_model.gain_design import FREQUENCIES
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.setpoint import TRAIL_S
-from gcs_formation.stability.aircraft import AircraftResponse, aircraft_responses
 from gcs_formation.stability.consensus_margins import ground_consensus_loops
 from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
+    AircraftResponse,
     Loop,
     Mixer,
     PidGains,
@@ -31,6 +34,7 @@ from gcs_formation.stability.pid_margins import (
 
 LAGS = "tau_v_s", "tau_psi_s"
 """Of the axes that the consensus closes: along the heading, and across."""
+Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None, None, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,3 +169,20 @@ def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
         for c, aircraft in sorted(kinds, key=itemgetter(0))
         for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)
     ]
+
+
+def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
+    """Return the responses of speed, heading and height at an airspeed, m/s; None of what flies as (7) says."""
+    if model.airframe is None:
+        return None, None, None
+    airframe = AirframeParameters.of(model.airframe.parameters())
+    return _responses(airframe, speed_mps, (model.tau_v_s, model.tau_psi_s), (model.tau_ha_s, model.tau_hb_s))
+
+
+@cache
+def _responses(
+    airframe: AirframeParameters, speed_mps: float, lags_s: tuple[float, float], heights_s: tuple[float, float]
+) -> tuple[AircraftResponse, AircraftResponse, AircraftResponse]:
+    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(FREQUENCIES, *lags_s, heights_s)
+    speed, heading, height = true.speed / model.speed, true.heading / model.heading, true.height / model.height
+    return AircraftResponse(speed), AircraftResponse(heading), AircraftResponse(height)

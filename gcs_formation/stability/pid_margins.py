@@ -15,12 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
-from flight_model.gain_design import FREQUENCIES
+from flight_model.gain_design import FREQUENCIES, stable_delay_s
 from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer
-from gcs_formation.stability.aircraft import AircraftResponse
 
 Coefficients = Array | Complex
 MID_RANGE: Triple = (0.5, 0.5, 0.5)
@@ -92,6 +91,22 @@ class Rational(NamedTuple):
     def closed_loop_poles(self) -> Complex:
         """Poles with unit negative feedback."""
         return _roots(_sum(self.denominator, self.numerator))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AircraftResponse:
+    """An aircraft's response to a setpoint in level flight, as a multiple of its model's by (7), at `FREQUENCIES`."""
+
+    by_model: Complex
+
+    def delay_margin_s(self, open_loop: Complex, integrators: int) -> float:
+        """Return the delay margin, s, around the aircraft of a loop that has (7) in it; 0 if unstable without delay.
+
+        Args:
+            open_loop: L around (7) at `FREQUENCIES`, without delay.
+            integrators: how many poles at 0 it has.
+        """
+        return stable_delay_s(open_loop * self.by_model, integrators)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,9 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
-from gcs_formation.stability.aircraft import AircraftResponse
 from gcs_formation.stability.consensus_margins import ground_consensus_loops, laplacian
 from gcs_formation.stability.mismatch import BANDWIDTHS, predicted_mismatch_margin
-from gcs_formation.stability.pid_margins import Loop, delay_margin, forward_plant, right_plant
+from gcs_formation.stability.pid_margins import AircraftResponse, Loop, delay_margin, forward_plant, right_plant
 
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0)
 MODEL = VehicleModel(tau_v_s=4.0, tau_psi_s=1.5, tau_ha_s=1.0, tau_hb_s=3.0)
