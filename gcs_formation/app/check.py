@@ -1,4 +1,4 @@
-"""`gcs-formation check`: the resolved scenario, its communication graph and its delay margins. Starts nothing."""
+"""`gcs-formation check`: the resolved scenario, its graph, its delay margins, and its plan. Starts nothing."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import numpy as np
 
 from flight_model.gain_design import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
+from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.expectation import SETTLED_M
-from formation_scenario.feasibility import slots_without_room
+from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
-from formation_scenario.slot_assignment import planned_slots
-from gcs_formation.app import check_warnings
-from gcs_formation.app.check_flight import final_circles, little_left
-from gcs_formation.app.check_navigation import drifts
+from formation_scenario.slot_assignment import columns, planned_slots
+from gcs_formation.app import check_links, check_room
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law_margins import consensus_margins, follower_margins
@@ -45,7 +44,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
             {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if by_design(scenario) else {}
         ),
         "loop_delay_s": configured_loop_delay_s(scenario),
-        "assembly": check_warnings.assembly(scenario)._asdict(),
+        "assembly": check_links.assembly(scenario)._asdict(),
         "warnings": list(warnings(scenario, margins, lags_off)),
     }
 
@@ -67,7 +66,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
-    lines.append(f"# {check_warnings.assembly(scenario)}")
+    lines.append(f"# {check_links.assembly(scenario)}")
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
@@ -95,7 +94,7 @@ def configured_loop_delay_s(scenario: Scenario) -> float:
     mutual = law_kind(scenario).mutual
     following = {} if mutual else planned_slots(scenario)
     flown = [vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following]
-    ways = [check_warnings.ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
+    ways = [check_links.ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
     if mutual:
         ways = [(max(up for up, _ in ways), max(down for _, down in ways))]
     return max(loop_delay_s(up, down, *rates) for up, down in ways)
@@ -158,26 +157,68 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
-    yield from check_warnings.split_errors(scenario)
-    yield from check_warnings.narrow_links(scenario)
-    yield from drifts(scenario)
-    yield from little_left(scenario)
-    yield from final_circles(scenario)
+    yield from check_links.split_errors(scenario)
+    yield from check_links.narrow_links(scenario)
+    yield from check_room.drifts(scenario)
+    yield from check_room.little_left(scenario)
+    yield from check_room.final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
     for found in (
-        check_warnings.slots_of_no_shape,
-        check_warnings.bursts_of_nothing,
-        check_warnings.too_old,
-        check_warnings.refused_rate,
-        check_warnings.no_time_for_a_lap,
-        check_warnings.cramped_lap,
+        slots_of_no_shape,
+        check_links.bursts_of_nothing,
+        check_links.too_old,
+        check_links.refused_rate,
+        check_links.no_time_for_a_lap,
+        check_links.cramped_lap,
     ):
         if text := found(scenario):
             yield text
-    yield from check_warnings.never_reached(scenario)
-    yield from check_warnings.doomed_orders(scenario)
-    if text := check_warnings.goes_round(scenario):
+    yield from never_reached(scenario)
+    yield from doomed_orders(scenario)
+    if text := check_links.goes_round(scenario):
+        yield text
+
+
+def slots_of_no_shape(scenario: Scenario) -> str | None:
+    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
+    formation = scenario.formation
+    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
+    if formation.slots_m is None or "custom" in flown:
+        return None
+    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
+
+
+def doomed_orders(scenario: Scenario) -> Iterator[str]:
+    """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
+    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415 - most scenarios have no orders
+
+    flown = [] if not scenario.orders else [each for each in columns(scenario) if each is not None]
+    unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
+    why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
+    for index, reason in refused_orders(scenario, why_not):
+        yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
+
+
+def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str]:
+    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change.
+
+    A flight that is to end at mission time `until_s` isn't judged by windows that this cuts short.
+    """
+    planned_s, whole_s = planned_end_s(scenario), scenario.duration_s
+    end_s = min(planned_s, until_s)
+    over = f"the flight is over at {end_s:.4g} s"
+    if planned_s < min(whole_s, until_s):
+        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
+        yield f"duration_s: found {whole_s:g}; the path ends at {planned_s:.4g} s{broken}"
+    for i, entry in enumerate(scenario.expect):
+        if entry.to_s > whole_s and until_s >= whole_s:
+            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
+    times_s = {f"{key}.{{}}.at_s": each_s for key, each_s in planned_times_s(scenario).items()}
+    times_s |= {"expect.{}.from_s": [entry.from_s for entry in scenario.expect]}
+    for key, each_s in times_s.items():
+        yield from (f"{key.format(i)}: found {at_s:g}; {over}" for i, at_s in enumerate(each_s) if at_s >= end_s)
+    if text := unfinished_change(scenario, end_s):
         yield text
 
 

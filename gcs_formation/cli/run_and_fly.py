@@ -14,7 +14,7 @@ import click
 
 from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say, tell
 from formation_scenario import Scenario, ScenarioError
-from gcs_formation.app.check_warnings import never_reached
+from gcs_formation.app.check import never_reached
 from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text, unjudged

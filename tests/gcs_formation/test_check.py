@@ -17,16 +17,14 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.model import graph_adjacency
-from gcs_formation.app.check import _seconds, check_report
-from gcs_formation.app.check_warnings import (
+from gcs_formation.app.check import _seconds, check_report, never_reached, slots_of_no_shape
+from gcs_formation.app.check_links import (
     Assembly,
     assembly,
     cramped_lap,
     goes_round,
-    never_reached,
     no_time_for_a_lap,
     refused_rate,
-    slots_of_no_shape,
     split_errors,
 )
 from gcs_formation.cli import main

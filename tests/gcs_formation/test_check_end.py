@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.app.check_flight import final_circles
+from gcs_formation.app.check_room import final_circles
 from tests.flights.conftest import scenario
 
 

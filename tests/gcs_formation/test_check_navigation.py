@@ -10,7 +10,7 @@ from airlink.endpoint import VehicleId
 from flight_model.earth import gravity_mps2
 from formation_scenario import load_scenario
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
-from gcs_formation.app.check_navigation import SIGMAS, Drift, drifts, height_drift, level_drift
+from gcs_formation.app.check_room import DRIFT_SIGMAS, Drift, drifts, height_drift, level_drift
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -102,6 +102,6 @@ def test_biases_that_all_have_alike_move_nobody_apart() -> None:
     assert isinstance(of, InertialNavigation)
     drift = level_drift(of, LAT_RAD, 210)
     assert isinstance(drift, Drift)
-    assert SIGMAS * math.sqrt(2) * drift.by_noise_m < 15.0 < SIGMAS * math.sqrt(2) * drift.total_m
+    assert DRIFT_SIGMAS * math.sqrt(2) * drift.by_noise_m < 15.0 < DRIFT_SIGMAS * math.sqrt(2) * drift.total_m
     assert list(drifts(load_scenario(planned(grade="navigation")))) == []
     assert len(list(drifts(load_scenario(planned(grade="navigation", biases="random"))))) == 1

@@ -8,7 +8,7 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.app.check import check_report
-from gcs_formation.app.check_warnings import too_old
+from gcs_formation.app.check_links import too_old
 
 PLAIN = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}}
 

@@ -8,7 +8,7 @@ import pytest
 
 import gcs_formation
 from formation_scenario import load_scenario
-from gcs_formation.app.check_flight import gusts_mps, little_left
+from gcs_formation.app.check_room import gusts_mps, little_left
 from tests.flights.conftest import scenario
 
 GUSTS = {"at_s": 0, "kind": "dryden", "wind_6m_mps": 7}

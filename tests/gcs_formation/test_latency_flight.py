@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.app.check_warnings import split_errors
+from gcs_formation.app.check_links import split_errors
 from gcs_formation.record.timeseries import flying
 from gcs_formation.testing.flight_plan import FlownFlight, Formation, Plan
 from tests.processes import free_port

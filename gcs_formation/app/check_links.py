@@ -1,4 +1,4 @@
-"""What `check` warns of beside margins: unequal delays, the start, and what is planned but never comes.
+"""What `check` says of links: unequal delays, too little telemetry, and how long a start over them takes.
 
 A round trip doesn't tell how it is split, so half of it is taken each way. A vehicle whose uplink takes d longer than
 its downlink then has its clock mapped d/2 too early, and is kept where it should have been d/2 ago. What leader and
@@ -20,11 +20,8 @@ from airlink.messages import KINDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.begin_and_end import planned_end_s, planned_times_s
-from formation_scenario.feasibility import refused_orders, unfinished_change
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
-from formation_scenario.slot_assignment import columns
 from gcs_formation.from_scenario import leader_guidance
 from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute
@@ -323,15 +320,6 @@ def refused_rate(scenario: Scenario) -> str | None:
     )
 
 
-def slots_of_no_shape(scenario: Scenario) -> str | None:
-    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
-    formation = scenario.formation
-    flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
-    if formation.slots_m is None or "custom" in flown:
-        return None
-    return f"formation.slots_m: found slots; shape {', '.join(flown)} has its own, only custom has these"
-
-
 def bursts_of_nothing(scenario: Scenario) -> str | None:
     """Return that losses are said to come in bursts where nothing is lost; None where they aren't."""
     for vehicle in scenario.vehicles:
@@ -341,36 +329,3 @@ def bursts_of_nothing(scenario: Scenario) -> str | None:
                 link = f"mean_burst: found {bursts[0]:g} with a loss of 0 (vehicle {vehicle.vehicle_id})"
                 return f"links: {link}, which does nothing; loss says how much is lost"
     return None
-
-
-def doomed_orders(scenario: Scenario) -> Iterator[str]:
-    """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
-    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415 - most scenarios have no orders
-
-    flown = [] if not scenario.orders else [each for each in columns(scenario) if each is not None]
-    unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
-    why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
-    for index, reason in refused_orders(scenario, why_not):
-        yield f"orders.{index}: '{scenario.orders[index].order}' will be refused: {reason}"
-
-
-def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change.
-
-    A flight that is to end at mission time `until_s` isn't judged by windows that this cuts short.
-    """
-    planned_s, whole_s = planned_end_s(scenario), scenario.duration_s
-    end_s = min(planned_s, until_s)
-    over = f"the flight is over at {end_s:.4g} s"
-    if planned_s < min(whole_s, until_s):
-        broken = "; windows of expect that reach beyond are broken" if scenario.expect else ""
-        yield f"duration_s: found {whole_s:g}; the path ends at {planned_s:.4g} s{broken}"
-    for i, entry in enumerate(scenario.expect):
-        if entry.to_s > whole_s and until_s >= whole_s:
-            yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
-    times_s = {f"{key}.{{}}.at_s": each_s for key, each_s in planned_times_s(scenario).items()}
-    times_s |= {"expect.{}.from_s": [entry.from_s for entry in scenario.expect]}
-    for key, each_s in times_s.items():
-        yield from (f"{key.format(i)}: found {at_s:g}; {over}" for i, at_s in enumerate(each_s) if at_s >= end_s)
-    if text := unfinished_change(scenario, end_s):
-        yield text
