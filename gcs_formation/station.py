@@ -23,6 +23,7 @@ from gcs_formation.fleet.interval_watch import MessageIntervals
 from gcs_formation.fleet.margin_watch import AirspeedWatch, DesignWatch, MarginWatch, NoiseWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.senders import Senders
+from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
@@ -30,7 +31,6 @@ from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Recorder, Reporter, Tick
-from gcs_formation.vehicle.families import planned
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5

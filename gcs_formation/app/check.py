@@ -18,6 +18,8 @@ from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.slot_assignment import columns, planned_slots
 from gcs_formation.app import check_links, check_room
 from gcs_formation.control.laws import law_kind
+from gcs_formation.fleet.margin_watch import NEAR
+from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
 from gcs_formation.stability.law_margins import consensus_margins, follower_margins
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
@@ -25,8 +27,6 @@ from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, misma
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 ROOM_M = 2 * SETTLED_M
 """By how much two vehicles that are in their slots may be nearer to each other than these are."""
-NEAR = 0.8
-"""Share of the delay margin from which `check` warns of the configured delay."""
 
 
 def check_report(scenario: Scenario) -> dict[str, Any]:
@@ -191,8 +191,6 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 
 def doomed_orders(scenario: Scenario) -> Iterator[str]:
     """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
-    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415 - most scenarios have no orders
-
     flown = [] if not scenario.orders else [each for each in columns(scenario) if each is not None]
     unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
     why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"

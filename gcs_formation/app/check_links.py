@@ -22,9 +22,12 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
-from gcs_formation.from_scenario import leader_guidance
+from gcs_formation.fleet.common_clock import SLACK_S
+from gcs_formation.fleet.dispatch import PROBE_S
+from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute
+from gcs_formation.vehicle.acknowledgement import RETRY_S
 
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
@@ -68,8 +71,6 @@ def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
 
     Nothing arrives before it was sent, over the link that the flight begins with.
     """
-    from gcs_formation.fleet.common_clock import SLACK_S  # noqa: PLC0415 - only where clocks are mapped by UTC
-
     up_s, down_s = ways_s(scenario.link_steps(vehicle)[0])
     known = vehicle.clock.utc and -up_s - SLACK_S <= vehicle.clock.utc_error_s <= down_s + SLACK_S
     return scenario.telemetry.by_utc and known
@@ -97,9 +98,6 @@ def _traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
 
     A setpoint is told, and acknowledged, at every tick if it changes.
     """
-    from gcs_formation.fleet.dispatch import PROBE_S  # noqa: PLC0415 - only where a link's rate is limited
-    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415
-
     autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
     rates_hz = autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)
     setpoints = autopilot.setpoint(Setpoint(scenario.path.speed_mps, 0.0, 0.0), FlightState(*[0.0] * 8))
@@ -237,9 +235,6 @@ def _least_run_in_s(scenario: Scenario) -> float:
     is lost costs a second, a request or its answer `RETRY_S`. By these alone one start of twenty would take longer; of
     40 flown with four vehicles at 20 % loss and 100 ms, 5 did.
     """
-    from gcs_formation.vehicle.acknowledgement import RETRY_S  # noqa: PLC0415 - a start from the ground needs no messages
-    from gcs_formation.vehicle.families import autopilot_for  # noqa: PLC0415
-
     telemetry, tick_s = scenario.telemetry, 1.0 / scenario.law.rate_hz
     autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
     asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]

@@ -14,8 +14,8 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import load_scenario
+from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.families import autopilot_for
 from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
