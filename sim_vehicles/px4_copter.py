@@ -7,12 +7,14 @@ and times are those of PX4 1.17's built-in simulator.
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import position_targets, px4_commands
 from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
@@ -26,6 +28,8 @@ SLOW_TO_M: Final = 10.0
 """Height up to which it takes off at MPC_TKO_SPEED (MPC_LAND_ALT1)."""
 NEAR_M: Final = 0.8
 """A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
+ORBIT: Final = 1.0, 1.0
+"""Radius, m, and speed, m/s, of a circle of which none is told."""
 
 
 class Px4CopterPilot(CopterPilot):
@@ -54,13 +58,31 @@ class Px4CopterPilot(CopterPilot):
         return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
 
 
+def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
+    """Fly round a place, anticlockwise for a negative radius or speed; what isn't finite is as it is, or as usual."""
+    radius_m, speed_mps = (
+        told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
+    )
+    here, origin = vehicle.body.motion, vehicle.fleet.origin
+    centre_m = here.north_m, here.east_m
+    if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
+        north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
+        centre_m = north_m, east_m
+    height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
+    vehicle.go_round((*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps)))
+    return ACCEPTED
+
+
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = px4_commands.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
+
+
 class Px4Copter(Px4):
     """An emulated PX4 multirotor."""
 
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
     flown = PX4_AS_COPTER
-    handlers = px4_commands.COPTERS_HANDLERS
+    handlers = HANDLERS
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 

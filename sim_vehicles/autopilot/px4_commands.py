@@ -19,7 +19,6 @@ from sim_vehicles.autopilot.px4_messages import BUILDERS
 
 if TYPE_CHECKING:
     from sim_vehicles.px4 import Px4
-    from sim_vehicles.px4_copter import Px4Copter
 
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 LEAST_CHANGES_US: Final = 500_000
@@ -69,21 +68,6 @@ def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
-    """Fly round a place, anticlockwise for a negative radius or speed; what isn't finite is as it is, or as usual."""
-    radius_m, speed_mps = (
-        told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
-    )
-    here, origin = vehicle.body.motion, vehicle.fleet.origin
-    centre_m = here.north_m, here.east_m
-    if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
-        north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
-        centre_m = north_m, east_m
-    height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
-    vehicle.go_round((*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps)))
-    return ACCEPTED
-
-
 def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
     vehicle.say(m.MAV_SEVERITY_CRITICAL, "Mission start denied! No valid mission")
     return DENIED
@@ -118,8 +102,6 @@ def _request_message(vehicle: Px4, given: GivenCommand) -> int:
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
-ORBIT: Final = 1.0, 1.0
-"""Radius, m, and speed, m/s, of a circle of which none is told."""
 UNHEEDED: Final = (
     m.MAV_CMD_DO_SET_ROI_LOCATION,
     m.MAV_CMD_DO_SET_ROI_NONE,
@@ -148,4 +130,3 @@ HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_MISSION_START: _start_mission,
 }
 """All others are UNSUPPORTED."""
-COPTERS_HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
