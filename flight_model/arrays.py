@@ -12,7 +12,6 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Complex = npt.NDArray[np.complex128]
 Indices = npt.NDArray[np.intp]
-Instants = npt.NDArray[np.int64]
 T = TypeVar("T", float, Array)
 """Of functions that hold for a number and for each element of an array."""
 
@@ -20,7 +19,6 @@ __all__ = [
     "Array",
     "Complex",
     "Indices",
-    "Instants",
     "Mask",
     "T",
     "all_of",

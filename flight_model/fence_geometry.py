@@ -106,14 +106,6 @@ def room_along_m(
     return places, room_m(corners_m, places, velocity, through_air, turn).max(axis=-1)
 
 
-class Lack(NamedTuple):
-    """What a lap lacks of the room that it is to leave to the fence, (F, S) for everybody at each place."""
-
-    places: Array
-    """(F, S, 2) north and east."""
-    lack_m: Array
-
-
 @dataclass(frozen=True)
 class LapFence:
     """The fence, the path's start, and who flies a lap before it."""
@@ -128,7 +120,7 @@ class LapFence:
         drift, least = Drift(speed_mps, wind_north_mps, wind_east_mps, through_air_mps), math.inf
         found: Way | None = None
         for way in ways:
-            lack = float(self.lack(way, drift).lack_m.sum())
+            lack = float(self.lack(way, drift)[1].sum())
             if lack < least:
                 found, least = way, lack
             if lack == 0.0:
@@ -136,12 +128,15 @@ class LapFence:
         assert found is not None, "there is always a way with turns to the same side"
         return found
 
-    def lack(self, way: Route, drift: Drift) -> Lack:
-        """Return what a way to the straight before the path, and that straight, lack."""
+    def lack(self, way: Route, drift: Drift) -> tuple[Array, Array]:
+        """Return where everybody is on a way to the straight before the path, and on that straight, and what they lack.
+
+        Places are (F, S, 2), north and east; what each lacks there of the room that is to be left to the fence, (F, S).
+        """
         end = way.at(way.length_m)
         straight_m = math.hypot(end.north_m - self.start.north_m, end.east_m - self.start.east_m)
         whole_m = way.length_m + straight_m
         points = [way.at(at_m) for at_m in np.linspace(0.0, whole_m, 2 + int(whole_m / STEP_M)).tolist()]
         north_m, east_m, course_rad = np.array([(each.north_m, each.east_m, each.course_rad) for each in points]).T
         places, room = room_along_m(self.corners_m, (north_m, east_m, course_rad), self.flyers, drift)
-        return Lack(places, np.maximum(CHECKED_M - room, 0.0))
+        return places, np.maximum(CHECKED_M - room, 0.0)

@@ -13,7 +13,6 @@ from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from formation_scenario import Scenario
-from formation_scenario.orders import Answer
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
@@ -209,10 +208,6 @@ class Station(Engine):
             if self._membership.leader_lost(leader, estimator, now, replaceable, beyond, sinks=sinks):
                 changes.succeed(sinking, now)
         self._membership.judge(changes.leader, estimator, now, connecting=connecting, beyond=beyond)
-
-    def order(self, text: str, now: Instant) -> Answer:
-        """Carry out an order such as `shape line`, or refuse it with a reason."""
-        return self.orders.take(text, now)
 
     @property
     def commands_anybody(self) -> bool:

@@ -216,7 +216,7 @@ class Session:
         if asked == STATUS:
             given = (int(each) for each in width if each.isdecimal() and len(each) < MOST_DIGITS)
             return Answer(True, status_page(self.station, now, *given))
-        return self.station.order(text, now)
+        return self.station.orders.take(text, now)
 
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))

@@ -150,7 +150,7 @@ class ClockSync:
         self.loop_s = loop_s
         """Half of it is in every round trip."""
         self.round_trip_s = math.nan
-        self.samples = self.restarts = 0
+        self.samples = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, without the answering loop's share."""
         self._crystal, self._any = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
@@ -298,7 +298,6 @@ class ClockSync:
         self.split_s = max(-self.one_way_s, min(self.one_way_s, left_s))
         self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
-        self.restarts += restarted
         return restarted
 
     def to_instant(self, vehicle_time_s: float) -> Instant:

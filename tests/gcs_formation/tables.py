@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from flight_model.arrays import Array, Instants
+from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
+Instants = npt.NDArray[np.int64]
 Made = TypeVar("Made")
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from airlink.clock import NANOSECONDS
-from flight_model.arrays import Array, Instants, Mask, within, wrap
+from flight_model.arrays import Array, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, air_errors
 from gcs_formation.estimation.lag_fit import (
@@ -31,6 +31,7 @@ from gcs_formation.estimation.lag_fit import (
 from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Seen
 from gcs_formation.estimation.lags import GAP_S, RESOLUTION
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from tests.gcs_formation.tables import Instants
 
 
 class Bank:

@@ -96,7 +96,7 @@ def test_a_clock_that_stood_still_for_a_while_is_followed_at_once_and_has_not_re
         assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (5.0, rate))
     drift = sync.drift
     assert not probe(sync, rng, 40.0 + stalled_s, 0.1, 0.0, (5.0 - stalled_s, rate))
-    assert (sync.restarts, sync.drift) == (0, drift)
+    assert sync.drift == drift
     now_s = 40.0 + stalled_s
     assert sync.to_instant(5.0 - stalled_s + (1 + rate) * now_s) / NANOSECONDS == pytest.approx(now_s, abs=1e-3)
 
@@ -108,7 +108,7 @@ def test_a_clock_that_is_ahead_or_shows_less_than_it_did_is_another_vehicles(ahe
     for k in range(160):
         assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (1000.0, 0.015))
     assert probe(sync, rng, 45.75, 0.1, 0.0, (1000.0 + ahead_s, 0.0))
-    assert (sync.restarts, sync.drift) == (1, 0.0)
+    assert sync.drift == 0.0
     assert sync.to_instant(1045.75 + ahead_s) / NANOSECONDS == pytest.approx(45.75, abs=1e-3)
 
 
@@ -126,10 +126,10 @@ def test_round_trips_scatter_by_their_sample_deviation() -> None:
     sync = ClockSync(loop_s=0.02)
     for number, (trip_s, scatter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
         sent = after(Instant(0), 1.0 * number)
-        sync.observe(sent, sent, after(sent, trip_s))
+        assert not sync.observe(sent, sent, after(sent, trip_s))
         assert sync.scatter_s == pytest.approx(scatter_s)
     assert sync.last_one_way_s() == pytest.approx((0.18 - 0.01) / 2)
-    assert (sync.samples, sync.restarts) == (3, 0)
+    assert sync.samples == 3
 
 
 def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence() -> None:
@@ -139,7 +139,6 @@ def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence()
         assert not probe(sync, rng, 0.25 * k, 0.05, 0.0, clock)
     assert not probe(sync, rng, 225.0, 0.05, 0.0, clock)
     assert probe(sync, rng, 225.25, 0.05, 0.0, (-1.015 * 225.1, 0.015))
-    assert sync.restarts == 1
 
 
 @pytest.mark.parametrize(("drift", "believed", "known_after"), [(3e-5, 1e-4, 0), (0.015, 0.02, 20)])
