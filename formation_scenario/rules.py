@@ -31,6 +31,7 @@ from formation_scenario.links import (
     read_trace_ms,
 )
 from formation_scenario.model import Scenario
+from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.surroundings import PASSING, DrydenTurbulence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
@@ -43,7 +44,6 @@ MAX_DISTANCE_M = 1e6
 MAX_LATITUDE_DEG = 89.0
 """Beyond it a degree of longitude is less than 2 km long, and shrinks to nothing."""
 MAX_HEIGHT_M = 30_000.0
-WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
 def places(scenario: Scenario) -> Iterator[Finding]:

@@ -12,13 +12,11 @@ from typing import Final
 
 from flight_model.autopilot_model import within
 from flight_model.slot import Triple
-from gcs_formation.control.follower import Controller, Pair
+from gcs_formation.control.follower import BRAKING_SHARE, Controller, Pair
 from gcs_formation.control.setpoint import error_rate, formation_error, lead_height
 
 STANDS_MPS: Final = 0.02
 """Commanded speed below which no direction is taken from it."""
-BRAKING_SHARE: Final = 0.5
-"""Of the acceleration limit, with which a vehicle that catches up can stop in its slot."""
 LEAST_CORRECTION_MPS: Final = 0.5
 """Corrections up to this are never limited by that."""
 

@@ -16,13 +16,12 @@ from collections import deque
 from statistics import median
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
-from gcs_formation.link.clock_sync import ClockFilter, ClockSync
+from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
 DRIFT = 1e-4
 """Standard deviation of the drift of a crystal that nothing is known of."""
 OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
 """Random walk of offset (s) and drift per square root of a second."""
-RESOLUTION_S = 0.5e-3
 FEWEST = 8
 """Round trips after which the split is known."""
 WINDOW = 12

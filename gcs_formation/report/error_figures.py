@@ -27,7 +27,6 @@ from gcs_formation.report.time_axes import (
 
 SHORTEST_S = 5.0
 """A flight that begins in the air and at once has no assembly to show."""
-TRACK_POINTS = 3000
 IN_SLOT_M = 0.01
 """Smallest distance that the figure shows; its scale is logarithmic."""
 MARGIN = 0.06
@@ -86,7 +85,7 @@ def assembly(run: RunData) -> Figure:
 
 
 def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
-    shown = style.evenly(len(places[0]), TRACK_POINTS)
+    shown = style.evenly(len(places[0]), style.TRACK_POINTS)
     for vehicle, place in zip(group.vehicles, places, strict=True):
         axes.plot(place[shown, 1], place[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
         axes.plot(place[-1, 1], place[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))

@@ -36,7 +36,6 @@ MARGIN = 0.06
 LONG_CM = 14.5
 LETTERS = "ABCDEFGH"
 LETTER_PT = 15.0
-TRACK_POINTS = 3000
 STILLS = 12
 """Times at which everyone's place is dotted into the plan."""
 BEFORE_CHANGE_S = 1.0
@@ -76,7 +75,7 @@ def trajectory(run: RunData) -> Figure:
     figure.set_layout_engine("none")
     place = (-0.13, 0.26, 1.23, 0.84) if profile else (-0.13, -0.04, 1.23, 1.16)
     axes = cast("Axes3D", figure.add_axes(place, projection="3d", computed_zorder=False))
-    shown = style.evenly(run.time_s.size, TRACK_POINTS)
+    shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     space = _space(run)
     _ground(axes, run, space)
     unit, name = space.unit
@@ -154,7 +153,7 @@ def _frame_space(axes: Axes3D, space: Extent) -> None:
 
 def _profile(axes: Axes, run: RunData, group: Group) -> None:
     """Draw everyone's height over time, and the ground below the leader (the first follower without one)."""
-    shown = style.evenly(run.time_s.size, TRACK_POINTS)
+    shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     time_s = run.time_s[shown]
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
     span(axes, time_s)
@@ -213,7 +212,7 @@ def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float
 
 def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     axes.plot(path[:, 1], path[:, 0], color="#F0C27A", lw=3.0, alpha=0.7, label="path", solid_capstyle="butt")
-    shown = style.evenly(run.time_s.size, TRACK_POINTS)
+    shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     dots = style.evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
         place = run.flown.place_in_flight(vehicle)

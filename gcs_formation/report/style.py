@@ -26,6 +26,8 @@ Indices = npt.NDArray[np.int64]
 CM = 1 / 2.54
 WIDTH_CM = 16.0
 DPI = 200
+TRACK_POINTS = 3000
+"""Places of a track that a figure draws, at most."""
 INK = "#000000"
 GREY = "#8C8C8C"
 LIGHT = "#C8C8C8"
