@@ -1,4 +1,4 @@
-"""The geometry of a fence: how far inside it places are, how much room circles away from it leave, and laps."""
+"""The geometry of a fence: how far inside places are, and how much room circles away from it and laps leave."""
 
 from __future__ import annotations
 
