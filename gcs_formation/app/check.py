@@ -168,6 +168,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,
+        check_links.too_old_after_a_loss,
         check_links.refused_rate,
         check_links.no_time_for_a_lap,
         check_links.cramped_lap,

@@ -37,6 +37,8 @@ SURE = 0.95
 """Share of starts that the estimate covers."""
 FRAME_BYTES = 12
 """Of a MAVLink 2 frame, besides its payload."""
+GAP = 2.5
+"""Periods of telemetry from one state to the next if a message is lost in between."""
 CELL_S = 0.1
 MOST_S = 120.0
 
@@ -299,6 +301,30 @@ def too_old(scenario: Scenario) -> str | None:
         f"law.max_age_s: found {most_s:g}; telemetry of vehicle {who} gets {oldest_s:.4g} s old (the delay down its "
         f"link, and 1/telemetry.rate_hz){f' from {from_s:g} s on' if from_s else ''}: beyond that it isn't flown in "
         f"the formation{', which may never set out' if never else ''}"
+    )
+
+
+def too_old_after_a_loss(scenario: Scenario) -> str | None:
+    """Return whose telemetry gets older than what is predicted from once a message is lost; None if nobody's.
+
+    Position, attitude and airspeed aren't sent at one time: the next state is known up to half a period later.
+    """
+    most_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
+    lossy = [
+        (vehicle, step.downlink.loss, ways_s(step)[1])
+        for vehicle in scenario.vehicles
+        for step in scenario.link_steps(vehicle)
+        if step.downlink.loss > 0.0 and ways_s(step)[1] + GAP / rate_hz > most_s
+    ]
+    if not lossy or too_old(scenario) is not None:
+        return None
+    who = ", ".join(dict.fromkeys(str(vehicle.vehicle_id) for vehicle, *_ in lossy))
+    least_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
+    share = max(loss for _, loss, _ in lossy)
+    return (
+        f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what "
+        f"is known of vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among "
+        f"the others; {least_hz:g} Hz or more"
     )
 
 

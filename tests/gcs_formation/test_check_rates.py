@@ -42,6 +42,31 @@ def test_a_delay_that_comes_later_is_told_with_whose_and_when() -> None:
 
 
 @pytest.mark.parametrize(
+    ("rate_hz", "delay_ms", "loss", "least"),
+    [
+        ("0.5", 0, 0.02, ""),
+        ("0.5", 200, 0.02, "0.6"),
+        ("0.6", 200, 0.02, ""),
+        ("0.5", 200, 0.0, ""),
+        ("1", 2600, 0.1, "1.1"),
+    ],
+)
+def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_told(
+    rate_hz: str, delay_ms: float, loss: float, least: str
+) -> None:
+    """Five in a square at 0.5 Hz with 2 % loss loitered eight times among each other in 80 s, and came within 3.1 m."""
+    links = f"links.default={{delay_ms: {delay_ms}, loss: {loss}}}"
+    planned = load_scenario(PLAIN, [f"telemetry.rate_hz={rate_hz}", links])
+    told = [text for text in check_report(planned)["warnings"] if "told to loiter, among the others" in text]
+    if not least:
+        assert told == []
+    else:
+        (text,) = told
+        assert text.startswith(f"telemetry.rate_hz: found {rate_hz}; once a message is lost, as up to {loss:.1%} are")
+        assert text.endswith(f"; {least} Hz or more")
+
+
+@pytest.mark.parametrize(
     ("law", "rate_hz", "loops"),
     [("pid", 0.5, "xy"), ("pid", 0.7, "x"), ("pid", 0.85, ""), ("consensus", 0.85, ["consensus"])]
     + [(law, rate_hz, "") for law in ("pid", "fuzzy_pid", "consensus") for rate_hz in (1.0, 2.0)],
