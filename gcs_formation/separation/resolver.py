@@ -42,8 +42,8 @@ SEEMS_FOR_S: Final = 2.0
 """For how long it may go on with it."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-FEWEST: Final = 2
-"""Vehicles that can come near each other."""
+LASTS_S: Final = 30.0
+"""An encounter that hasn't ended after this is said not to end."""
 
 
 @dataclass
@@ -53,6 +53,8 @@ class Encounter:
     begun: Instant
     least_m: float = math.inf
     """Least distance since, as the states of the law have it."""
+    lasts: bool = False
+    """Whether it was said that it doesn't end."""
 
 
 class ConflictResolver:
@@ -106,7 +108,7 @@ class ConflictResolver:
         if self._nobody_near(tick, measured, kept_m):
             return
         members = self._members(tick)
-        if len(members) < FEWEST:
+        if len(members) < 2:
             return
         picture = self._picture(tick, measured, members, kept_m)
         side = np.array(self._side)[picture.vehicles]
@@ -311,9 +313,13 @@ class ConflictResolver:
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
                 encounter.least_m = min(encounter.least_m, distance_m)
+            least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, tick.now)
+            if lasted_s > LASTS_S and not encounter.lasts:
+                encounter.lasts = True
+                text = f" after {lasted_s:.0f} s: it may not get to where it is told"
+                self._report(tick, pair, "still gives way to", text, {"lasted_s": lasted_s})
             if not self._side[pair[0]]:
                 del self._encounters[pair]
-                least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, tick.now)
                 figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
                 text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
                 self._report(tick, pair, "no longer gives way to", text, figures)
@@ -340,7 +346,5 @@ def _timing_s(tick: Tick, column: int) -> float:
 
 def _nearest_m(slots_m: Array) -> float:
     """Return the distance of the two nearest slots; infinite for one."""
-    if len(slots_m) < 2:
-        return float("inf")
     one, other = np.triu_indices(len(slots_m), 1)
-    return float(np.linalg.norm(slots_m[one] - slots_m[other], axis=1).min())
+    return float(np.linalg.norm(slots_m[one] - slots_m[other], axis=1).min(initial=math.inf))

@@ -193,6 +193,12 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     assert crossing.keep(at_s=20.1).events == []
 
 
+def test_an_encounter_that_does_not_end_is_told_once() -> None:
+    crossing = Crossing()
+    texts = [each.text for at_s in (0.0, 29.0, 31.0, 40.0) for each in crossing.keep(at_s=at_s).events]
+    assert texts[1:] == ["still gives way to 2 after 31 s: it may not get to where it is told"]
+
+
 def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
     crossing = Crossing()
     crossing.slots_m = [UNKNOWN, UNKNOWN]
