@@ -172,7 +172,7 @@ class Starting:
         if together:
             wait = StartUpStep("waited for the others to be ready", lambda _: self._all_ready(), timeout_s=TOGETHER_S)
             for vehicle in vehicles.values():
-                vehicle.start_up.steps = (*vehicle.start_up.steps, wait)
+                vehicle.end_start_up_with(wait)
 
     def _all_ready(self) -> bool:
         """Return whether everybody has done all steps but the last, to wait for this."""

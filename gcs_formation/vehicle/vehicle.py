@@ -92,10 +92,11 @@ class Vehicle:
         self.messages_in = vec[i64]([0] * len(KINDS))
         """How many messages of each kind have come, at the kind's place."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
-        self.start_up = StartUp(autopilot.start_up(self.rates_hz), autopilot.start_up_modes)
+        self._at_last: tuple[StartUpStep, ...] = ()
+        """What ends each of its start-ups, besides its autopilot's own steps."""
+        self.start_up = self._started_afresh()
         # The height is the one at which it was last told to loiter while the others fly on.
-        self.member, self.holds_at_m = Member.STARTING, math.nan
-        self.frames_out = 0
+        self.member, self.holds_at_m, self.frames_out = Member.STARTING, math.nan, 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
@@ -411,7 +412,15 @@ class Vehicle:
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.forget_setpoints()
-        self.start_up = StartUp(self.autopilot.start_up(self.rates_hz), self.autopilot.start_up_modes)
+        self.start_up = self._started_afresh()
+
+    def end_start_up_with(self, step: StartUpStep) -> None:
+        """Let its start-up, and each after a restart, end with another step than its autopilot's own."""
+        self._at_last = (step,)
+        self.start_up.steps = (*self.start_up.steps, step)
+
+    def _started_afresh(self) -> StartUp:
+        return StartUp((*self.autopilot.start_up(self.rates_hz), *self._at_last), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         self.sequence.answers += 1

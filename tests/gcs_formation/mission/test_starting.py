@@ -128,6 +128,18 @@ def test_who_can_stand_begins_when_all_are_ready(together: bool) -> None:
     assert ground.given_up == []
 
 
+def test_who_restarts_meanwhile_waits_for_the_others_too() -> None:
+    ground = Ground(together=True)
+    waits = ground.at(2).start_up.steps[-1]
+    ground.at(1)._restart()
+    assert ground.at(1).start_up.steps[-1] is waits
+    ground.hear(1, 2)
+    ground.hear(2, mode=m.PLANE_MODE_GUIDED)
+    ground.at(1).start_up.index = len(ground.at(1).start_up.steps) - 2
+    ground.advance(1.0)
+    assert not ground.at(2).start_up.finished
+
+
 def test_who_never_answers_is_named_with_where_it_should_be_heard_after_30_s() -> None:
     ground = Ground()
     ground.hear(1)
