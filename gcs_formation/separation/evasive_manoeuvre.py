@@ -31,6 +31,8 @@ from gcs_formation.separation.traffic import (
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""
+RETURN_S = 4.0
+"""For so long a multirotor's way back to its slot must be clear before it stops giving way."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
 """Share of the kept distance below which those give way too that go first: states are never quite as reckoned."""
@@ -140,7 +142,7 @@ class _Search:
         options = _joined(waits, gives_way)
         comes = self._approach(vehicle, options, others, 1.0)
         total = comes.deficit_m_s.sum(axis=1)
-        held_back = waits.height_m.size if self._before[vehicle] and not self._released(near) else 0
+        held_back = waits.height_m.size if self._before[vehicle] and not self._released(vehicle, others, near) else 0
         total[:held_back] = np.inf
         safe = np.flatnonzero(total <= NEGLIGIBLE_M_S)
         chosen = self._mildest(options, safe, waits.height_m.size) if safe.size else int(np.argmin(total))
@@ -154,9 +156,26 @@ class _Search:
         height_m, (least_m, most_m) = options.height_m[safe], self._picture.heights_m
         return int(safe[int(((height_m < least_m) | (height_m > most_m)).argmin())])
 
-    def _released(self, near: ClosestApproach) -> bool:
-        """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone."""
-        return not (near.deficit_m_s[1] > NEGLIGIBLE_M_S).any()
+    def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
+        """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone.
+
+        A multirotor's way back to its slot must be clear for a while of those that nobody commands, too: it would go
+        to and fro before them.
+        """
+        if (near.deficit_m_s[1] > NEGLIGIBLE_M_S).any():
+            return False
+        free = others[~self._picture.commanded[others]] if self._picture.traffic.hovers else others[:0]
+        if not free.size:
+            return True
+        told, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
+        soon = times_s <= RETURN_S
+        back = fly_level(
+            self._picture.traffic.take(np.array([vehicle])),
+            Manoeuvre(told, told.speed_mps, told.heading_rad, told.height_m),
+            times_s[soon],
+        )
+        ways = np.repeat(back, free.size, axis=2), self._ways[:2, soon][:, :, free]
+        return not (approach(*ways, self._minimum(vehicle, free), times_s[soon]).deficit_m_s > NEGLIGIBLE_M_S).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
