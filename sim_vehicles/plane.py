@@ -15,6 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.frame import Frame
 from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
+from flight_model.autopilot_model import wrap
 from flight_model.earth import GeodeticOrigin
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot import commands, position_targets
@@ -297,7 +298,9 @@ class Plane(Vehicle):
         return Mode[name]
 
     def landed(self) -> None:
-        """Disarm a while after it has touched down."""
+        """Turn the nose along the way over ground, as it touches down in a crosswind, and disarm a while later."""
+        state, (north_mps, east_mps, _) = self.body.state, self.body.ground_velocity()
+        state.heading_rad += wrap(math.atan2(east_mps, north_mps) - state.heading_rad)
         self.disarm_at = delayed(self.now, self.parameters["LAND_DISARMDELAY"])
 
     def _begin_mission(self) -> None:
