@@ -49,7 +49,7 @@ def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "other", "spacing_m"), [("plus", "line", 12), ("circle", "triangle", 13)])
 def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, tmp_path):
-    """Past each other at 1/sqrt(2) of the slots' distance, nearer than the rule keeps: they gave way for ever."""
+    """Past each other at 0.6 of the slots' distance or more, nearer than the rule keeps: they gave way for ever."""
     keys = {
         "start": {"in_air": True},
         "duration_s": 70,
@@ -59,7 +59,7 @@ def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, t
     }
     flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
     assert not [each for each in events(tmp_path / "run") if each["kind"] == "separation"]
-    assert flown["safety"]["min_separation_m"] > 0.95 * spacing_m / math.sqrt(2.0)
+    assert flown["safety"]["min_separation_m"] > 0.6 * spacing_m
     assert all(follower["in_slot_share"] == 1.0 for follower in flown["followers"].values())
 
 
