@@ -151,12 +151,14 @@ class ConflictResolver:
         tick.yielding = [side != 0.0 for side in self._side]
 
     def _members(self, tick: Tick) -> list[int]:
-        """Return the columns that count, the leader's first."""
+        """Return the columns that count, the leader's first; multirotors that come to their slots from afar last."""
         counted = [
             column
             for column in range(self._first, len(self._models))
             if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or tick.links[column].flew)
         ]
+        if self._hovers:
+            counted.sort(key=lambda column: math.hypot(*tick.error_m[column]) > self.kept_m)
         if tick.leader in counted:
             counted.remove(tick.leader)
             counted.insert(0, tick.leader)
@@ -326,15 +328,13 @@ class ConflictResolver:
 
     def _way(self, tick: Tick, column: int) -> str:
         """Return the way in which a vehicle gives way, in a word."""
-        if not tick.replaced[column][HEIGHT]:
-            return "as high"
-        return "upwards" if self._side[column] > 0.0 else "downwards"
+        aside = "upwards" if self._side[column] > 0.0 else "downwards"
+        return aside if tick.replaced[column][HEIGHT] else "as high"
 
     def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
         """Report that the first of two vehicles begins or ends to give way to the second."""
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
-        details: dict[str, Detail] = {"other": other}
-        details.update(figures)
+        details: dict[str, Detail] = {"other": other, **figures}
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
