@@ -30,6 +30,8 @@ BOTH_TALK_S: Final = 1.0
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp of the known clock, the answer of another clock is accepted."""
 FORGOTTEN_S: Final = 60.0
+TURN_S: Final = 2.0**32 / 1e3
+"""Stamps are milliseconds in 32 bits, so that after so long, 49.7 days, they begin again; TIMESYNC's has 64."""
 MAX_RIVALS: Final = 8
 
 Remote = tuple[int, Address]
@@ -83,6 +85,8 @@ class SourceBinding:
         """When the vehicle's own clock was last seen."""
         self.refused_stamp_s = math.nan
         """The newest stamp from the vehicle's own address that its clock contradicts; NaN if there is none."""
+        self.turned_s = 0.0
+        """What the stamp of the message that was judged last lacks of the vehicle's time since boot: whole turns."""
         self._duplicates: dict[Remote, DuplicateId] = {}
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
@@ -91,7 +95,7 @@ class SourceBinding:
         if message is not None:
             stamp_s = message.boot_s()
             if not math.isnan(stamp_s):
-                evidence = self._evidence(stamp_s, now)
+                evidence = self._of_stamp(stamp_s, now)
         if connection.state is SEARCHING:
             if connection.peer is None or isinstance(message, Heartbeat):
                 connection.socket, connection.peer = socket, peer
@@ -108,6 +112,17 @@ class SourceBinding:
         """Return whether to accept the clock in an answer to a probe as the vehicle's."""
         doubtful = self._evidence(vehicle_time_s, now) is ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
+
+    def _of_stamp(self, stamp_s: float, now: Instant) -> Evidence:
+        """Return what a stamp says; it has turned if the vehicle's clock goes on so."""
+        self.turned_s, evidence = 0.0, self._evidence(stamp_s, now)
+        if evidence is GOES_ON or evidence is NOTHING:
+            return evidence
+        turned_s = TURN_S * math.floor(self._clock.age_s(stamp_s, now) / TURN_S + 0.5)
+        if turned_s > 0.0 and self._evidence(stamp_s + turned_s, now) is GOES_ON:
+            self.turned_s = turned_s
+            return GOES_ON
+        return evidence
 
     def _evidence(self, stamp_s: float, now: Instant) -> Evidence:
         if not self._clock.samples:

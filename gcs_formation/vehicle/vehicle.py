@@ -16,14 +16,14 @@ from airlink.frame import Frame, FrameWriter
 from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
-from airlink.messages.telemetry import GlobalPositionInt
+from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips import RoundTrips
-from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
+from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, TURN_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import (
     AIRBORNE_M,
@@ -131,6 +131,9 @@ class Vehicle:
         if sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
+        turned_s = self.source_binding.turned_s
+        if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):
+            message.time_boot_s += turned_s
         if isinstance(message, GlobalPositionInt):
             self._take_position(message, now, timed)
         elif isinstance(message, CommandAck):
@@ -400,6 +403,8 @@ class Vehicle:
             self.telemetry.implausible += 1
         elif self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._restart()
+        elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
+            self.jitter = JitterMeter()  # stamps weren't known to have turned before
 
     def _restart(self) -> None:
         """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""

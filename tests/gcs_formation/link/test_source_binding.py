@@ -11,7 +11,7 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
-from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, Ruling, SourceBinding
+from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, TURN_S, Ruling, SourceBinding
 
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)
 BEAT = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
@@ -145,3 +145,36 @@ def test_a_crowd_of_claimants_is_not_remembered_without_limit() -> None:
     for port in range(1000):
         ground.hear(7.0, Address("127.0.0.1", 1024 + port))
     assert len(ground.source_binding._duplicates) == MAX_RIVALS
+
+
+def at_turn(shown_s: float) -> Ground:
+    """Return what is heard of a vehicle whose clock shows a time at our 0 s."""
+    ground = Ground(clock_known=False)
+    ground.clock.observe(ground.now, round(shown_s * NANOSECONDS), ground.now)
+    return ground
+
+
+def test_stamps_of_32_bits_go_on_where_they_begin_again_after_49_days() -> None:
+    """2^32 ms are 4294967.296 s; it fell silent for a minute around that, and another address may continue it too."""
+    ground = at_turn(4294960.0)
+    assert ground.hear(4294960.0).admitted
+    assert (ground.source_binding.turned_s, TURN_S) == (0.0, 4294967.296)
+    assert ground.hear(0.704, at_s=8.0).admitted
+    assert ground.source_binding.turned_s == TURN_S
+    assert ground.hear(4294967.2, at_s=8.0).admitted, "sent before that, and overtaken"
+    assert ground.source_binding.turned_s == 0.0
+    ground.silence(70.0)
+    moved = ground.hear(62.704, THERE)
+    assert moved.admitted
+    assert "its clock goes on" in (moved.finding or "")
+    assert at_turn(3 * 4294967.296 + 5.0).hear(5.0).admitted, "up for half a year"
+
+
+def test_no_other_stamp_is_taken_for_one_that_has_begun_again() -> None:
+    ground = at_turn(4294960.0)
+    assert not ground.hear(100.0, at_s=8.0).admitted
+    assert ground.source_binding.turned_s == 0.0
+    ground = at_turn(BOOTED_S)
+    assert not ground.hear(4294967.0, at_s=1.0).admitted, "of the turn before"
+    assert ground.hear(0.5, at_s=1.0).admitted
+    assert ground.source_binding.turned_s == 0.0, "it has restarted"

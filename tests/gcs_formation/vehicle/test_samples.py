@@ -8,9 +8,14 @@ import pytest
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address, VehicleId
-from airlink.messages.telemetry import Attitude
+from airlink.frame import Frame
+from airlink.messages import Message
+from airlink.messages.system import Timesync
+from airlink.messages.telemetry import Attitude, VfrHud
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
+from gcs_formation.link.round_trips import RoundTrips
+from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.telemetry import APART_LIMIT_S
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -106,3 +111,33 @@ def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
     assert sample is not None
     assert (sample.north_m, sample.height_m) == pytest.approx((0.0, 100.0), abs=0.01)
     assert math.isclose(sample.heading_rad, 0.5)
+
+
+@pytest.mark.parametrize("turns_before", [0, 2])
+def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns_before: int) -> None:
+    """From 2 s before it to 3 s after; positions at 10 Hz take 20 ms, and attitudes are of 50 ms before them."""
+    turn_ms = 2**32
+    vehicle.telemetry.forget()
+    vehicle.round_trips = RoundTrips(0.02)
+    vehicle.clock = vehicle.round_trips.clock
+    vehicle.source_binding = SourceBinding(vehicle.connection, vehicle.clock)
+    for number in range(50):
+        now = Instant(number * NANOSECONDS // 10)
+        stamp_ms = (turns_before + 1) * turn_ms - 2000 + 100 * number - 20
+        messages: list[Message] = [
+            Attitude((stamp_ms - 50) % turn_ms / 1e3, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            position(100.0, stamp_ms % turn_ms / 1e3),
+            VfrHud(22.0, 22.0, 1.0, 50, 100.0, 0.0),
+        ]
+        if number % 5 == 0:
+            asked = vehicle.round_trips.request(Instant(now - NANOSECONDS // 25))
+            messages.append(Timesync(stamp_ms * 1_000_000, asked.ts1_ns))
+        for each in messages:
+            assert vehicle.source_binding.judge(each, 0, HERE, now).admitted
+            vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
+        sample = vehicle.new_sample(now)
+        if number > 0:  # before its first answer nobody knew how often they had
+            assert sample is not None
+            assert seconds_between(sample.stamp, now) == pytest.approx(0.02, abs=0.001)
+            assert vehicle.jitter.jitter_s < 1e-3 or number == 1
+    assert (vehicle.restarts, vehicle.telemetry.implausible) == (0, 1 if turns_before else 0)
