@@ -239,7 +239,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
     if "phase" in columns:
         numbers = {name: number for number, name in enumerate(PHASES)}
-        columns["phase"] = np.array([numbers.get(name, -1) for name in columns["phase"]], dtype=np.float64)
+        columns["phase"] = np.array([numbers.get(str(name), -1) for name in columns["phase"]], dtype=np.float64)
     return columns
 
 

@@ -55,6 +55,8 @@ UNKNOWN_IN_CONTROL = ("late_ticks",)
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
 """Figures that only the process which flew could have given."""
 WORST_WITHOUT_ERRORS = -1.0
+NUMBERS = "biuf"
+"""Numpy's kinds of numbers and flags."""
 EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
 """Columns of every time series."""
 AXIS: Shape = dict.fromkeys(("rms", "max", "steady_max"), NUMBER_OR_NULL)
@@ -166,7 +168,7 @@ def load_run(directory: Path) -> RunData:
             return replace(run, missing=(*run.missing, *refused))
         summary = _summary(directory / SUMMARY)
         events = _events(directory / EVENTS)
-        columns = read_parquet(directory / TIMESERIES)
+        columns = _columns(directory / TIMESERIES)
     except (OSError, ValueError, pa.ArrowException, ScenarioError) as error:
         raise RecordError(f"cannot read the run in {directory}: {error}") from error
     missing = sorted(set(EXPECTED) - set(columns))
@@ -201,7 +203,7 @@ def _is_finished(directory: Path) -> bool:
 
 
 def _summary(path: Path) -> Mapping[str, Any]:
-    summary: Any = _parsed(path.read_text(encoding="utf-8"), path)
+    summary: Any = _parsed(_text(path), path)
     found: Any = cast("dict[str, Any]", summary).get("schema") if isinstance(summary, dict) else None
     if found != SCHEMA:
         raise ValueError(f"found schema {found} in {path.name}; expected: {SCHEMA}")
@@ -216,9 +218,33 @@ def _fitting(found: Any, shape: Shape, where: str) -> Mapping[str, Any]:  # noqa
 
 
 def _events(path: Path) -> Events:
-    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
+    lines = _text(path).splitlines() if path.is_file() else ()
     parsed = ((number, _parsed(line, path, number)) for number, line in enumerate(lines, 1) if line.strip())
     return tuple(_fitting(found, event_shape(found), f"{path.name}, line {number}") for number, found in parsed)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start} of {path.name}"
+        raise ValueError(f"{found}; expected: text in UTF-8, {path.name} as the run wrote it") from error
+
+
+def _columns(path: Path) -> dict[str, Array]:
+    try:
+        columns = read_parquet(path)
+    except (ValueError, OSError, pa.ArrowException) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        why = " ".join(str(error).split()).rstrip(".")
+        found = f"found something else than whole Parquet in {path.name} ({why})"
+        raise ValueError(f"{found}; expected: {path.name} as the run wrote it") from error
+    for name, values in columns.items():
+        if values.dtype.kind not in NUMBERS:
+            found = f"found a column {name} of something else than numbers in {path.name}"
+            raise ValueError(f"{found}; expected: {path.name} as the run wrote it")
+    return columns
 
 
 def _parsed(text: str, path: Path, line: int = 0) -> Any:  # noqa: ANN401 - whatever the JSON holds

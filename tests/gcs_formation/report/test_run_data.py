@@ -92,6 +92,41 @@ def test_a_damaged_file(make_run, name):
         load_run(directory)
 
 
+@pytest.mark.parametrize("name", ["summary.json", "events.jsonl"])
+def test_a_file_that_is_no_text_is_named_with_the_byte(make_run, name):
+    directory = make_run()
+    (directory / name).write_bytes(b'{"schema": 1, "\xaf')
+    found = rf"found byte 0xaf at offset 15 of {name}; expected: text in UTF-8, {name} as the run wrote it"
+    with pytest.raises(RecordError, match=found):
+        load_run(directory)
+
+
+def test_a_time_series_with_a_damaged_block_is_named(make_run):
+    directory = make_run()
+    path = directory / "timeseries.parquet"
+    columns = read_parquet(path)
+    pq.write_table(pa.table(columns), path, compression="lz4", use_dictionary=False)
+    whole, begin = path.read_bytes(), pq.read_metadata(path).row_group(0).column(0).data_page_offset
+    path.write_bytes(whole[:begin] + b"\xff" * 200 + whole[begin + 200 :])
+    with pytest.raises(
+        RecordError, match=r"found something else than whole Parquet in timeseries\.parquet \([^\n]*\); expected: times"
+    ):
+        load_run(directory)
+
+
+@pytest.mark.parametrize("wrong", [["a"], [None], [[1.0]], [b"a"]])
+@pytest.mark.parametrize("name", ["t_s", "vehicle", "error_x_m"])
+def test_a_column_of_something_else_than_numbers_is_named(make_run, name, wrong):
+    directory = make_run()
+    path = directory / "timeseries.parquet"
+    table = pq.read_table(path)
+    other = pa.array(wrong * table.num_rows)
+    pq.write_table(table.set_column(table.column_names.index(name), name, other), path)
+    found = rf"found a column {name} of something else than numbers in timeseries\.parquet; expected: timeseries"
+    with pytest.raises(RecordError, match=found):
+        load_run(directory)
+
+
 def test_another_schema(make_run):
     directory = make_run()
     summary = json.loads((directory / "summary.json").read_text())
@@ -162,3 +197,12 @@ def test_another_run_s_scenario(make_run):
     path.write_text(dump_scenario(load_scenario(path, ["vehicles={count: 3}"])))
     with pytest.raises(RecordError, match="expected: a multiple of 3"):
         load_run(directory)
+
+
+@pytest.mark.parametrize("wrong", [[["a"]], [1.0]])
+def test_phases_in_other_than_words_are_none(make_run, wrong):
+    directory = make_run()
+    path = directory / "timeseries.parquet"
+    table = pq.read_table(path)
+    pq.write_table(table.set_column(table.column_names.index("phase"), "phase", pa.array(wrong * table.num_rows)), path)
+    assert not load_run(directory).begun
