@@ -200,6 +200,9 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
     """
     if any("\ud800" <= each <= "\udfff" for each in str(path)):
         return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
+    encoding = sys.getfilesystemencoding()
+    if not _has_letters(str(path), encoding):
+        return f"found {str(path)!a}; allowed: a name in {encoding}, in which file names are written here"
     if not path.is_dir() or next(path.iterdir(), None) is None:
         return None
     if not (path / mark).is_file():
@@ -211,11 +214,25 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
 
 
 def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number appended if that exists; slashes in NAME are replaced, a long one is cut."""
-    short = name.replace(os.sep, "-").encode()[:LONGEST_NAME].decode(errors="ignore")
+    """Return runs/NAME-TIME, with a number appended if that exists; a long NAME is cut.
+
+    Slashes in NAME are replaced, and so is what the file system's encoding has no letters for (`LC_ALL=C`).
+    """
+    encoding = sys.getfilesystemencoding()
+    written = "".join(each if _has_letters(each, encoding) else "_" for each in name.replace(os.sep, "-"))
+    short = written.encode(encoding)[:LONGEST_NAME].decode(encoding, errors="ignore")
     stem = f"{short}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
     return next(path for path in paths if not path.exists())
+
+
+def _has_letters(text: str, encoding: str) -> bool:
+    """Return whether an encoding has letters for all of a text."""
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def counted(number: int, what: str, plural: str = "s") -> str:

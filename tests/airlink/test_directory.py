@@ -1,6 +1,11 @@
+import os
+import subprocess
+import sys
 from pathlib import Path
 
-from airlink.cli import default_directory
+import pytest
+
+from airlink.cli import default_directory, refusal
 
 
 def test_a_name_is_no_path(tmp_path: Path, monkeypatch) -> None:
@@ -19,3 +24,26 @@ def test_a_taken_directory_gets_a_number(tmp_path: Path, monkeypatch) -> None:
     first = default_directory("one")
     first.mkdir(parents=True)
     assert default_directory("one") != first
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name"), [("latin-1", "\xdcn\xef _"), ("ascii", "_n_ _"), ("utf-8", "\xdcn\xef ☃")]
+)
+def test_letters_that_file_names_cant_have_are_replaced(encoding: str, name: str, monkeypatch) -> None:
+    monkeypatch.setattr(sys, "getfilesystemencoding", lambda: encoding)
+    assert default_directory("\xdcn\xef ☃").name.startswith(f"{name}-2")
+    assert (refusal(Path("\xdcn\xef ☃"), overwrite=False) is None) is (encoding == "utf-8")
+
+
+def test_a_directory_can_be_made_for_any_name_in_a_locale_of_ascii(tmp_path: Path) -> None:
+    words = "from airlink.cli import default_directory; default_directory('\\xdc\\u2603').mkdir(parents=True)"
+    plain = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    subprocess.run([sys.executable, "-c", words], cwd=tmp_path, env=plain, check=True)
+    assert [each.name[:3] for each in (tmp_path / "runs").iterdir()] == ["__-"]
+
+
+def test_a_directory_whose_name_cant_be_written_is_refused_in_words(monkeypatch) -> None:
+    monkeypatch.setattr(sys, "getfilesystemencoding", lambda: "ascii")
+    assert refusal(Path("r\xfcn"), overwrite=True) == (
+        "found 'r\\xfcn'; allowed: a name in ascii, in which file names are written here"
+    )
