@@ -39,8 +39,8 @@ class Order(NamedTuple):
     end: End | None = None
 
 
-def parse_order(text: str) -> Order:
-    """Return the order in `text`.
+def parse_order(text: str, also: tuple[str, ...] = ()) -> Order:
+    """Return the order in `text`; `also` are other words that are allowed where it is said.
 
     Raises:
         OrderError: the text isn't an order.
@@ -64,9 +64,9 @@ def parse_order(text: str) -> Order:
         case "leader", [ref]:
             return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
-            words = ("shape", "spacing", "speed", "heading", "leader", *ENDS)
+            words = ("shape", "spacing", "speed", "heading", "leader", *ENDS, *also)
             near = "" if word in words else did_you_mean(word, words)
-            raise OrderError(f"found '{said}'; allowed: {ALLOWED}{near}")
+            raise OrderError(f"found '{said}'; allowed: {', '.join((ALLOWED, *also))}{near}")
 
 
 def why_not_set_out(facing_rad: float, course_rad: float) -> str | None:
@@ -90,13 +90,13 @@ def _shape(name: str) -> Shape:
 
 
 def _spacing(given: list[str]) -> float | None:
-    return _number(given[0], LEAST, MAX_NEAR_M, f"a number of m, up to {MAX_NEAR_M:g}") if given else None
+    return _number(given[0], LEAST, MAX_NEAR_M, f"a number of m, more than 0, up to {MAX_NEAR_M:g}") if given else None
 
 
 def _speed(text: str) -> float:
     """Return a speed; of those that hover it may be 0, in whichever way that is written."""
     nought = text.startswith("0") and text.removeprefix("0").removeprefix(".").strip("0") == ""
-    return 0.0 if nought else _number(text, LEAST, MOST_MPS, f"a number of m/s, up to {MOST_MPS:g}")
+    return 0.0 if nought else _number(text, LEAST, MOST_MPS, f"a number from 0 to {MOST_MPS:g} m/s")
 
 
 def _number(text: str, low: float, high: float, allowed: str) -> float:

@@ -157,5 +157,5 @@ def tell(run_dir: str | Path, order: str) -> Answer:
         NothingRunningError: no flight answers there.
     """
     if order != STATUS:
-        parse_order(order)
+        parse_order(order, (STATUS,))
     return give_order(Path(run_dir), order)

@@ -143,7 +143,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         if text == STATUS:
             text = f"{STATUS} {shutil.get_terminal_size().columns}"
         else:
-            parse_order(text)
+            parse_order(text, (STATUS,))
         answer = give_order(run_dir, text)
     except OrderError as error:
         fail(str(error))

@@ -32,8 +32,10 @@ def test_orders_are_words():
         ),
         ("shape blob", "found shape 'blob'; allowed: follower, diamond"),
         ("shape diamon", "(did you mean 'diamond'?)"),
-        ("shape line 0", "found '0'; allowed: a number of m, up to 10000"),
-        ("speed nan", "found 'nan'; allowed: a number of m/s, up to 1000"),
+        ("shape line 0", "found '0'; allowed: a number of m, more than 0, up to 10000"),
+        ("spacing -3", "found '-3'; allowed: a number of m, more than 0, up to 10000"),
+        ("speed nan", "found 'nan'; allowed: a number from 0 to 1000 m/s"),
+        ("speed -5", "found '-5'; allowed: a number from 0 to 1000 m/s"),
         ("speed", "found 'speed'"),
         ("heading north", "found 'north'; allowed: degrees clockwise from north, -360 to 360"),
         ("heading nan", "found 'nan'; allowed: degrees"),
@@ -60,6 +62,15 @@ def test_planned_orders_are_checked_before_the_flight(refusal, load):
 def test_a_word_that_is_right_is_not_offered_again():
     with pytest.raises(OrderError, match=r"rtl, land$"):
         parse_order("shape")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("status extra", "rtl, land, status"), ("stats", "status (did you mean 'status'?)")]
+)
+def test_other_words_are_allowed_where_they_are_said(text, said):
+    with pytest.raises(OrderError) as error:
+        parse_order(text, ("status",))
+    assert str(error.value).endswith(said)
 
 
 def test_what_is_too_long_is_refused_and_not_cut():

@@ -120,9 +120,14 @@ def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("order", "status", "said"),
-    [("spacing -3", 2, "found '-3'; allowed: a number of m"), ("heading -30", 3, "no flight answers")],
+    [
+        ("spacing -3", 2, "found '-3'; allowed: a number of m, more than 0"),
+        ("heading -30", 3, "no flight answers"),
+        ("speed -5", 2, "found '-5'; allowed: a number from 0 to 1000 m/s"),
+        ("stats", 2, "land, status (did you mean 'status'?)"),
+    ],
 )
-def test_an_order_with_a_number_below_0_is_read_as_an_order(order: str, status: int, said: str, tmp_path: Path) -> None:
+def test_an_order_is_read_before_anybody_is_asked(order: str, status: int, said: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["tell", str(tmp_path), *order.split()])
     assert done.exit_code == status
     assert said in done.stderr
