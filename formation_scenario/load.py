@@ -84,11 +84,7 @@ def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
     path: KeyPath = tuple(_key(key) for key in name.strip().split("."))
     if not equals or "" in path:
         raise refused("", f"found '{override}'", "dotted.key=value")
-    try:
-        value = read_value(text)
-    except ScenarioError as error:
-        first = error.problems[0]
-        raise refused(dotted(path), first.found, first.allowed) from error
+    value = read_value(text, path)
     parent: Plain = data
     made: list[KeyPath] = []
     for depth, key in enumerate(path[:-1]):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, cast
 
@@ -135,13 +135,17 @@ def plain_mapping(mapping: Mapping[Any, object], above: KeyPath = ()) -> dict[Ke
     return {key: _plain(item, (*above, key)) for key, item in keys.items()}
 
 
-def read_value(text: str) -> Plain:
-    """Read one value as YAML.
+def read_value(text: str, path: KeyPath) -> Plain:
+    """Read one key's value as YAML.
 
     Raises:
-        ScenarioError: broken YAML.
+        ScenarioError: broken YAML, or a key given twice; problems have no lines.
     """
-    return _Reader(text, None).read()[0]
+    try:
+        return _Reader(text, None).read(path)[0]
+    except ScenarioError as error:
+        keyed = [replace(each, line=None, column=None, key=each.key or dotted(path)) for each in error.problems]
+        raise ScenarioError(keyed) from error
 
 
 def kind(value: Plain) -> str:
@@ -189,11 +193,11 @@ class _Reader:
         self._within = list[yaml.Node]()
         """The lists and mappings that the one being read is in."""
 
-    def read(self) -> tuple[Plain, dict[KeyPath, Place]]:
+    def read(self, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, Place]]:
         try:
             loader = Loader(self._text)
             node = loader.get_single_node()
-            data = None if node is None else self._value(loader, node, ())
+            data = None if node is None else self._value(loader, node, path)
         except yaml.YAMLError as error:
             self._problems.append(self._broken(error))
             data = None
@@ -249,7 +253,9 @@ class _Reader:
         for key_node, _ in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
             key, place = _key(key_node), self._place(key_node)
             if key in first and key_node.tag != _MERGE_TAG:
-                found = f"found a second time, first on line {first[key].line}"
+                found = "found a second time"
+                if "\n" in self._text or self._file is not None:
+                    found += f", first on line {first[key].line}"
                 self._problems.append(Problem(*place, dotted((*path, key)), found, "each key once"))
             first.setdefault(key, place)
 

@@ -59,6 +59,24 @@ def test_a_number_that_python_has_no_words_for_and_a_tag_that_lies_are_refused(v
         apply_overrides(read_text("a: 1"), [f"b={value}"])
 
 
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        (
+            "links.default={delay_ms: 1, delay_ms: 2}",
+            "links.default.delay_ms: found a second time; allowed: each key once",
+        ),
+        ("start={offset_m: [{a: 1, a: 2}]}", "start.offset_m.0.a: found a second time; allowed: each key once"),
+        ("a=[1, 2", "a: broken YAML: expected ',' or ']', but got '<stream end>'"),
+        ("a={b: !!int abc}", "a.b: found 'abc'; allowed: text, true"),
+    ],
+)
+def test_what_is_wrong_within_an_override_is_named_by_its_own_key(override: str, said: str):
+    with pytest.raises(ScenarioError) as error:
+        apply_overrides(read_text("a: 1"), [override])
+    assert str(error.value).startswith(f"--set {override}: {said}")
+
+
 def test_a_mapping_with_a_number_of_thousands_of_digits_is_refused():
     with pytest.raises(ScenarioError, match="seed: found a number of more than 100 digits"):
         plain_mapping({"seed": 10**5000})

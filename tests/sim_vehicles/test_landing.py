@@ -1,6 +1,5 @@
 """AUTOLAND: down beside where the final approach begins, and straight in as the take-off went."""
 
-
 import pytest
 
 ARM, SET_MODE = 400, 176
