@@ -282,7 +282,7 @@ class Station(Engine):
             return
         leader, samples = self.controller.plan.leader, dict[int, Sample]()
         for vehicle in self._each:
-            sample = vehicle.new_sample(now, leads=vehicle.column == leader)
+            sample = vehicle.sampler.new(now, flew=vehicle.flew, leads=vehicle.column == leader)
             if sample is not None:
                 samples[vehicle.column] = sample
         self.controller.take(samples)

@@ -86,7 +86,7 @@ class Dispatch:
                 continue
             motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan
             place = motion.north_m, motion.east_m, motion.height_m, motion.climb_mps
-            tick.state[column] = FlightState(*place, vehicle.airspeed_mps, heading_rad, math.nan, math.nan)
+            tick.state[column] = FlightState(*place, vehicle.sampler.airspeed_mps, heading_rad, math.nan, math.nan)
             if vehicle.clock.samples:
                 tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
 

@@ -280,7 +280,7 @@ class AirspeedWatch:
     def watch(self, now: Instant) -> None:
         """Look once a second."""
         for identity, vehicle in self._vehicles.items():
-            check, was_believed = vehicle.airspeed_check, identity not in self._unbelieved
+            check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
             if check is None or check.believes == was_believed:
                 continue
             if was_believed:

@@ -221,7 +221,7 @@ class Starting:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
         may_act = self._takeover.may_act(vehicle, now) and self._preflight.passed
-        if not (vehicle.start_up.asks_for_telemetry and vehicle.why_unknown(now)):
+        if not (vehicle.start_up.asks_for_telemetry and vehicle.sampler.why_unknown(now)):
             vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
@@ -263,7 +263,7 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     if not vehicle.start_up.asks_for_telemetry:
         return ""
     seen, acknowledged = vehicle.telemetry, vehicle.commands.outcome is Outcome.ACCEPTED
-    unknown = vehicle.why_unknown(now) if acknowledged else None
+    unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
     lacking = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]

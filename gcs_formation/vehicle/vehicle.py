@@ -20,10 +20,9 @@ from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedCheck
-from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips import RoundTrips
-from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, TURN_S, SourceBinding
+from gcs_formation.link.source_binding import TURN_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import (
     AIRBORNE_M,
@@ -33,9 +32,9 @@ from gcs_formation.vehicle.autopilot_family import (
     EffectWatch,
     StartUpStep,
 )
+from gcs_formation.vehicle.sampler import Sampler
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
-from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
-from gcs_formation.vehicle.velocity_setpoint import ground_motion
+from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
@@ -82,11 +81,13 @@ class Vehicle:
         self.identity, self.column = identity, column
         """Who it is, and its place in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
-        self.telemetry, self.airspeed_check = Telemetry(origin, autopilot.stands), airspeed_check
+        self.telemetry = Telemetry(origin, autopilot.stands)
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
         self.source_binding = SourceBinding(connection, self.clock)
         """Judges which sender with its system id is the vehicle."""
+        self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
+        """What it tells, as states of now."""
         self.jitter, self.sequence = JitterMeter(), SequenceTracker()
         self.commands = CommandQueue()
         self.messages_in = vec[i64]([0] * len(KINDS))
@@ -101,15 +102,12 @@ class Vehicle:
         channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
-        self.restarts, self._by_course = 0, autopilot.flies_courses
-        """How often its clock has begun anew; whether it is told courses over ground."""
+        self.restarts, self._flew_before = 0, False
+        """How often its clock has begun anew; whether it may have flown when it last did."""
         self._lost_at, self.alone_at = Instant(0), LONG_AGO
         """When a frame was last found to be missing, or an answer; when its failsafe last had reason to act: it was
         without setpoints, heartbeats or a link."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
-        self._sampled: ReportedMotion | None = None
-        self._flew_before = False
-        """Whether it may have flown when it last restarted."""
 
     @property
     def follows_setpoints(self) -> bool:
@@ -227,76 +225,6 @@ class Vehicle:
     def flies_home_m(self) -> tuple[float, float] | None:
         """North and east of its home, if its mode is one in which it flies there; None if not, or if it's unknown."""
         return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
-
-    def new_sample(self, now: Instant, *, leads: bool = False) -> Sample | None:
-        """Return the newest sample, once; None before the vehicle's clock is known.
-
-        The heading is carried over from its own message's stamp to the position's. A multirotor's airspeed and heading
-        are how it moves over ground; `leads`: whether others' slots go by that.
-        """
-        seen = self.telemetry
-        if seen.motion is None or seen.attitude is None or not seen.complete or not self.clock.samples:
-            return None
-        motion, attitude = seen.motion, seen.attitude
-        if motion is self._sampled:
-            return None
-        self._sampled = motion
-        stamp = self.round_trips.stamps.to_instant(motion.stamp_s)
-        if not _is_of(now, stamp) or not seen.of_one_time:
-            self.telemetry.implausible += 1
-            return None
-        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
-        airspeed_mps = self._airspeed(motion, heading_rad)
-        if seen.stands:
-            airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
-        return Sample(
-            stamp,
-            motion.north_m,
-            motion.east_m,
-            motion.height_m,
-            motion.north_mps,
-            motion.east_mps,
-            motion.climb_mps,
-            airspeed_mps,
-            heading_rad,
-            by_course=self._by_course,
-            airspeed_ratio=self.autopilot.true_airspeed(1.0),
-        )
-
-    def why_unknown(self, now: Instant) -> str | None:
-        """Return why nothing that it tells becomes a state of now, in words; None if it does, or nothing has come."""
-        if not self.clock.samples:
-            return "it answers no TIMESYNC: its delay and clock aren't known"
-        seen, stamp_s = self.telemetry, self.source_binding.refused_stamp_s
-        if seen.motion is not None and _is_of(now, self.round_trips.stamps.to_instant(seen.motion.stamp_s)):
-            if math.isnan(seen.airspeed_mps):
-                return "it has told no airspeed in VFR_HUD"
-            together = seen.attitude is None or seen.of_one_time
-            return None if together else "its position, attitude and airspeed aren't of one time"
-        if math.isnan(stamp_s) and seen.motion is not None:
-            stamp_s = seen.motion.stamp_s
-        if math.isnan(stamp_s):
-            return None
-        times = f"{now / NANOSECONDS + self.clock.offset_s:.0f} s, where the newest is of {stamp_s:.0f} s"
-        return f"its TIMESYNC tells another time than the stamps of its positions: {times}"
-
-    @property
-    def airspeed_mps(self) -> float:
-        """Its newest true airspeed; NaN before it has told one."""
-        return self.autopilot.true_airspeed(self.telemetry.airspeed_mps)
-
-    def _airspeed(self, motion: ReportedMotion, heading_rad: float) -> float:
-        """Return its true airspeed, m/s, as far as what it reads is believed; in the air, learn from it."""
-        scale, check, reading_mps = self.autopilot.airspeed_scale, self.airspeed_check, self.telemetry.airspeed_mps
-        if check is not None and self.flew:
-            ratio = self.autopilot.true_airspeed(1.0)
-            if not check.take(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
-                return check.synthetic_mps
-        if scale is not None and self.flew:
-            velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
-            above_sea_m = motion.height_m + self.autopilot.origin.alt_m
-            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
-        return self.airspeed_mps
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
@@ -444,8 +372,3 @@ class Vehicle:
             channel.acknowledged(now)
         elif ack.result != UNDER_WAY:
             channel.refused(ack.result, self.telemetry.heartbeats, now)
-
-
-def _is_of(now: Instant, stamp: Instant) -> bool:
-    """Return whether what was stamped at an instant can have come just now."""
-    return -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S

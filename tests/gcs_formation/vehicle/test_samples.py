@@ -17,7 +17,8 @@ from gcs_formation.link.link_health import Connection
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.telemetry import APART_LIMIT_S
+from gcs_formation.vehicle.sampler import Sampler
+from gcs_formation.vehicle.telemetry import APART_LIMIT_S, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
@@ -27,12 +28,19 @@ HERE = Address("127.0.0.1", 40000)
 NOW = Instant(0)
 
 
+def hand_over(vehicle: Vehicle, telemetry: Telemetry) -> None:
+    """Let a vehicle have told what is in `telemetry`."""
+    vehicle.telemetry = telemetry
+    parts = vehicle.autopilot, vehicle.round_trips, vehicle.source_binding
+    vehicle.sampler = Sampler(telemetry, *parts, None)
+
+
 @pytest.fixture
 def vehicle(tell, telemetry) -> Vehicle:
     """A vehicle whose clock is 50 s ahead of ours, and that has told everything but an attitude of now."""
     made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     tell(0, armed=True, above_home_m=100.0)
-    made.telemetry = telemetry
+    hand_over(made, telemetry)
     made.clock.observe(NOW, round(STAMP_S * NANOSECONDS), NOW)
     telemetry.take(position(100.0, STAMP_S))
     telemetry.airspeed_stamp_s = STAMP_S
@@ -47,24 +55,24 @@ def turns(vehicle: Vehicle, heading_rad: float, stamp_s: float) -> None:
 def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehicle: Vehicle, apart_s: float) -> None:
     """At 0.2 rad/s and 22 m/s a heading of 0.1 s before is that of a slot 0.6 m away, 30 m aside."""
     turns(vehicle, 1.0 + TURN_RADPS * apart_s, STAMP_S + apart_s)
-    sample = vehicle.new_sample(NOW)
+    sample = vehicle.sampler.new(NOW, flew=vehicle.flew)
     assert sample is not None
     assert sample.heading_rad == pytest.approx(1.0)
     assert seconds_between(sample.stamp, NOW) == pytest.approx(0.0, abs=1e-6)
-    assert vehicle.new_sample(NOW) is None, "once"
+    assert vehicle.sampler.new(NOW, flew=vehicle.flew) is None, "once"
 
 
 @pytest.mark.parametrize("apart_s", [-APART_LIMIT_S - 0.1, APART_LIMIT_S + 0.1])
 def test_an_attitude_of_another_time_is_paired_with_no_position(vehicle: Vehicle, apart_s: float) -> None:
     turns(vehicle, 1.0, STAMP_S + apart_s)
-    assert vehicle.new_sample(NOW) is None
+    assert vehicle.sampler.new(NOW, flew=vehicle.flew) is None
     assert vehicle.telemetry.implausible == 1
 
 
 @pytest.mark.parametrize(("late_s", "taken"), [(-2.1, False), (-1.9, True), (9.9, True), (10.1, False)])
 def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, late_s: float, taken: bool) -> None:
     turns(vehicle, 1.0, STAMP_S)
-    sample = vehicle.new_sample(Instant(round(late_s * NANOSECONDS)))
+    sample = vehicle.sampler.new(Instant(round(late_s * NANOSECONDS)), flew=vehicle.flew)
     assert (sample is not None) is taken
 
 
@@ -72,22 +80,22 @@ def test_a_stamp_of_the_future_or_of_long_ago_is_no_sample(vehicle: Vehicle, lat
 def test_while_it_is_no_sample_it_is_said_why(vehicle: Vehicle, late_s: float) -> None:
     turns(vehicle, 1.0, STAMP_S)
     now = Instant(round(late_s * NANOSECONDS))
-    why = vehicle.why_unknown(now)
-    assert (why is None) is (vehicle.new_sample(now) is not None)
+    why = vehicle.sampler.why_unknown(now)
+    assert (why is None) is (vehicle.sampler.new(now, flew=vehicle.flew) is not None)
     assert why in (None, f"{OTHER}: {50 + late_s:.0f} s, where the newest is of 50 s")
 
 
 def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehicle: Vehicle) -> None:
     turns(vehicle, 1.0, STAMP_S - APART_LIMIT_S - 0.1)
-    assert vehicle.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
+    assert vehicle.sampler.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
     vehicle.telemetry.airspeed_mps = math.nan
-    assert vehicle.why_unknown(NOW) == "it has told no airspeed in VFR_HUD"
+    assert vehicle.sampler.why_unknown(NOW) == "it has told no airspeed in VFR_HUD"
     vehicle.telemetry.motion = None
-    assert vehicle.why_unknown(NOW) is None
+    assert vehicle.sampler.why_unknown(NOW) is None
     vehicle.source_binding.judge(vehicle.telemetry.attitude, 0, HERE, NOW)
-    assert vehicle.why_unknown(NOW) is None
+    assert vehicle.sampler.why_unknown(NOW) is None
     vehicle.source_binding.judge(Attitude(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0, HERE, NOW)
-    assert (vehicle.why_unknown(NOW) or "").endswith(": 50 s, where the newest is of 5 s")
+    assert (vehicle.sampler.why_unknown(NOW) or "").endswith(": 50 s, where the newest is of 5 s")
 
 
 def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> None:
@@ -95,19 +103,19 @@ def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> No
     vehicle.telemetry.armed = False
     vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
     turns(vehicle, 1.0, STAMP_S)
-    sample = vehicle.new_sample(NOW)
+    sample = vehicle.sampler.new(NOW, flew=vehicle.flew)
     assert sample is not None
-    assert sample.airspeed_mps == vehicle.airspeed_mps == pytest.approx(22.0 / math.sqrt(0.7422), rel=1e-3)
+    assert sample.airspeed_mps == vehicle.sampler.airspeed_mps == pytest.approx(22.0 / math.sqrt(0.7422), rel=1e-3)
 
 
 def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
     made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
     tell(0, armed=True, above_home_m=100.0)
-    made.telemetry = telemetry
-    assert made.new_sample(NOW) is None
-    assert (made.why_unknown(NOW) or "").startswith("it answers no TIMESYNC")
+    hand_over(made, telemetry)
+    assert made.sampler.new(NOW, flew=made.flew) is None
+    assert (made.sampler.why_unknown(NOW) or "").startswith("it answers no TIMESYNC")
     made.clock.observe(NOW, NANOSECONDS, NOW)
-    sample = made.new_sample(NOW)
+    sample = made.sampler.new(NOW, flew=made.flew)
     assert sample is not None
     assert (sample.north_m, sample.height_m) == pytest.approx((0.0, 100.0), abs=0.01)
     assert math.isclose(sample.heading_rad, 0.5)
@@ -121,6 +129,7 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
     vehicle.round_trips = RoundTrips(0.02)
     vehicle.clock = vehicle.round_trips.clock
     vehicle.source_binding = SourceBinding(vehicle.connection, vehicle.clock)
+    hand_over(vehicle, vehicle.telemetry)
     for number in range(50):
         now = Instant(number * NANOSECONDS // 10)
         stamp_ms = (turns_before + 1) * turn_ms - 2000 + 100 * number - 20
@@ -135,7 +144,7 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
         for each in messages:
             assert vehicle.source_binding.judge(each, 0, HERE, now).admitted
             vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
-        sample = vehicle.new_sample(now)
+        sample = vehicle.sampler.new(now, flew=vehicle.flew)
         if number > 0:  # before its first answer nobody knew how often they had
             assert sample is not None
             assert seconds_between(sample.stamp, now) == pytest.approx(0.02, abs=0.001)

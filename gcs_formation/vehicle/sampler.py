@@ -1,0 +1,111 @@
+"""What a vehicle tells, as samples of its state: once each, mapped to the station's clock, as far as it is believed."""
+
+from __future__ import annotations
+
+import math
+
+from airlink.clock import NANOSECONDS, Instant, seconds_between
+from gcs_formation.estimation.airspeed import AirspeedCheck
+from gcs_formation.estimation.estimator import Sample
+from gcs_formation.link.round_trips import RoundTrips
+from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
+from gcs_formation.vehicle.autopilot_family import Autopilot
+from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
+from gcs_formation.vehicle.velocity_setpoint import ground_motion
+
+
+class Sampler:
+    """Makes samples of one vehicle's telemetry."""
+
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        autopilot: Autopilot,
+        round_trips: RoundTrips,
+        source_binding: SourceBinding,
+        airspeed_check: AirspeedCheck | None,
+    ) -> None:
+        """Begin with none; `airspeed_check`: a fixed wing's, by which its airspeeds are believed."""
+        self._telemetry, self._autopilot, self._round_trips = telemetry, autopilot, round_trips
+        self._source_binding, self.airspeed_check = source_binding, airspeed_check
+        self._sampled: ReportedMotion | None = None
+
+    def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
+        """Return the newest sample, once; None before the vehicle's clock is known.
+
+        The heading is carried over from its own message's stamp to the position's. A multirotor's airspeed and heading
+        are how it moves over ground. What a sensor reads on the ground, of one that hasn't flown yet, teaches nothing.
+
+        Args:
+            now: the instant.
+            flew: whether it flies, or did when it was last heard.
+            leads: whether others' slots go by its motion.
+        """
+        seen = self._telemetry
+        if seen.motion is None or seen.attitude is None or not seen.complete or not self._round_trips.clock.samples:
+            return None
+        motion, attitude = seen.motion, seen.attitude
+        if motion is self._sampled:
+            return None
+        self._sampled = motion
+        stamp = self._round_trips.stamps.to_instant(motion.stamp_s)
+        if not _is_of(now, stamp) or not seen.of_one_time:
+            self._telemetry.implausible += 1
+            return None
+        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
+        airspeed_mps = self._airspeed(motion, heading_rad, flew=flew)
+        if seen.stands:
+            airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
+        return Sample(
+            stamp,
+            motion.north_m,
+            motion.east_m,
+            motion.height_m,
+            motion.north_mps,
+            motion.east_mps,
+            motion.climb_mps,
+            airspeed_mps,
+            heading_rad,
+            by_course=self._autopilot.flies_courses,
+            airspeed_ratio=self._autopilot.true_airspeed(1.0),
+        )
+
+    def why_unknown(self, now: Instant) -> str | None:
+        """Return why nothing that it tells becomes a state of now, in words; None if it does, or nothing has come."""
+        if not self._round_trips.clock.samples:
+            return "it answers no TIMESYNC: its delay and clock aren't known"
+        seen, stamp_s = self._telemetry, self._source_binding.refused_stamp_s
+        if seen.motion is not None and _is_of(now, self._round_trips.stamps.to_instant(seen.motion.stamp_s)):
+            if math.isnan(seen.airspeed_mps):
+                return "it has told no airspeed in VFR_HUD"
+            together = seen.attitude is None or seen.of_one_time
+            return None if together else "its position, attitude and airspeed aren't of one time"
+        if math.isnan(stamp_s) and seen.motion is not None:
+            stamp_s = seen.motion.stamp_s
+        if math.isnan(stamp_s):
+            return None
+        times = f"{now / NANOSECONDS + self._round_trips.clock.offset_s:.0f} s, where the newest is of {stamp_s:.0f} s"
+        return f"its TIMESYNC tells another time than the stamps of its positions: {times}"
+
+    @property
+    def airspeed_mps(self) -> float:
+        """Its newest true airspeed; NaN before it has told one."""
+        return self._autopilot.true_airspeed(self._telemetry.airspeed_mps)
+
+    def _airspeed(self, motion: ReportedMotion, heading_rad: float, *, flew: bool) -> float:
+        """Return its true airspeed, m/s, as far as what it reads is believed; in the air, learn from it."""
+        scale, check, reading_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
+        if check is not None and flew:
+            ratio = self._autopilot.true_airspeed(1.0)
+            if not check.take(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
+                return check.synthetic_mps
+        if scale is not None and flew:
+            velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
+            above_sea_m = motion.height_m + self._autopilot.origin.alt_m
+            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+        return self.airspeed_mps
+
+
+def _is_of(now: Instant, stamp: Instant) -> bool:
+    """Return whether what was stamped at an instant can have come just now."""
+    return -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S
