@@ -50,19 +50,14 @@ class FirstLook:
         self._order = list(self._spots)
         """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
         self._first_s, self._horizon_s = first_s, horizon_s
-        self._its_mps = self._its_rad = self._its_wind_north_mps = self._its_wind_east_mps = 0.0
+        self._its: FlightState | None = None
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
-    def begin(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
-        """Begin a look: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
-        self._its_mps, self._its_rad = reference.airspeed_mps, reference.heading_rad
-        self._its_wind_north_mps, self._its_wind_east_mps = reference.wind_north_mps, reference.wind_east_mps
+    def begin(self, reference: FlightState) -> None:
+        """Begin a look: `see` every vehicle, then ask whether `all_apart`."""
+        self._its = reference
         self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
-        if self._hovers:
-            self._its_mps, self._its_rad = speed_mps, heading_rad
-            self._frame_north_mps = speed_mps * math.cos(heading_rad)
-            self._frame_east_mps = speed_mps * math.sin(heading_rad)
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def see(
@@ -78,23 +73,23 @@ class FirstLook:
             early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
             timing_s: timing uncertainty of its state.
         """
-        spot, until_s = self._spots[place], early_s + self._first_s
-        its_mps, its_rad, model = self._its_mps, self._its_rad, spot.model
+        its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
+        assert its is not None
+        its_mps, model = its.airspeed_mps, spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
-            slow_mps = _apart_mps(state, along_mps, its_rad)
+            slow_mps = _apart_mps(state, along_mps, its.heading_rad)
             step_mps, turn_rad = _apart_mps(state, speed_mps, heading_rad), 0.0
             off_rad = 0.0
         else:
-            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its_rad - state.heading_rad))
+            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its.heading_rad - state.heading_rad))
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
-        north_mps = state.wind_north_mps - self._its_wind_north_mps
-        east_mps = state.wind_east_mps - self._its_wind_east_mps
+        north_mps, east_mps = state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps
         drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - its_mps)
         spot.north_m = state.north_m + self._frame_north_mps * early_s
         spot.east_m = state.east_m + self._frame_east_mps * early_s

@@ -129,8 +129,7 @@ class ConflictResolver:
                     return False
                 together = max(together, acts[column])
         look = self._first_look
-        reference = max(first, tick.leader)
-        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
+        look.begin(tick.state[max(first, tick.leader)])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
@@ -208,6 +207,7 @@ class ConflictResolver:
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
             times_s=self._times_s,
+            evades=self._side[members[0]] != 0.0,
             heights_m=self._heights_m,
         )
 

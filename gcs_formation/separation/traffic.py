@@ -19,7 +19,7 @@ BESIDE_M = 1.0
 REFERENCE = 0
 """The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts.
 
-Of multirotors it is the velocity that it is commanded: the one that it has may come of giving way."""
+Of a multirotor that gives way it is the velocity that it is commanded: the one that it has comes of that."""
 AS_COMMANDED = 2
 """How many of a vehicle's courses, the first ones, begin as commanded."""
 ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
@@ -50,6 +50,8 @@ class TrafficPicture:
     """Gives the height (N,) that no vehicle is sent below by the rule."""
     times_s: Array
     """(S,) at which ways are looked at."""
+    evades: bool = False
+    """Whether the reference has given way until now."""
     heights_m: tuple[float, float] = (-math.inf, math.inf)
     """The lowest and the highest height that the fence allows."""
 
@@ -58,17 +60,20 @@ class TrafficPicture:
         """Ground velocity north and east, (2, N)."""
         return self.traffic.state.ground_mps
 
+    @property
+    def _aims(self) -> bool:
+        return self.evades and self.traffic.hovers and bool(self.commanded[REFERENCE])
+
     @cached_property
     def reference(self) -> tuple[float, float]:
         """Airspeed and heading of the reference."""
-        aims = self.traffic.hovers and bool(self.commanded[REFERENCE])
-        its = self.setpoints.air_motion if aims else self.traffic.state.air_motion
+        its = self.setpoints.air_motion if self._aims else self.traffic.state.air_motion
         return float(its[0, REFERENCE]), float(its[1, REFERENCE])
 
     @cached_property
     def reference_mps(self) -> Array:
         """Ground velocity of the reference north and east, (2, 1)."""
-        if not self.traffic.hovers:
+        if not self._aims:
             return self.velocity_mps[:, [REFERENCE]]
         speed_mps, heading_rad = self.reference
         return np.array([[speed_mps * math.cos(heading_rad)], [speed_mps * math.sin(heading_rad)]])
@@ -84,12 +89,12 @@ class TrafficPicture:
     def lasting(self, vehicle: int) -> tuple[float, float]:
         """Return airspeed and heading that a vehicle can go on with when it has flown as commanded: the reference's.
 
-        The reference itself, unless it's a multirotor, flies on as it then does (NaN). In a bend it turns while
-        commanded to, and straight on isn't the heading of now any more: a way that begins so and turns back couldn't be
-        flown on at the next tick.
+        The reference itself, unless it goes by what it is commanded, flies on as it then does (NaN). In a bend it turns
+        while commanded to, and straight on isn't the heading of now any more: a way that begins so and turns back
+        couldn't be flown on at the next tick.
         """
         speed, heading = self.along
-        turns = vehicle == REFERENCE and not self.traffic.hovers
+        turns = vehicle == REFERENCE and not self._aims
         return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
 
     def minimum(self, one: Indices, other: Indices) -> MinimumDistance:

@@ -90,7 +90,7 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
     for _ in range(2):  # the second time in the order that was found
-        look.begin(states[0], setpoints[0][0], setpoints[0][1])
+        look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
             look.see(place, state, told[0], told[1], early_s[place], timing_s[place])
         assert look.all_apart(made.kept_m) == (possible_pairs(made)[0].size == 0)
@@ -135,7 +135,8 @@ def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way
     vehicles = Vehicles([[0, 0, 100, 25, 1, 0], [-12, 0, 100, 25, 1, 0]])
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     told = Setpoints(np.full(2, 17.0), np.full(2, 2.0), np.full(2, 100.0))
-    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True))
+    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True), evades=True)
     assert [each.tolist() for each in hovers.along] == [[17.0, 17.0], [2.0, 2.0]]
     assert hovers.lasting(0) == (17.0, 2.0)
-    assert [each.tolist() for each in made.along] == [[25.0, 25.0], [1.0, 1.0]]
+    for other in (made, replace(hovers, evades=False)):
+        assert [each.tolist() for each in other.along] == [[25.0, 25.0], [1.0, 1.0]]
