@@ -78,7 +78,10 @@ def columns_of(rows: Array, out: Array | None = None) -> Array:
 
 
 def mapped(path: Path, begin: int, shape: tuple[int, int]) -> Array:
-    """Return numbers of 64 bits, the lowest byte first, from a byte of a file on, as they are in the file: no copy."""
+    """Return numbers of 64 bits, the lowest byte first, from a byte of a file on, as they are in the file: no copy.
+
+    What has been looked at of it counts as this process's memory until the array is gone.
+    """
     if not shape[0] * shape[1]:
         return np.empty(shape)
     return np.asarray(np.memmap(path, "<f8", "r", begin, shape))

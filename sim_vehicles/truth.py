@@ -105,14 +105,16 @@ class TruthRecord:
         if len(head) < HEADER.size or head[: len(MAGIC)] != MAGIC:
             raise TruthError(f"{path} is not a record of ground truth")
         self._vehicles: int = HEADER.unpack(head)[1]
-        width = 1 + len(QUANTITIES) * self._vehicles
-        self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * width)
-        self._numbers = mapped(path, HEADER.size, (self.rows, width))
+        self._path, self._width = path, 1 + len(QUANTITIES) * self._vehicles
+        self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * self._width)
 
     @property
     def last_s(self) -> float:
         """Time of the last row, since the clock's epoch; there must be one."""
-        return float(self._numbers[-1, 0])
+        return float(self._mapped()[-1, 0])
+
+    def _mapped(self) -> Array:
+        return mapped(self._path, HEADER.size, (self.rows, self._width))
 
     def between(self, from_s: float, to_s: float) -> dict[str, Array]:
         """Return the rows from the last one that isn't after a time to the first one that is after another.
@@ -122,10 +124,11 @@ class TruthRecord:
         Returns:
             `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V).
         """
-        times_s = self._numbers[:, 0]
+        rows = self._mapped()
+        times_s = rows[:, 0]
         first = max(0, min(int(times_s.searchsorted(from_s, side="right")) - 1, self.rows - 2))
         end = max(first + 2, int(times_s.searchsorted(to_s, side="right")) + 1)
-        some = self._numbers[first:end]
+        some = rows[first:end]
         numbers = some[:, 1:].reshape(len(some), self._vehicles, len(QUANTITIES))
         columns = np.empty((len(QUANTITIES), len(some), self._vehicles))
         block = max(1, BLOCK_BYTES // (NUMBER_BYTES * some.shape[1]))

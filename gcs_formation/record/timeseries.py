@@ -173,11 +173,11 @@ class _Part:
         """Yield the columns of so many rows or a tick at once, at least one block."""
         vehicles = len(self._vehicles)
         at_once = max(1, rows // max(1, vehicles))
-        numbers = mapped(self._path, self._begin, (self.ticks * vehicles, len(SPOOLED)))
         for begin in range(0, max(1, self.ticks), at_once):
             ticks = min(at_once, self.ticks - begin)
             network, system = np.tile(self._vehicles, (ticks, 1)).T
-            columns = columns_of(numbers[begin * vehicles : (begin + ticks) * vehicles])
+            place = self._begin + NUMBER_BYTES * len(SPOOLED) * vehicles * begin
+            columns = columns_of(mapped(self._path, place, (ticks * vehicles, len(SPOOLED))))
             yield {"network": network, "vehicle": system} | dict(zip(SPOOLED, columns, strict=True))
 
 
