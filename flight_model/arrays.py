@@ -68,9 +68,9 @@ def any_of(mask: Mask) -> bool:
     return int(np.count_nonzero(mask)) > 0
 
 
-def columns_of(rows: Array, out: Array | None = None) -> Array:
-    """Return (K, N) of rows (N, K), in `out` if given: block by block, so that each row is fetched once."""
-    found = np.empty(rows.shape[::-1]) if out is None else out
+def columns_of(rows: Array) -> Array:
+    """Return (K, N) of rows (N, K): block by block, so that each row is fetched once."""
+    found = np.empty(rows.shape[::-1])
     block = max(1, BLOCK_BYTES // max(1, rows.itemsize * rows.shape[1]))
     for begin in range(0, len(rows), block):
         found[:, begin : begin + block] = rows[begin : begin + block].T

@@ -33,7 +33,7 @@ class Cause(Enum):
     STOP = "told to stop"
     HASTE = "told to go home at once"
     ORDERED = "ordered to end"
-    OPENED = "every vehicle that hears has a height of its own, or time is up"
+    OPENED = "every vehicle that hears has a height of its own or stands, or time is up"
     LOITERED = "every vehicle loiters"
     FAILURE = "the run can't go on"
     NOT_ALL_LOITERED = "not every vehicle loiters, or has acknowledged that it does, and the time for that is over"

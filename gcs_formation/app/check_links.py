@@ -318,13 +318,12 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     ]
     if not lossy or too_old(scenario) is not None:
         return None
-    who = ", ".join(dict.fromkeys(str(vehicle.vehicle_id) for vehicle, *_ in lossy))
+    who, share = ", ".join(dict.fromkeys(str(each.vehicle_id) for each, *_ in lossy)), max(each[1] for each in lossy)
     least_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
-    share = max(loss for _, loss, _ in lossy)
     return (
-        f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what "
-        f"is known of vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among "
-        f"the others; {least_hz:g} Hz or more"
+        f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
+        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among the others; "
+        f"{least_hz:g} Hz or more"
     )
 
 
