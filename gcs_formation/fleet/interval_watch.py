@@ -10,6 +10,9 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+from librt.vecs import vec
+from mypy_extensions import i64, mypyc_attr
+
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -30,16 +33,17 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 """Interval between requests, doubled after each that changes nothing, up to the second value."""
 
 
+@mypyc_attr(acyclic=True)
 class Look:
     """Counts of what a vehicle has sent up to an instant."""
 
     __slots__ = ("heard_s", "lost", "messages", "received")
 
-    def __init__(self, heard_s: float, received: int, lost: int, messages: list[int]) -> None:
+    def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
         """Take the time during which it was heard at all, the frames, and the count of each requested message."""
         self.heard_s = heard_s
-        self.received = received
-        self.lost = lost
+        self.received: i64 = received
+        self.lost: i64 = lost
         self.messages = messages
 
 
@@ -54,15 +58,18 @@ class RequestedMessages:
         self.next_request = self.last_look = Instant(0)
         self.wait_s = ASK_AGAIN_S
         self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
-        self._spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self._rates]
-        self._places = [KINDS[each].place for each in self._ids]
-        self._most = 1 + max(self._spans)
+        spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self._rates]
+        self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
+        self._spans, self._most = vec[i64](spans), 1 + max(spans)
+        self._places = vec[i64]([KINDS[each].place for each in self._ids])
         self.looks = list[Look]()
         """The last ones, as many as the slowest message needs."""
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing arrives isn't counted against a single message."""
-        sequence, messages = vehicle.sequence, [int(vehicle.messages_in[place]) for place in self._places]
+        sequence, messages_in, messages = vehicle.sequence, vehicle.messages_in, vec[i64]([0] * len(self._places))
+        for place in range(len(messages)):
+            messages[place] = messages_in[self._places[place]]
         heard_s, arrived = 0.0, True
         if self.looks:
             before = self.looks[-1]
@@ -75,21 +82,23 @@ class RequestedMessages:
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of what the link lets through arrives."""
-        newest, found = len(self.looks) - 1, list[int]()
-        last = self.looks[newest]
-        for place, span in enumerate(self._spans):
+        newest: i64 = len(self.looks) - 1
+        last, found = self.looks[newest], list[int]()
+        for place in range(len(self._spans)):
+            span = self._spans[place]
             if newest < span:
                 continue
             first = self.looks[newest - span]
-            count = last.messages[place] - first.messages[place]
-            sent = self._rates[place] * (last.heard_s - first.heard_s)
-            if count < LEAST_SHARE * sent and _is_too_few(count, sent, _share_arriving(first, last)):
-                found.append(self._ids[place])
+            count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
+            if float(count) < self._least_hz[place] * heard_s:
+                sent = self._rates[place] * heard_s
+                if _is_too_few(count, sent, _share_arriving(first, last)):
+                    found.append(self._ids[place])
         return tuple(found)
 
     def judged(self, message_ids: tuple[int, ...]) -> bool:
         """Return whether these messages have been counted for long enough."""
-        return len(self.looks) > max(self._spans[self._ids.index(message_id)] for message_id in message_ids)
+        return len(self.looks) > max([self._spans[self._ids.index(message_id)] for message_id in message_ids])
 
 
 class MessageIntervals:
@@ -138,15 +147,15 @@ class MessageIntervals:
         streams.looks.clear()
 
 
-def _is_too_few(count: int, sent: float, arriving: float) -> bool:
+def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
     """Whether `count` is too few of `sent` messages that arrive with a probability each."""
     expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
-    return expected > 1.0 and count < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
+    return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
 
 
 def _share_arriving(first: Look, last: Look) -> float:
-    received, lost = last.received - first.received, max(0, last.lost - first.lost)
-    return received / (received + lost) if received + lost else 1.0
+    received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
+    return received / (received + lost) if received + lost > 0.0 else 1.0
 
 
 def _refuses(vehicle: Vehicle) -> bool:

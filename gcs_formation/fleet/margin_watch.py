@@ -154,9 +154,13 @@ class MarginWatch:
         column, delay = vehicle.column, self._delay(vehicle.identity)
         if self._scenario.law.on_delay == "degrade":
             self._set_bandwidth(now, vehicle, axes, delay)
-        by_delay = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+        by_delay = math.nan  # as each is before the delay is known
+        for axis, usage in axes.items():
+            used = usage.of(delay, self._of(column, axis))
+            by_delay = by_delay if by_delay >= used else used
         by_lags, channel = self._by_lags(column, delay, axes)
-        self.used[column] = used = by_delay + by_lags
+        used = by_delay + by_lags
+        self.used[column] = used
         self.most_used = max(self.most_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s

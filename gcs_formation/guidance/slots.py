@@ -63,6 +63,7 @@ class FormationPlan:
         """Distance that ways to slots are planned to keep."""
         self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
         """(C,) who flies beside the leader as it turns, at its speed and heading: out of a slot far aside one falls."""
+        self._anybody_beside = False
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
         """Where, (C, 3), at a time of the station's clock, and how fast the leader turns since then."""
         self._pace, self._late_s = 1.0, 0.0
@@ -98,7 +99,7 @@ class FormationPlan:
             slots = SlotMotion(
                 slots.position_m, self._pace * slots.velocity_mps, self._pace**2 * slots.acceleration_mps2
             )
-        if self.beside.any():
+        if self._anybody_beside:
             slots = self._with_those_beside(slots, now_s)
         if begun or not self.offset_m.any():
             return slots
@@ -120,7 +121,7 @@ class FormationPlan:
 
     def turn(self, now_s: float, turn_rps: float) -> None:
         """Take how fast the leader turns from now on, clockwise, rad/s."""
-        if self.beside.any():
+        if self._anybody_beside:
             self._beside_m = self._turned_m(now_s)
         self._beside_s, self._turn_rps = now_s, turn_rps
 
@@ -156,7 +157,7 @@ class FormationPlan:
 
     def _fly(self, way: Transition) -> None:
         self._way, self._over_s, self._rest = way, way.at_s + way.duration_s, None
-        self.beside = np.zeros_like(self.beside)
+        self.beside, self._anybody_beside = np.zeros_like(self.beside), False
 
     def wait(self, pace: float, elapsed_s: float) -> None:
         """Have slots that are on their way move at a share `pace` of their speed from now on; `elapsed_s`: since last.
@@ -176,10 +177,11 @@ class FormationPlan:
         """Let those in a mask (C,) fly beside the leader from places (C, 3) on, until a change is flown."""
         self._beside_m = np.where(self.beside[:, None], self._beside_m, place_m)
         self.beside = self.beside | which
+        self._anybody_beside = bool(self.beside.any())
 
     def at_rest(self, now_s: float) -> bool:
         """Return whether all slots are at rest, from a time on."""
-        return now_s >= self._over_s and not self.beside.any()
+        return now_s >= self._over_s and not self._anybody_beside
 
     def least_m(self, now_s: float) -> float:
         """Return how near any two slots come on their way, as planned; infinite once all are at rest."""

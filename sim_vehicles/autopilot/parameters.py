@@ -99,6 +99,11 @@ def _stored(kind: int, value: float) -> float:
     return int(min(max(value, -beyond), beyond - 1))
 
 
+def _within(kind: ParameterKind, value: float) -> float:
+    """Return a value as it is used: within the range of a kind."""
+    return min(max(value, kind.least), kind.most)
+
+
 def _steepest_deg(config: VehicleConfig) -> float:
     """Return the bank of a model's tightest turn at its highest airspeed, degrees."""
     model = config.model
@@ -112,6 +117,7 @@ class ParameterServer:
         """Start with the initial value of each; their order is that of their indices on the wire."""
         self._kinds, self._names = kinds, tuple(kinds)
         self._values = {name: kind.initial for name, kind in kinds.items()}
+        self._used = {name: _within(kind, kind.initial) for name, kind in kinds.items()}
         self.changes = 0
         """How often a value has been set."""
         self._to_list: deque[tuple[Address, int]] = deque()
@@ -136,8 +142,7 @@ class ParameterServer:
 
     def __getitem__(self, name: str) -> float:
         """Return a value as it is used."""
-        kind = self._kinds[name]
-        return min(max(self._values[name], kind.least), kind.most)
+        return self._used[name]
 
     def entries(self) -> list[tuple[str, int, float]]:
         """Return the name, MAV_PARAM_TYPE and value of each."""
@@ -183,7 +188,7 @@ class ParameterServer:
         return self._reported(name, UNINDEXED)
 
     def _change(self, name: str, value: float) -> None:
-        self._values[name] = value
+        self._values[name], self._used[name] = value, _within(self._kinds[name], value)
         self.changes += 1
 
     def _reported(self, name: str, index: int) -> ParamValue:

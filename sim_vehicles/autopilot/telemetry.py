@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink import mavlink as m
@@ -277,14 +278,13 @@ BUILDERS: Builders = {
 class Stream:
     """One message that is sent again and again."""
 
-    __slots__ = ("build", "due", "interval_ns", "message_id")
+    __slots__ = ("build", "interval_ns", "message_id")
 
-    def __init__(self, message_id: int, build: Callable[[Any], Message], interval_ns: int, due: Instant) -> None:
-        """Take its id, what makes it, its interval and when it is due next."""
+    def __init__(self, message_id: int, build: Callable[[Any], Message], interval_ns: int) -> None:
+        """Take its id, what makes it and its interval."""
         self.message_id = message_id
         self.build = build
         self.interval_ns: i64 = interval_ns
-        self.due: i64 = due
 
 
 class Streams:
@@ -293,10 +293,10 @@ class Streams:
     def __init__(self, now: Instant, unasked: Mapping[int, int], known: Builders) -> None:
         """Start with the messages that need no request, of those that are `known`."""
         self._unasked, self._known = unasked, known
-        self._streams = [
-            Stream(message_id, known[message_id], unasked[message_id], now) for message_id in sorted(unasked)
-        ]
+        self._streams = [Stream(message_id, known[message_id], unasked[message_id]) for message_id in sorted(unasked)]
         """In the order of their ids, in which those of a cycle are sent."""
+        self._due = vec[i64]([now] * len(self._streams))
+        """When each is due next, side by side: most cycles look at nothing else."""
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
         self._plan()
@@ -331,8 +331,7 @@ class Streams:
 
     def leave_out(self, now: Instant) -> None:
         """Skip messages that were due before now."""
-        for each in self._streams:
-            each.due = max(each.due, now)
+        self._due = vec[i64]([max(due, now) for due in self._due])
         self._plan()
 
     def take_due(self, now: Instant) -> list[Stream]:
@@ -340,25 +339,30 @@ class Streams:
         due: list[Stream] = []
         at: i64 = now
         next_due: i64 = NEVER
-        for each in self._streams:
-            if each.due <= at:
-                due.append(each)
-                each.due += each.interval_ns
-            next_due = min(next_due, each.due)
+        for place in range(len(self._due)):
+            next_time = self._due[place]
+            if next_time <= at:
+                stream = self._streams[place]
+                due.append(stream)
+                next_time += stream.interval_ns
+                self._due[place] = next_time
+            next_due = min(next_due, next_time)
         self.next_due = Instant(next_due)
         return due
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
-        if interval_ns is None or message_id in self._known:
-            self._streams = [each for each in self._streams if each.message_id != message_id]
-        if interval_ns is not None and message_id in self._known:
-            self._streams.append(Stream(message_id, self._known[message_id], interval_ns, now))
-            self._streams.sort(key=_number)
+        known, planned = message_id in self._known, list(zip(self._streams, self._due, strict=True))
+        if interval_ns is None or known:
+            planned = [each for each in planned if each[0].message_id != message_id]
+        if interval_ns is not None and known:
+            planned.append((Stream(message_id, self._known[message_id], interval_ns), now))
+            planned.sort(key=_number)
+        self._streams, self._due = [stream for stream, _ in planned], vec[i64]([due for _, due in planned])
         self._plan()
 
     def _plan(self) -> None:
-        self.next_due = Instant(min([each.due for each in self._streams], default=NEVER))
+        self.next_due = Instant(min(self._due, default=NEVER))
 
 
-def _number(stream: Stream) -> int:
-    return stream.message_id
+def _number(planned: tuple[Stream, int]) -> int:
+    return planned[0].message_id
