@@ -161,6 +161,7 @@ class FormationController:
         tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not link.disobeying for column, link in enumerate(links)])
         self.history.begin(acts)
+        tick.virtual_leader = self._flown_on(now) if self._virtual else None
         if not tick.active[tick.leader]:
             tick.active = [False] * self._columns
             self._in_slots_s = 0.0
@@ -255,6 +256,7 @@ class FormationController:
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
             state = self._flown_on(now)
+            assert state is not None
         else:
             followers = self.estimator.filters[1:]
             states = [each.state for each in followers if each.state is not None]
@@ -266,10 +268,11 @@ class FormationController:
                 stamp = Instant(sum(each.stamp for each in followers) // len(followers))
         self.estimator.place(VIRTUAL, state, stamp)
 
-    def _flown_on(self, now: Instant) -> FlightState:
-        """Return where a virtual leader is by now that flies by its setpoints as they act, with its followers'."""
+    def _flown_on(self, now: Instant) -> FlightState | None:
+        """Return where a virtual leader is by now that flies by its setpoints as they act; None before it has a place."""
         placed = self.estimator.filters[VIRTUAL]
-        assert placed.state is not None
+        if placed.state is None:
+            return None
         state = placed.state.copy()
         self.history.carry(state, placed.stamp, now, VIRTUAL, self.models[VIRTUAL])
         return state

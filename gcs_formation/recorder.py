@@ -108,6 +108,7 @@ class Tick:
         "setpoints",
         "slots_m",
         "state",
+        "virtual_leader",
         "yielding",
     )
 
@@ -145,6 +146,8 @@ class Tick:
         count = len(links)
         self.state: list[FlightState] = [unknown_state()] * count
         """What the law acted on: predicted to when the setpoints act."""
+        self.virtual_leader: FlightState | None = None
+        """Where a virtual leader is at this instant; None behind a real one."""
         self.setpoints: list[Triple] = [UNKNOWN] * count
         """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
         self.replaced: list[Replaced] = [AS_DECIDED] * count

@@ -286,22 +286,26 @@ class FollowerController(Controller):
         """
         model, replaced, slew = pair.model, pair.replaced, self._parameters.slew
         bounds = Envelope(forward[1], pair.state, model)
-        wanted = bounds.limit(forward[0] + output[0], forward[1] + output[1], forward[2] + output[2])
+        # What a gust is answered with is within the envelope too, or a correction at its limit were undone by it.
+        led_mps, led_rad = forward[0] + answer[0], forward[1] + (answer[1] if self._trailing is None else 0.0)
+        wanted = bounds.limit(led_mps + output[0], led_rad + output[1], forward[2] + output[2])
         before_mps, before_rad = self._correction
         most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(answer[0])
         most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(answer[1])
         # A setpoint that the separation rule replaced isn't one to start from.
-        closing_mps = self._closing(wanted[0] - forward[0], pair.state.airspeed_mps - target.speed_mps, model)
+        closing_mps = self._closing(wanted[0] - led_mps, pair.state.airspeed_mps - target.speed_mps, model)
         faster_mps = _grown(closing_mps, math.nan if replaced[0] else before_mps, most_mps)
-        turned_rad = _grown(wanted[1] - forward[1], math.nan if replaced[1] else before_rad, most_rad)
+        turned_rad = _grown(wanted[1] - led_rad, math.nan if replaced[1] else before_rad, most_rad)
         self._correction = (faster_mps, turned_rad)
-        led_mps, led_rad = forward[0] + answer[0], forward[1] + (answer[1] if self._trailing is None else 0.0)
         limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
         # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
         free = bounds.limit(led_mps, led_rad, forward[2])
         arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
-        if not (replaced[0] or arrives):
-            self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s)
+        if not replaced[0]:
+            most_mps = model.speed_max_mps - model.speed_min_mps
+            self._forward.integrate(
+                self.mixed[0], limited[0] - free[0] - output[0], dt_s, most_mps, gathers=not arrives
+            )
         if not replaced[1]:
             self._right.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
         if not replaced[2] and not self._closes_fast(model):

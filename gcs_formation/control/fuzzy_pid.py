@@ -212,12 +212,19 @@ class Pid:
         """Return what the controller wants before any limit."""
         return self.kp * error + self.integral + self.kd * self.rate
 
-    def integrate(self, error: float, excess: float, dt_s: float) -> None:
+    def integrate(
+        self, error: float, excess: float, dt_s: float, most: float = math.inf, *, gathers: bool = True
+    ) -> None:
         """Go on by `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
 
         This back-calculation takes from an integral what it has gathered, and no more: what it put in beyond that could
-        leave by the integral gain only, which may be 0.
+        leave by the integral gain only, which may be 0. Where `excess` is small, since integral and derivative cancel
+        each other, an integral still gathers no more than `most`. One that doesn't gather loses what the error takes.
         """
-        grown = self.integral + self.ki * error * dt_s
-        unwound = grown + excess * (dt_s / self._channel.anti_windup_s)
-        self.integral = within(unwound, min(grown, 0.0), max(grown, 0.0))
+        before = self.integral
+        grown = within(before + self.ki * error * dt_s, -most, most)
+        if gathers:
+            unwound = grown + excess * (dt_s / self._channel.anti_windup_s)
+            self.integral = within(unwound, min(grown, 0.0), max(grown, 0.0))
+        else:
+            self.integral = within(grown, min(before, 0.0), max(before, 0.0))

@@ -21,6 +21,7 @@ from gcs_formation.record.timeseries import (
     PLACE,
     SETPOINT,
     TRUTH,
+    VIRTUAL_LEADER,
     flying,
     true_columns,
 )
@@ -163,7 +164,8 @@ def tables(
         if truth is not None:
             ends_s = (float(time_s[0]), float(time_s[-1])) if time_s.size else (np.inf, np.inf)
             columns |= true_columns(truth(*ends_s), time_s)
-        columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and scenario.leader is not None)
+        led = scenario.leader is not None or VIRTUAL_LEADER[0] in columns
+        columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and led)
         north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
         ground_m = np.zeros(north_m.shape)
         for column in range(len(scenario.vehicles) if scenario.terrain else 0):
@@ -223,7 +225,8 @@ def _injected(ways_s: Array) -> dict[str, Array]:
 def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
     """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: where `seen`, from true places, else as the law saw them; (T, V).
 
-    NaN on the ground; behind a leader that is there no follower has an error until another vehicle leads.
+    NaN on the ground; behind a leader that is there no follower has an error until another vehicle leads. A virtual
+    leader is where the station has it fly.
     """
     airborne = columns[AIRBORNE] > 0
     if not seen:
@@ -232,8 +235,12 @@ def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
     leading: Indices = (columns["leads"] > 0).argmax(axis=1)
     begins = np.arange(0, ticks * vehicles, vehicles, dtype=np.intp)
     leads = np.repeat(begins + leading, vehicles)
-    needed = (*TRUTH[:3], "true_heading_rad", AIRBORNE)
-    leader = {name: columns[name].take(leads).reshape(-1, vehicles) for name in needed}
+    needed = (*TRUTH[:3], "true_heading_rad")
+    if VIRTUAL_LEADER[0] in columns:
+        leader = {name: columns[own] for name, own in zip(needed, VIRTUAL_LEADER, strict=True)}
+        leader[AIRBORNE] = np.ones((ticks, vehicles))
+    else:
+        leader = {name: columns[name].take(leads).reshape(-1, vehicles) for name in (*needed, AIRBORNE)}
     heading = (leader if frame == "leader_heading" else columns)["true_heading_rad"]
     north, east, up = (leader[name] - columns[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -17,6 +18,7 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, columns_of, mapped, wrap
+from flight_model.autopilot_model import FlightState
 from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
@@ -69,12 +71,14 @@ NOISE_SHARE = 0.85
 NUMBER_BYTES = 8
 SPOOLED = ("phase", *MEASURED)
 """What a spool has of each vehicle at a tick."""
+VIRTUAL_LEADER = ("leader_north_m", "leader_east_m", "leader_height_m", "leader_heading_rad")
+"""And behind a virtual leader, which has no rows of its own: where that is."""
 
 
 class TickSpool:
     """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
 
-    A line of JSON names the vehicles and `SPOOLED`; what follows are 64-bit floats, the lowest byte first, tick after
+    A line of JSON names the vehicles and the values; what follows are 64-bit floats, the lowest byte first, tick after
     tick: for each vehicle a number for each of those.
     """
 
@@ -84,10 +88,11 @@ class TickSpool:
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
         self._flying = [i for i, vehicle in enumerate(columns) if vehicle is not None]
-        self._waiting, self._count = BytesWriter(), 0
+        self._waiting, self._count, self._virtual = BytesWriter(), 0, len(self._flying) < len(columns)
         self._file = path.with_name(f"{path.name}{_suffix(len(spools(path)))}").open("wb")
         vehicles = [[each.network, each.system] for each in columns if each is not None]
-        self._file.write(json.dumps({"vehicles": vehicles, "values": SPOOLED}).encode() + b"\n")
+        values = SPOOLED + VIRTUAL_LEADER if self._virtual else SPOOLED
+        self._file.write(json.dumps({"vehicles": vehicles, "values": values}).encode() + b"\n")
         self._file.flush()
 
     def add(self, tick: Tick) -> None:
@@ -96,6 +101,8 @@ class TickSpool:
         for column in self._flying:
             write_f64_le(to, phase)
             _write(to, tick, column)
+            if self._virtual:
+                _write_leader(to, tick.virtual_leader)
         self._count += 1
         if self._count == WAITING_TICKS:
             self.flush()
@@ -162,10 +169,11 @@ class _Part:
         with path.open("rb") as file:
             head = file.readline()
             self._begin = file.tell()
-        count = (path.stat().st_size - self._begin) // (NUMBER_BYTES * len(SPOOLED))
-        named: dict[str, Any] = json.loads(head) if count else {"vehicles": [], "values": SPOOLED}
-        if tuple(named.get("values", ())) != SPOOLED:
+        named: dict[str, Any] = json.loads(head) if head.endswith(b"\n") else {"vehicles": [], "values": SPOOLED}
+        self._values = tuple(named.get("values", ()))
+        if self._values not in {SPOOLED, SPOOLED + VIRTUAL_LEADER}:
             raise RecordError(f"found other values than this version's in {path}; allowed: a record of this version")
+        count = (path.stat().st_size - self._begin) // (NUMBER_BYTES * len(self._values))
         self._vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
         self.ticks = count // max(1, len(self._vehicles))
 
@@ -176,9 +184,9 @@ class _Part:
         for begin in range(0, max(1, self.ticks), at_once):
             ticks = min(at_once, self.ticks - begin)
             network, system = np.tile(self._vehicles, (ticks, 1)).T
-            place = self._begin + NUMBER_BYTES * len(SPOOLED) * vehicles * begin
-            columns = columns_of(mapped(self._path, place, (ticks * vehicles, len(SPOOLED))))
-            yield {"network": network, "vehicle": system} | dict(zip(SPOOLED, columns, strict=True))
+            place = self._begin + NUMBER_BYTES * len(self._values) * vehicles * begin
+            columns = columns_of(mapped(self._path, place, (ticks * vehicles, len(self._values))))
+            yield {"network": network, "vehicle": system} | dict(zip(self._values, columns, strict=True))
 
 
 def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
@@ -267,6 +275,12 @@ def _write(to: BytesWriter, tick: Tick, column: int) -> None:
     _write_three(to, (gains[0], gains[1], gains[2]))
     _write_three(to, (gains[3], gains[4], gains[5]))
     _write_three(to, (gains[6], gains[7], gains[8]))
+
+
+def _write_leader(to: BytesWriter, leader: FlightState | None) -> None:
+    """Write the values of `VIRTUAL_LEADER`, NaN before it has a place."""
+    _write_three(to, UNKNOWN if leader is None else (leader.north_m, leader.east_m, leader.height_m))
+    write_f64_le(to, math.nan if leader is None else leader.heading_rad)
 
 
 def _write_link(to: BytesWriter, tick: Tick, column: int) -> None:

@@ -85,6 +85,7 @@ class ConflictResolver:
         """The list of a tick that tells nothing new."""
         self._slots_moved = True
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
+        self._least_m: float = scenario.safety.separation_m
         slots = slot_schedule(scenario)
         self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
         """Distance kept between commanded vehicles, m: the rule's, less where the formation's slots are nearer."""
@@ -97,13 +98,14 @@ class ConflictResolver:
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            planned_m: how near slots that move come to each other, as planned; infinite where none does.
+            planned_m: how near slots that move come to each other, as planned; infinite where none does. A way that
+                begins beside another's slot is no reason to come nearer to anybody than what is safe.
         """
         if not self._enabled:
             return
         self._watch_free(measured)
         self._watch_slots(tick.slots_m)
-        kept_m = min(self.kept_m, SLOT_SHARE * planned_m)
+        kept_m = min(self.kept_m, max(SLOT_SHARE * planned_m, self._least_m))
         self._unresponsive.watch(tick.now, tick.links)
         if self._nobody_near(tick, measured, kept_m):
             return

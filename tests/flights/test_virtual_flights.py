@@ -13,7 +13,7 @@ import pytest
 from pymavlink import mavutil
 
 import gcs_formation
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.timeseries import PHASES, read_parquet
 from tests.flights.conftest import Fly, scenario
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -197,6 +197,20 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
     flight = (flown["vehicle"] == 2) & (flown["mission_time_s"] >= 2.0) & (flown["mission_time_s"] <= 12.0)
     north_m, time_s = flown["north_m"][flight], flown["mission_time_s"][flight]
     assert np.ptp(north_m) / np.ptp(time_s) == pytest.approx(22.0, abs=0.05)
+
+
+def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fly) -> None:
+    """A split of the delay that nobody can see puts all of them half of it behind, and the law sees none of that."""
+    slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}
+    links = {"default": {"uplink": {"delay_ms": 300}, "downlink": {"delay_ms": 100}}}
+    summary = fly(duration_s=20, vehicles=[{"id": 2}, {"id": 3}], formation=slots, links=links)
+    flown = read_parquet(summary.run_dir / "timeseries.parquet")
+    late = (flown["mission_time_s"] >= 10.0) & (flown["phase"] == PHASES.index("flying"))
+    np.testing.assert_allclose(flown["error_x_m"][late], 22.0 * 0.1, atol=0.1)
+    np.testing.assert_allclose(flown["error_y_m"][late], 0.0, atol=0.05)
+    assert np.abs(flown["law_error_x_m"][late]).max() < 0.05
+    north_m = flown["leader_north_m"][late] + 20.0 * np.sin(flown["leader_heading_rad"][late])
+    assert np.isfinite(north_m).all()
 
 
 def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flight_model.vehicle_arrays import FlightStates, Setpoints
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
@@ -276,6 +276,23 @@ def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
         assert answer.max() > 0.05
         most = 1.6 * DT_S * MODEL.accel_max_mps2[FOLLOWERS] + answer
         np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 0], led + most)
+
+
+@pytest.mark.parametrize("ahead_m", [60.0, -60.0])
+def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m: float) -> None:
+    """Far ahead of the slot everybody is told the least airspeed, whatever gust pushes them; far behind, the most."""
+    least_mps, most_mps = 18.0, 26.0
+    rows = MODEL.table.copy()
+    rows[4:6] = [[least_mps], [most_mps]]
+    correcting = parameters(kp=np.array((9.0, 0.0, 0.0)))
+    flying = tables.TableLaw(FormationLaw(correcting, tables.models(AutopilotModels(*rows))))
+    wind_mps, told_mps = np.zeros(2), list[Array]()
+    for tick in range(80):
+        wind_mps = wind_mps + (0.0 if tick < 60 else -0.1 * np.sign(ahead_m), 0.0)
+        states = carried(tuple(wind_mps))
+        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
+        told_mps.append(sent(flying.decide(here, DT_S))[:, 0])
+    np.testing.assert_allclose(told_mps[60:], least_mps if ahead_m > 0.0 else most_mps)
 
 
 def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:

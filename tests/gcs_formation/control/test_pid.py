@@ -93,6 +93,23 @@ def test_a_limit_takes_from_the_integral_what_is_there_and_no_more(held: float, 
     assert controller.integral == pytest.approx(left)
 
 
+@pytest.mark.parametrize(("error", "left"), [(8.0, -36.0), (-8.0, -44.0), (60.0, 0.0)])
+def test_an_integral_that_does_not_gather_loses_what_the_error_takes(error: float, left: float) -> None:
+    """Neither a limit takes from it, as it is on the way to a slot, nor does it change its sign."""
+    controller = pid(ki=1.0)
+    controller.integral = -44.0
+    controller.integrate(error, 9.0, 1.0, gathers=False)
+    assert controller.integral == left
+
+
+def test_an_integral_gathers_no_more_than_there_is_to_gather() -> None:
+    """Where it and the derivative cancel each other, no limit is met that would stop it."""
+    controller = pid(ki=1.0)
+    for _ in range(30):
+        controller.integrate(-2.0, 0.0, 1.0, 12.0)
+    assert controller.integral == -12.0
+
+
 def descent_m(up_m: float) -> list[float]:
     """Return the height errors, for 60 s, of a follower that begins `up_m` above its slot and flies by model (7)."""
     scenario = load_scenario(

@@ -108,6 +108,14 @@ def test_slots_that_are_planned_to_come_nearer_on_their_way_are_not_fought(plann
     assert any(beside.keep(planned_m=planned_m).yielding) is gives
 
 
+def test_a_way_planned_beside_anothers_slot_leaves_the_limit_to_be_kept() -> None:
+    """Who came back was planned to begin 1 m from a slot whose own vehicle was elsewhere: others weren't kept apart."""
+    meeting = Crossing()
+    meeting.ours[:] = True
+    meeting.north[:], meeting.east[:], meeting.heading[:] = 0.0, (0.0, 16.0), (0.0, -0.4)
+    assert any(meeting.keep(planned_m=1.0).yielding)
+
+
 @pytest.mark.parametrize(("age_s", "gives"), [(29.9, True), (30.1, False)])
 def test_who_has_not_been_heard_for_half_a_minute_is_kept_away_from_no_more(age_s: float, gives: bool) -> None:
     crossing = Crossing()
