@@ -9,6 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array, beside
 from formation_scenario.model import Scenario
+from formation_scenario.orders import Order, parse_order
 from formation_scenario.slot_assignment import slot_table
 
 POINTS = 1000
@@ -130,8 +131,14 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
 
 
 def planned_end_s(scenario: Scenario) -> float:
-    """Return the mission time at which a flight is over, s, as planned; with orders, that may slow it, `duration_s`."""
-    return scenario.duration_s if scenario.orders else min(scenario.duration_s, path_end_s(scenario))
+    """Return the mission time at which a flight is over, s, as planned; with orders that may slow it, `duration_s`."""
+    slowed = any(_may_slow(parse_order(each.order)) for each in scenario.orders)
+    return scenario.duration_s if slowed else min(scenario.duration_s, path_end_s(scenario))
+
+
+def _may_slow(order: Order) -> bool:
+    led_by_another = order.change is not None and order.change.leader is not None
+    return led_by_another or order.speed_mps is not None or order.heading_rad is not None
 
 
 def planned_times_s(scenario: Scenario) -> dict[str, list[float]]:

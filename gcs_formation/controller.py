@@ -269,7 +269,7 @@ class FormationController:
         self.estimator.place(VIRTUAL, state, stamp)
 
     def _flown_on(self, now: Instant) -> FlightState | None:
-        """Return where a virtual leader is by now that flies by its setpoints as they act; None before it has a place."""
+        """Return where a virtual leader is by now, by its setpoints as they act; None before it has a place."""
         placed = self.estimator.filters[VIRTUAL]
         if placed.state is None:
             return None

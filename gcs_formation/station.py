@@ -89,9 +89,7 @@ class Station(Engine):
             together=scenario.hovers and not scenario.start.in_air and resumed is None,
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
-        self.orders = Orders(
-            scenario, self.flight, self._reconfiguration, self.course.end_by_order, self._reporter.event
-        )
+        self.orders = Orders(scenario, self.course, self._reconfiguration, self._reporter.event)
         self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
         self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
@@ -292,8 +290,8 @@ class Station(Engine):
         late = self.course.waited_long_enough(self.last_tick, now)
         mission_s = self.flight.mission_time_s(now)
         opening = self.course.opening
+        self.orders.advance(now)
         if opening is None:
-            self.orders.advance(now)
             self._reconfiguration.advance(now, mission_s)
         links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
         heights_m = None if opening is None else opening.steer(links, now)
@@ -319,6 +317,7 @@ class Station(Engine):
         """Record where everyone is while nobody is commanded, once somebody has taken off."""
         if self.flight.ended:
             return
+        self.orders.advance(now)
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
@@ -28,6 +28,9 @@ DEGRADE: Final = 0.9
 """Share from which gains are lowered."""
 RESTORE: Final = 0.5
 """Share below which lowered gains are raised again, after `CALM_LOOKS` looks."""
+LASTING_LOOKS: Final = 4
+"""Consecutive looks, one a second, of which the least scatter counts: round trips before and after a step of the delay
+are far apart for up to 3 s, and that is none."""
 CALM_LOOKS: Final = 10
 """Consecutive looks, one a second: the standard deviation of a few round trips is uncertain itself."""
 KEPT: Final = 0.7
@@ -119,6 +122,7 @@ class MarginWatch:
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
+        self._scatters_s = {identity: deque[float](maxlen=LASTING_LOOKS) for identity in vehicles}
         self._axes = dict[VehicleId, dict[str, Usage]]()
         self.retune(scenario)
 
@@ -189,13 +193,14 @@ class MarginWatch:
         self.beyond.discard(leader.identity)
 
     def _delay(self, identity: VehicleId) -> LoopDelay:
-        """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
+        """Take and return the delay of a vehicle's loops; without prediction, consensus waits for the latest states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
         down_s = own_down_s = self._vehicles[identity].round_trips.down_s
         if self._mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].round_trips.down_s for each in self._axes]))
-        up_s = 2.0 * clock.one_way_s - own_down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), clock.usual_scatter_s)
+        up_s, scatters_s = 2.0 * clock.one_way_s - own_down_s, self._scatters_s[identity]
+        scatters_s.append(clock.usual_scatter_s)
+        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), min(scatters_s))
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]

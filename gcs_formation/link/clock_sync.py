@@ -26,12 +26,6 @@ SPLIT_S: Final = 30.0
 seen add up meanwhile."""
 FAR: Final = 4.0
 """Round trips this many times as far off as either group scatters are far from those before."""
-SIDE: Final = 2
-"""Fewest round trips on either side of a step that scatter is told from."""
-CERTAIN: Final = 25.0
-"""A step must be so many variances of the difference of two means, 5 standard deviations: by chance, one in 500 is."""
-BETTER: Final = 1.2
-"""What a straight line leaves of the variance must be so many times what the step leaves, or the delay grows slowly."""
 NORMAL: Final = 1.4826
 """Standard deviation of normal noise by its median absolute deviation."""
 FEW: Final = 8
@@ -197,28 +191,8 @@ class ClockSync:
 
     @property
     def usual_scatter_s(self) -> float:
-        """The same, of most round trips alone: neither few that are far off nor a step of the delay are in it."""
-        return min(self.scatter_s, self._usual_scatter_s(self._count), self._scatter_beside_step_s())
-
-    def _scatter_beside_step_s(self) -> float:
-        """Return the standard deviation about one mean before a step and another after it; infinite without one.
-
-        The step is where it explains most of the variance.
-        """
-        recent, count, mean_s, number = self._recent, self._count, self._mean_s(), float(self._count)
-        total = tilt = explained = so_far = 0.0
-        for place in range(count):
-            off_s, before = recent[place] - mean_s, float(place + 1)
-            total += squared(off_s)
-            tilt += (before - (number + 1.0) / 2.0) * off_s
-            so_far += off_s
-            if SIDE <= place + 1 <= count - SIDE:
-                explained = max(explained, squared(so_far) * number / (before * (number - before)))
-        left = max(0.0, total - explained)
-        by_line = squared(tilt) * 12.0 / (number * (squared(number) - 1.0)) if count >= FEW else total
-        if explained * (number - 2.0) > CERTAIN * left and total - by_line > BETTER * left:
-            return math.sqrt(left / (number - 2.0))
-        return math.inf
+        """The same, of most round trips alone: few that are far off aren't in it."""
+        return min(self.scatter_s, self._usual_scatter_s(self._count))
 
     def _usual_scatter_s(self, count: i64) -> float:
         """Return the standard deviation of noise that has the median absolute deviation of the first `count`."""

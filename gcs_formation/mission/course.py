@@ -32,26 +32,27 @@ GETS_ON_S, GETS_ON_SHARE = 120.0, 0.05
 class Orders:
     """Takes orders from the operator and those that the scenario plans."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        flight: Flight,
-        reconfiguration: Reconfiguration,
-        end: Callable[[End, Instant], str | None],
-        note: Note,
-    ) -> None:
-        """Carry out changes by `reconfiguration`, the flight's end by `end`, which returns why that isn't possible."""
-        self._flight = flight
+    def __init__(self, scenario: Scenario, course: Course, reconfiguration: Reconfiguration, note: Note) -> None:
+        """Carry out changes by `reconfiguration`, the flight's end by `course`."""
+        self._course, self._flight = course, course.flight
         self._reconfiguration = reconfiguration
-        self._end = end
         self._note = note
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
         self._refused: list[str] = []
+        self._ended = False
+        """Whether one that the scenario plans has ended the flight."""
 
     @property
     def undone(self) -> list[str]:
-        """What the scenario planned and wasn't done, with the reasons: orders, and a change that is still postponed."""
-        return self._refused + self._reconfiguration.unflown
+        """What the scenario planned and wasn't done, with the reasons: orders and changes of the formation.
+
+        What was planned for after the flight was cut short, by an order or by `--until`, isn't missed.
+        """
+        missed = [] if self._course.cut_short else [*self._left(), *self._reconfiguration.left]
+        return self._refused + self._reconfiguration.unflown + missed
+
+    def _left(self) -> list[str]:
+        return [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
 
     def resume(self, mission_s: float) -> None:
         """Go on after a mission time; what was planned for before has been given."""
@@ -59,11 +60,14 @@ class Orders:
             self._planned.popleft()
 
     def advance(self, now: Instant) -> None:
-        """Give the planned orders that are due."""
+        """Give the planned orders that are due, at the flight's end too, unless something else has cut it short."""
+        if self._course.cut_short and not self._ended:
+            return
         mission_s = self._flight.mission_time_s(now)
         while self._planned and mission_s >= self._planned[0].at_s:
             planned = self._planned.popleft()
             answer = self.take(planned.order, now)
+            self._ended = self._ended or (answer.accepted and self._flight.phase in OVER)
             if not answer.accepted:
                 self._refused.append(f"order at {planned.at_s:g} s: {answer.text}")
 
@@ -79,7 +83,7 @@ class Orders:
 
     def _carry_out(self, order: Order, now: Instant) -> str | None:
         if order.end is not None:
-            return self._end(order.end, now)
+            return self._course.end_by_order(order.end, now)
         if self._flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
             return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
         if order.speed_mps is not None:

@@ -77,6 +77,12 @@ class Reconfiguration:
             return []
         return [f"the change to {self._in_words(wanted)} wasn't flown: {self._postponed_for}"]
 
+    @property
+    def left(self) -> list[str]:
+        """The scenario's changes that haven't begun, in words."""
+        over = "wasn't flown: the flight was over"
+        return [f"the change of the formation at {each.at_s:g} s {over}" for each in self._controller.plan.scheduled]
+
     def resume(self, resumed: Resumption) -> None:
         """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
         guidance = self._controller.guidance

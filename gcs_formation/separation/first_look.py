@@ -10,15 +10,30 @@ import math
 from typing import Final
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
+from flight_model.slot import Triple
 from gcs_formation.separation.approach import COARSE_S
 
 HALF_S: Final = COARSE_S / 2
+SLOT_SHARE: Final = 0.8
+"""Share of the distance of two slots that is kept at most, and of what slots leave on their planned ways: the rule
+doesn't fight the formation."""
+
+
+class Kept:
+    """The distance that two commanded vehicles keep: less where their slots are near each other."""
+
+    __slots__ = ("least_m", "most_m")
+
+    def __init__(self, most_m: float, least_m: float = 0.0) -> None:
+        """Take the most, and the least to which slots may lower it, m."""
+        self.most_m = most_m
+        self.least_m = least_m
 
 
 class Spot:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
-    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "timing_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "slot_m", "timing_s")
 
     def __init__(self, model: AutopilotModel) -> None:
         """Begin with one that hasn't been seen."""
@@ -28,6 +43,8 @@ class Spot:
         """Its place along the axis on which all are farthest apart."""
         self.far_m = self.fast_mps = 0.0
         """How far and how fast it may go."""
+        self.slot_m: Triple = (0.0, 0.0, 0.0)
+        """From the leader: forward, right, up."""
         self.timing_s = 0.0
         """How much earlier or later than reckoned it may be where it's reckoned to be."""
 
@@ -53,6 +70,11 @@ class FirstLook:
         self._its: FlightState | None = None
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
+
+    def stand(self, slots_m: list[Triple]) -> None:
+        """Take where the vehicles' slots are from now on."""
+        for place in range(len(slots_m)):
+            self._spots[place].slot_m = slots_m[place]
 
     def begin(self, reference: FlightState) -> None:
         """Begin a look: `see` every vehicle, then ask whether `all_apart`."""
@@ -99,9 +121,9 @@ class FirstLook:
         self._fast_most_mps = max(self._fast_most_mps, spot.fast_mps)
         self._off_most_s = max(self._off_most_s, timing_s)
 
-    def all_apart(self, kept_m: float) -> bool:
+    def all_apart(self, kept: Kept) -> bool:
         """Return whether all that were seen keep their distance: along one axis, those far apart need no look."""
-        most_m = kept_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
+        most_m = kept.most_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
         self._sort()
         order = self._order
         for i in range(len(order)):
@@ -111,10 +133,13 @@ class FirstLook:
                 if other.along_m - one.along_m > most_m:
                     break
                 off_m = (one.timing_s + other.timing_s) * (one.fast_mps + other.fast_mps)
-                needed_m = kept_m + off_m + one.far_m + other.far_m
+                room_m = off_m + one.far_m + other.far_m
                 ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
-                if not ahead_m * ahead_m + aside_m * aside_m >= needed_m * needed_m:
-                    return False
+                apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.most_m + room_m
+                if not apart_m2 >= needed_m * needed_m:
+                    needed_m = _kept_m(kept, one.slot_m, other.slot_m) + room_m
+                    if not apart_m2 >= needed_m * needed_m:
+                        return False
         return True
 
     def _sort(self) -> None:
@@ -134,6 +159,13 @@ class FirstLook:
                 order[to] = order[to - 1]
                 to -= 1
             order[to] = spot
+
+
+def _kept_m(kept: Kept, one: Triple, other: Triple) -> float:
+    """Return the distance that two keep whose slots these are."""
+    forward_m, right_m, up_m = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    slots_m = math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
+    return min(kept.most_m, max(SLOT_SHARE * slots_m, kept.least_m))
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.arrays import Array, Indices, or_zero
+from flight_model.arrays import Array, Indices
 from flight_model.autopilot_model import AutopilotModel, within, wrap
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
@@ -21,7 +21,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
-from gcs_formation.separation.first_look import FirstLook
+from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, Kept
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.separation.unresponsive import Unresponsive
 
@@ -29,9 +29,8 @@ ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
-SLOT_SHARE: Final = 0.8
-"""Share of the distance of the two nearest slots that is kept at most, and of what slots leave on their planned ways:
-the rule doesn't fight the formation."""
+LEADS: Final = (0.0, 0.0, 0.0)
+"""The leader's slot, from itself."""
 TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S: Final = 0.2
@@ -81,14 +80,12 @@ class ConflictResolver:
         self._accel_mps2 = [(0.0, 0.0)] * count
         self._last: Measured | None = None
         self._slots: list[Triple] = []
+        """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
-        self._slots_moved = True
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._least_m: float = scenario.safety.separation_m
-        slots = slot_schedule(scenario)
-        self.kept_m = min(self._kept_from_others_m, *(self._kept_in(step.places_m) for step in slots))
-        """Distance kept between commanded vehicles, m: the rule's, less where the formation's slots are nearer."""
+        self._stand([(forward_m, right_m, up_m) for forward_m, right_m, up_m in slot_schedule(scenario)[0].places_m])
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
@@ -100,25 +97,29 @@ class ConflictResolver:
             measured: the newest states.
             planned_m: how near slots that move come to each other, as planned; infinite where none does. A way that
                 begins beside another's slot is no reason to come nearer to anybody than what is safe.
+
+        Two keep the rule's distance, and less where their own slots, or the planned ways of some, leave less.
         """
         if not self._enabled:
             return
         self._watch_free(measured)
         self._watch_slots(tick.slots_m)
-        kept_m = min(self.kept_m, max(SLOT_SHARE * planned_m, self._least_m))
+        moves = math.isfinite(planned_m)
+        most_m = min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, self._least_m))
+        kept = Kept(most_m, self._least_m if moves else 0.0)
         self._unresponsive.watch(tick.now, tick.links)
-        if self._nobody_near(tick, measured, kept_m):
+        if self._nobody_near(tick, measured, kept):
             return
         members = self._members(tick)
         if len(members) < 2:
             return
-        picture = self._picture(tick, measured, members, kept_m)
+        picture = self._picture(tick, measured, members, kept)
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
 
-    def _nobody_near(self, tick: Tick, measured: Measured, kept_m: float) -> bool:
+    def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
         if not self._predicted or self._encounters or self._unresponsive.any:
             return False
@@ -136,7 +137,7 @@ class ConflictResolver:
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, timing_s)
-        return look.all_apart(kept_m)
+        return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Put what the rule decided in the place of what the law did, and remember where they differ."""
@@ -159,13 +160,14 @@ class ConflictResolver:
             if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or tick.links[column].flew)
         ]
         if self._hovers:
-            counted.sort(key=lambda column: math.hypot(*tick.error_m[column]) > self.kept_m)
+            near_m = min(self._kept_from_others_m, SLOT_SHARE * _nearest_m(np.array(self._slots[self._first :])))
+            counted.sort(key=lambda column: math.hypot(*tick.error_m[column]) > near_m)
         if tick.leader in counted:
             counted.remove(tick.leader)
             counted.insert(0, tick.leader)
         return counted
 
-    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept_m: float) -> TrafficPicture:
+    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: Kept) -> TrafficPicture:
         """Return the traffic that the rule looks at.
 
         Those that may be in two places are in it twice: as they don't respond, may turn tightly, or, multirotors that
@@ -204,7 +206,8 @@ class ConflictResolver:
             setpoints=Setpoints.from_each(setpoints),
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
-            kept_m=kept_m,
+            kept=kept,
+            slots_m=np.array(self._slots).T[:, vehicles],
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
@@ -282,23 +285,19 @@ class ConflictResolver:
         return speed_mps, math.atan2(to_east_m, to_north_m), math.nan
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
-        """Take note of slots that stand nearer to each other than any of the scenario's."""
+        """Take note of where slots are; the leader's own is unknown, and at the end of a flight all are left."""
         if slots_m is self._slots_known:
             return
-        places = [place for place in slots_m if not math.isnan(place[0])]
-        if not places:
-            return  # slots are left: at the end of a flight
-        if places != self._slots:
-            self._slots, self._slots_moved = places, True
-        elif self._slots_moved:
-            self.kept_m = min(self.kept_m, self._kept_in(or_zero(np.array(slots_m))))
-            self._slots_moved = False
-        if not self._slots_moved:
+        known = False
+        for place in slots_m:
+            known = known or not math.isnan(place[0])
+        if known:
+            self._stand([LEADS if math.isnan(place[0]) else place for place in slots_m])
             self._slots_known = slots_m
 
-    def _kept_in(self, places_m: Array) -> float:
-        """Return the distance that is kept between vehicles at places (C, 3) of a formation."""
-        return SLOT_SHARE * _nearest_m(places_m[self._first :])
+    def _stand(self, slots: list[Triple]) -> None:
+        self._slots = slots
+        self._first_look.stand(slots[self._first :])
 
     def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:

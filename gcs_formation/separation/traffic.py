@@ -13,6 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
+from gcs_formation.separation.first_look import SLOT_SHARE, Kept
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
@@ -40,8 +41,10 @@ class TrafficPicture:
     commanded: Mask
     vehicles: Indices
     """(N,) whose columns they are: one that may be in two places has two, which don't keep apart."""
-    kept_m: float
-    """Distance that two keep that are commanded."""
+    kept: Kept
+    """Distance that two keep that are commanded, as far as their slots leave so much."""
+    slots_m: Array
+    """(3, N) their slots, from the leader."""
     kept_from_others_m: float
     """The one that's kept from those that aren't."""
     timing_s: Array
@@ -101,7 +104,9 @@ class TrafficPicture:
         """Return what pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
-        distance_m: Array = np.where(both, self.kept_m, self.kept_from_others_m)
+        slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
+        kept_m = np.minimum(np.maximum(SLOT_SHARE * slots_m, self.kept.least_m), self.kept.most_m)
+        distance_m: Array = np.where(both, kept_m, self.kept_from_others_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
@@ -251,7 +256,7 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
 def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
     """Return a distance beyond which no two come too near."""
     most_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
-    return float(most_m) + max(picture.kept_m, picture.kept_from_others_m)
+    return float(most_m) + max(picture.kept.most_m, picture.kept_from_others_m)
 
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:

@@ -286,10 +286,10 @@ def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m
     rows[4:6] = [[least_mps], [most_mps]]
     correcting = parameters(kp=np.array((9.0, 0.0, 0.0)))
     flying = tables.TableLaw(FormationLaw(correcting, tables.models(AutopilotModels(*rows))))
-    wind_mps, told_mps = np.zeros(2), list[Array]()
+    wind_mps, told_mps = 0.0, list[Array]()
     for tick in range(80):
-        wind_mps = wind_mps + (0.0 if tick < 60 else -0.1 * np.sign(ahead_m), 0.0)
-        states = carried(tuple(wind_mps))
+        wind_mps -= 0.0 if tick < 60 else float(np.copysign(0.1, ahead_m))
+        states = carried((wind_mps, 0.0))
         here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
         told_mps.append(sent(flying.decide(here, DT_S))[:, 0])
     np.testing.assert_allclose(told_mps[60:], least_mps if ahead_m > 0.0 else most_mps)

@@ -171,7 +171,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
 
 
 @pytest.mark.parametrize("after_s", [0.02, 1.0])
-def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter(after_s: float) -> None:
+def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter_but_for_a_moment(after_s: float) -> None:
     """The round trips' standard deviation is half of the step meanwhile; jitter alone makes 7 ms of it."""
     rng, sync = np.random.default_rng(1), ClockSync()
     for k in range(40):
@@ -236,40 +236,6 @@ def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
         delays_s.append(sync.one_way_s)
     assert np.median(scatters_s[20:]) == pytest.approx(0.04 * math.sqrt(2), rel=0.2)
     assert np.std(delays_s[20:]) < 0.04 / math.sqrt(2) / 3.0
-
-
-@pytest.mark.parametrize("step_s", [0.05, 0.07, 0.14, -0.14])
-def test_a_step_among_jitter_is_no_scatter(step_s: float) -> None:
-    """Of the most in 20 looks, jitter alone makes 1.1 deviations, and a step of d (here 3.5 to 10) would make d / 2."""
-    jitter_s, most_s = 0.02 * math.sqrt(2), list[float]()
-    for seed in range(40):
-        rng, sync, scatters_s = np.random.default_rng(seed), ClockSync(), list[float]()
-        for k in range(60):
-            probe(sync, rng, 0.25 * k, 0.3 + (step_s if k >= 40 else 0.0), 0.02, (0.0, 0.0))
-            scatters_s.append(sync.usual_scatter_s)
-        most_s.append(max(scatters_s[40:]))
-    assert np.median(most_s) < 1.6 * jitter_s
-
-
-def test_jitter_alone_is_hardly_ever_taken_for_a_step() -> None:
-    """What is measured of it is the least of its deviation and that of its median, as of 16 numbers at a time."""
-    rng, jitter_s, sync = np.random.default_rng(5), 0.04 * math.sqrt(2), ClockSync()
-    trips_s, apart_s = list[float](), list[float]()
-    for k in range(2000):
-        probe(sync, rng, 0.25 * k, 0.4, 0.04, (0.0, 0.0))
-        trips_s = [*trips_s, sync.round_trip_s][-16:]
-        if k >= 16:
-            off_s = np.abs(np.array(trips_s) - np.median(trips_s))
-            apart_s.append(float(min(np.std(trips_s, ddof=1), 1.4826 * np.median(off_s))) - sync.usual_scatter_s)
-    assert -1e-12 < np.mean(apart_s) < 0.01 * jitter_s
-
-
-def test_a_delay_that_grows_slowly_is_no_step() -> None:
-    """A line through 16 numbers d apart deviates from their mean by d sqrt(16 17 / 12)."""
-    sync = ClockSync()
-    for k in range(16):
-        exchanged(sync, 0.25 * k, 0.1 + 0.01 * k, 0.1)
-    assert sync.usual_scatter_s == pytest.approx(0.01 * math.sqrt(16 * 17 / 12), rel=1e-3)
 
 
 @pytest.mark.parametrize("drift", [0.015, -100e-6])

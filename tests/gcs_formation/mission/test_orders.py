@@ -12,7 +12,7 @@ from formation_scenario.formation import FormationChange
 from formation_scenario.orders import End
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.mission.course import Orders
-from gcs_formation.phases import Cause, Flight, Phase
+from gcs_formation.phases import OVER, Cause, Flight, Phase
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
@@ -26,11 +26,13 @@ class Formation:
         self.done: list[Any] = []
         self.refusal: str | None = None
         self.unflown: list[str] = []
+        self.left: list[str] = []
+        self.cut_short = False
         self.error: Exception | None = None
         self.flight, self.notes = Flight(phase), Noted()
         keys = scenario(orders=[{"at_s": at_s, "order": order} for at_s, order in (planned or {}).items()])
         formation: Any = self
-        self.orders = Orders(load_scenario(keys), self.flight, formation, self.end, self.notes)
+        self.orders = Orders(load_scenario(keys), formation, formation, self.notes)
 
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         return self._do(speed_mps)
@@ -38,7 +40,10 @@ class Formation:
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
         return self._do((change.shape, change.spacing_m, change.leader))
 
-    def end(self, manner: End, now: Instant) -> str | None:
+    def end_by_order(self, manner: End, now: Instant) -> str | None:
+        if self.refusal is None:
+            self.cut_short = self.cut_short or self.flight.phase not in OVER
+            self.flight.move(Cause.ORDERED, now)
         return self._do(manner)
 
     def _do(self, what: Any) -> str | None:
@@ -104,8 +109,32 @@ def test_planned_orders_that_are_refused_are_left_undone_and_so_is_a_change_that
     formation.orders.advance(after(START, 10.0))
     assert not formation.orders.take("speed 50", START).accepted
     assert formation.orders.undone == ["order at 9 s: speed 40: refused: found 40 m/s"], "the operator was told"
-    formation.unflown = ["the change to line wasn't flown"]
-    assert formation.orders.undone[1:] == formation.unflown
+    formation.unflown, formation.left = ["the change to line wasn't flown"], ["the change of the formation at 20 s"]
+    assert formation.orders.undone[1:] == formation.unflown + formation.left
+
+
+def test_an_order_that_the_flights_end_leaves_no_time_for_is_left_undone_unless_it_was_cut_short() -> None:
+    formation = Formation(planned={9: "shape line", 90: "land"})
+    formation.flight.path_began = START
+    formation.flight.move(Cause.PATH_ENDED, after(START, 8.0))
+    formation.orders.advance(after(START, 10.0))
+    refused = "order at 9 s: shape line: refused: the run is ending; allowed: assembling, flying"
+    assert formation.orders.undone == [refused, "order at 90 s: land: the flight was over"]
+    formation.cut_short = True
+    assert formation.orders.undone == [refused]
+
+
+def test_the_last_of_several_planned_orders_to_end_the_flight_counts() -> None:
+    """None of them do where the flight was cut short otherwise: by the operator, or by `--until`."""
+    formation, cut = Formation(planned={9: "rtl", 10: "loiter"}), Formation(planned={9: "rtl", 10: "loiter"})
+    for each in (formation, cut):
+        each.flight.path_began = START
+    cut.orders.take("land", after(START, 8.0))
+    for at_s in (9.0, 10.0):
+        for each in (formation, cut):
+            each.orders.advance(after(START, at_s))
+    assert (formation.done, cut.done) == (["rtl", "loiter"], ["land"])
+    assert formation.orders.undone == cut.orders.undone == []
 
 
 def test_planned_orders_are_given_when_they_are_due_each_once_in_the_order_of_their_times() -> None:

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
-from gcs_formation.separation.first_look import FirstLook
+from gcs_formation.separation.first_look import FirstLook, Kept
 from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
-from tests.gcs_formation.separation.encounters import Vehicles, picture, wanted
+from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
 PI = np.pi
 
@@ -46,6 +46,8 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hover
     wind_mps = 0.0 if hovers else 2.0
     winds = FlightStates(*vehicles.state.table[:6], *(wind_mps * unlike * random.uniform(-1, 1, (2, count))))
     made = picture(vehicles, winds, setpoints)
+    slots_m, kept = random.uniform(-15, 15, (3, count)), Kept(KEPT_M, random.uniform(0, 5))
+    made = replace(made, slots_m=slots_m, kept=kept)
     return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers))
 
 
@@ -87,13 +89,14 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
     models, (_, first_s, *_, horizon_s) = tables.models(made.traffic.model), made.times_s.tolist()
     look = FirstLook(models, first_s, horizon_s, hovers=hovers)
+    look.stand([(forward_m, right_m, up_m) for forward_m, right_m, up_m in made.slots_m.T.tolist()])
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
     for _ in range(2):  # the second time in the order that was found
         look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
             look.see(place, state, told[0], told[1], early_s[place], timing_s[place])
-        assert look.all_apart(made.kept_m) == (possible_pairs(made)[0].size == 0)
+        assert look.all_apart(made.kept) == (possible_pairs(made)[0].size == 0)
 
 
 @settings(max_examples=50, deadline=None)

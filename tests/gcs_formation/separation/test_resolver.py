@@ -22,22 +22,6 @@ from gcs_formation.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
 
-WIDE, NARROW = {"shape": "line", "spacing_m": 30}, {"shape": "line", "spacing_m": 8}
-CASES: list[tuple[dict[str, Any], float]] = [
-    (WIDE, 10.5),
-    (NARROW, 6.4),
-    (WIDE | {"changes": [{"at_s": 10, "spacing_m": 8}]}, 6.4),
-    (WIDE | {"changes": [{"at_s": 10, "leader": 2}]}, 10.5),
-]
-
-
-@pytest.mark.parametrize(("formation", "kept_m"), CASES)
-def test_the_formation_is_not_fought_whoever_leads_it(formation: dict[str, Any], kept_m: float) -> None:
-    """Else it's reckoned with the 10 m to be kept and 0.5 m more, for what isn't known exactly."""
-    flown = load_scenario(scenario(formation=formation, safety={"separation_m": 5}))
-    resolver = ConflictResolver(flown, SetpointHistory(flown.law.rate_hz), autopilot_models(flown))
-    assert resolver.kept_m == pytest.approx(kept_m)
-
 
 class Crossing:
     """A vehicle northwards, and one that nobody commands and that crosses its way westwards, at one height.
@@ -207,12 +191,34 @@ def test_an_encounter_that_does_not_end_is_told_once() -> None:
     assert texts[1:] == ["still gives way to 2 after 31 s: it may not get to where it is told"]
 
 
-def test_where_slots_are_left_at_the_end_the_distance_is_kept_on() -> None:
-    crossing = Crossing()
-    crossing.slots_m = [UNKNOWN, UNKNOWN]
-    for tenth in range(3):
-        crossing.keep(at_s=0.1 * tenth)
-    assert crossing.resolver.kept_m == 10.5
+def beside_each_other(slots_m: float, **keys: Any) -> Crossing:
+    """Two that fly along with each other, 7 m apart, with slots so far apart."""
+    beside = Crossing(**keys)
+    beside.ours[:], beside.slots_m = True, [UNKNOWN, (0.0, slots_m, 0.0)]
+    beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, 7.0), 0.0
+    return beside
+
+
+@pytest.mark.parametrize(("slots_m", "gives"), [(8.0, False), (8.7, False), (8.8, True), (30.0, True)])
+def test_two_whose_slots_are_near_each_other_are_not_fought(slots_m: float, gives: bool) -> None:
+    """They keep 0.8 of what their slots leave, and else the rule's 10 m and 0.5 m for what isn't known exactly."""
+    assert any(beside_each_other(slots_m).keep().yielding) is gives
+
+
+def test_slots_that_are_near_each_other_at_another_time_lower_nothing() -> None:
+    narrow = {"shape": "line", "spacing_m": 30, "changes": [{"at_s": 9, "spacing_m": 6}]}
+    assert any(beside_each_other(30.0, formation=narrow).keep().yielding)
+    beside = beside_each_other(8.0)
+    assert not any(beside.keep().yielding)
+    beside.slots_m = [UNKNOWN, (0.0, 30.0, 0.0)]
+    assert any(beside.keep(at_s=0.1).yielding)
+
+
+def test_where_slots_are_left_at_the_end_those_that_were_count_on() -> None:
+    beside = beside_each_other(8.0)
+    beside.keep()
+    beside.slots_m = [UNKNOWN, UNKNOWN]
+    assert not any(beside.keep(at_s=0.1).yielding)
 
 
 def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) -> float:
