@@ -75,13 +75,25 @@ class ConsensusLaw(Law):
         self._k1, self._k2, self._k3 = gains
         self._weights, self._members, self._models = weights, members, models
         self._frame: Frame = frame
-        self._lead_by(0)
+        self._tie(0, [True] * len(models))
 
-    def _lead_by(self, leader: int) -> None:
-        """Swap a new leader and the leader at the start in the graph."""
-        self._leader, places = leader, np.arange(len(self._models))
+    def _tie(self, leader: int, active: list[bool]) -> None:
+        """Swap the leader and the one at the start in the graph, and bridge those that aren't active.
+
+        Who heard one of those hears whom it heard: the graph's Kron reduction, which leaves everybody tied who was, and
+        nobody tied more tightly: on an undirected graph no delay margin is lowered (Doerfler and Bullo, "Kron Reduction
+        of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I 60 (2013)).
+        """
+        self._leader, self._active, places = leader, active, np.arange(len(self._models))
         places[[0, leader]] = places[[leader, 0]]
         weights = self._weights[np.ix_(places, places)]
+        for lost in self._members:
+            if not active[lost]:
+                heard, hearers = weights[lost].copy(), weights[:, lost].copy()
+                total = float(heard.sum())
+                weights += np.outer(hearers, heard / total if total > 0.0 else 0.0 * heard)
+                weights[lost], weights[:, lost] = 0.0, 0.0
+                np.fill_diagonal(weights, 0.0)
         receivers, senders = np.nonzero(weights)
         each: list[float] = weights[receivers, senders].tolist()
         self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
@@ -91,8 +103,8 @@ class ConsensusLaw(Law):
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""
-        if situation.lead.leader != self._leader:
-            self._lead_by(situation.lead.leader)
+        if situation.lead.leader != self._leader or situation.active != self._active:
+            self._tie(situation.lead.leader, situation.active)
         states, slots, models = situation.states, situation.slots, self._models
         everyone = range(len(models))
         flown = [states.of(column, column) for column in everyone]
@@ -123,13 +135,12 @@ class ConsensusLaw(Law):
     ) -> list[tuple[float, float]]:
         """Return each vehicle's sum of (3) over the neighbours, north and east in m/s^2."""
         k1, k2 = self._k1, self._k2
-        active, sums = situation.active, [(0.0, 0.0)] * len(own)
+        sums = [(0.0, 0.0)] * len(own)
         for p, q, weight in self._edges:
-            if active[p] and active[q]:
-                there, here = self._deviation(situation.states.of(q, p), references[p], slots[q]), own[p]
-                north = k1 * (there.north_m - here.north_m) + k2 * (there.north_mps - here.north_mps)
-                east = k1 * (there.east_m - here.east_m) + k2 * (there.east_mps - here.east_mps)
-                sums[p] = sums[p][0] + weight * north, sums[p][1] + weight * east
+            there, here = self._deviation(situation.states.of(q, p), references[p], slots[q]), own[p]
+            north = k1 * (there.north_m - here.north_m) + k2 * (there.north_mps - here.north_mps)
+            east = k1 * (there.east_m - here.east_m) + k2 * (there.east_mps - here.east_mps)
+            sums[p] = sums[p][0] + weight * north, sums[p][1] + weight * east
         return sums
 
     def _setpoint(

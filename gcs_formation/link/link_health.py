@@ -178,13 +178,16 @@ class SequenceTracker:
             self.missed += silence.missed(seconds) - silence.missed(silence.seconds)
 
     def _observe_after_silence(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Take the first number after a silence: what was missed isn't late."""
+        """Take the first number after a silence: what was missed isn't late.
+
+        One that is the next was not sent after others: the vehicle hung, and its link lost nothing.
+        """
         gap: int = (sequence - self._newest - 1) % MODULUS
-        silent_s = seconds_between(heard, now)
-        own = self._own_rate_hz(heard) * silent_s
-        silence = Silence(silent_s, gap, own, self._answers_due(), probable_run(self.loss, RARELY))
-        missed = silence.missed(silent_s)
-        self.silence = silence
+        silent_s, missed, self.silence = seconds_between(heard, now), 0, None
+        if gap:
+            own = self._own_rate_hz(heard) * silent_s
+            silence = Silence(silent_s, gap, own, self._answers_due(), probable_run(self.loss, RARELY))
+            missed, self.silence = silence.missed(silent_s), silence
         self.missed += missed
         self.received += 1
         self._newest = sequence

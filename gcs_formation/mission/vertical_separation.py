@@ -24,10 +24,12 @@ from gcs_formation.fleet.circle_heights import (
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its own height once it is told one this near to it, m."""
+UNMOVED_S = 5.0
+"""For how long one may not answer before the others' heights are moved out of its way: links lose in bursts."""
 STANDS_MPS = 0.5
 """Speed over ground below which what was to stop stands."""
 BESIDE_M = 5.0
@@ -99,7 +101,10 @@ class Stack:
         self._taken: dict[VehicleId, Band] = {}
 
     def take(self, fliers: dict[VehicleId, Flier]) -> None:
-        """Give a height to everybody who has none, and other ones where somebody can't be moved out of the way."""
+        """Give a height to everybody who has none, and another one where somebody can't be moved out of the way.
+
+        All others keep theirs: given anew from where all are on their way, they would begin their climb again.
+        """
         for identity, flier in fliers.items():
             if flier.band is None:
                 if self._taken:
@@ -112,8 +117,14 @@ class Stack:
             return
         free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
-        if any(identity not in self.heights_m or self._in_way(identity, taken) for identity in free):
-            self._assign(free, taken)
+        moved = {
+            identity: place
+            for identity, place in free.items()
+            if identity not in self.heights_m or self._in_way(identity, taken)
+        }
+        if moved:
+            kept_m = [self.heights_m[identity] for identity in free if identity not in moved]
+            self._assign(moved, [*taken, *(Band(height_m, height_m) for height_m in kept_m)])
 
     def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
@@ -262,7 +273,7 @@ class Opening:
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             place = _climbed_out(place, vehicle)
             return Flier(place, place.height_m)
-        answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNANSWERED_S
+        answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNMOVED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
         if led and answers and not links[column].disobeying:
             return Flier(place, self._commanded_m(column), steered=True)

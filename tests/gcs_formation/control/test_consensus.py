@@ -154,14 +154,28 @@ def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Fr
     np.testing.assert_allclose(told.heading_rad, heading_rad + lead_angle + TAU_PSI_S * turn_rps)
 
 
-@given(offsets)
-def test_who_is_not_active_is_neither_heard_nor_missed(offset: Array) -> None:
-    """The others fly as on the graph without it."""
-    active = np.array([True, True, False, True])
-    alone = np.where(active, GRAPH, 0.0)
+@given(offsets, st.sampled_from(([2], [1], [1, 3])))
+def test_who_heard_one_that_is_lost_hears_whom_that_heard(offset: Array, lost: list[int]) -> None:
+    """The graph that is left is the Schur complement of its Laplacian (Kron reduction)."""
+    active = np.ones(COUNT, dtype=bool)
+    active[lost] = False
+    matrix, rest = laplacian(GRAPH), np.flatnonzero(active)
+    inner = np.linalg.inv(matrix[np.ix_(lost, lost)])
+    left = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, lost)] @ inner @ matrix[np.ix_(lost, rest)]
+    bridged = np.zeros((COUNT, COUNT))
+    bridged[np.ix_(rest, rest)] = np.diag(np.diag(left)) - left
     given_ = situation(0.3, offset, active=active)
-    asked = [each.decide(given_, 0.1).setpoints.table[:, active] for each in (law(), law(graph=alone))]
+    asked = [each.decide(given_, 0.1).setpoints.table[:, active] for each in (law(), law(graph=bridged))]
     np.testing.assert_allclose(asked[0], asked[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_on_a_path_those_behind_one_that_is_lost_stay_tied_to_those_before_it(lost: int) -> None:
+    """Without the bridge nothing but speed was left between them: a gust left them 10 m off for good."""
+    offset, active = np.zeros((4, COUNT)), np.arange(COUNT) != lost
+    offset[0, lost + 1 :] = 10.0
+    table = law(graph=graph_adjacency("path", COUNT)).decide(situation(0.0, offset, active=active), 0.1).setpoints
+    assert table.speed_mps[lost + 1] < SPEED_MPS - 0.1
 
 
 def test_heights_are_the_path_s_and_the_slots_own() -> None:
