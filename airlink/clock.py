@@ -15,6 +15,8 @@ Instant = NewType("Instant", int)
 NANOSECONDS: Final = 1_000_000_000
 NEVER: Final = Instant(2**62 - 1)
 """Later than any instant of a run."""
+LONG_AGO: Final = Instant(-(2**62))
+"""Earlier than any."""
 HALF: Final = 0.5
 EXACT: Final = 2.0**51
 EVEN: Final = 1.5 * 2.0**52

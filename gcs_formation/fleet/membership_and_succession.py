@@ -169,7 +169,8 @@ class Membership:
             self._command(vehicle, now)
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
-        heard = vehicle.connection.state in TALKING
+        link = vehicle.connection  # who is heard again has a moment to answer: it may have hung, and hear as before
+        heard = link.state in TALKING and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return Sight(

@@ -9,7 +9,7 @@ from typing import Final
 
 from mypy_extensions import i64
 
-from airlink.clock import NANOSECONDS, Instant, rounded, seconds_between
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant, rounded, seconds_between
 from airlink.endpoint import Address
 
 MODULUS: Final = 256
@@ -286,6 +286,8 @@ class Connection:
     last_heard: Instant = Instant(0)
     last_heartbeat: Instant = Instant(0)
     """The last heartbeat, or when the vehicle was heard again after silence."""
+    back_at: Instant = LONG_AGO
+    """When it was last heard again after it had been lost."""
 
     def heard(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
@@ -295,6 +297,8 @@ class Connection:
         self.last_heartbeat, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
         if self.state is LinkState.CONNECTED or (self.state is LinkState.MUTE and alone):
             return False
+        if self.state is LinkState.LOST:
+            self.back_at = now
         self.state = LinkState.CONNECTED
         return True
 

@@ -10,7 +10,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink import mavlink as m
-from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame, FrameWriter
 from airlink.messages import KINDS, Message
@@ -45,7 +45,6 @@ LOSSY_S: Final = 10.0
 JITTERS: Final = 10.0
 """So many times its jitter a link without loss is never silent."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
-LONG_AGO: Final = Instant(-(2**62))
 
 
 class Member(Enum):

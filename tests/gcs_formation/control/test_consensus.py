@@ -159,9 +159,9 @@ def test_who_heard_one_that_is_lost_hears_whom_that_heard(offset: Array, lost: l
     """The graph that is left is the Schur complement of its Laplacian (Kron reduction)."""
     active = np.ones(COUNT, dtype=bool)
     active[lost] = False
-    matrix, rest = laplacian(GRAPH), np.flatnonzero(active)
-    inner = np.linalg.inv(matrix[np.ix_(lost, lost)])
-    left = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, lost)] @ inner @ matrix[np.ix_(lost, rest)]
+    matrix, rest, gone = laplacian(GRAPH), np.flatnonzero(active), np.flatnonzero(~active)
+    inner = np.linalg.inv(matrix[np.ix_(gone, gone)])
+    left = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, gone)] @ inner @ matrix[np.ix_(gone, rest)]
     bridged = np.zeros((COUNT, COUNT))
     bridged[np.ix_(rest, rest)] = np.diag(np.diag(left)) - left
     given_ = situation(0.3, offset, active=active)

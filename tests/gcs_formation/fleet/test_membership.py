@@ -175,6 +175,21 @@ def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_other
     assert formation.vehicles[LEADER].member is Member.FLYING
 
 
+def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_told_to_loiter() -> None:
+    """It hung for 8 s: its first frame comes before its first answer."""
+    formation = Formation()
+    for at_s in (5.0, 6.0, 8.0):
+        assert formation.silent(at_s) is (Member.UNHEARD if at_s > formation.max_age_s else Member.FLYING)
+    for at_s in (8.1, 9.5, 9.7):
+        formation.follower.connection.heard(after(Instant(0), at_s), heartbeat=True)
+        assert formation.judge(at_s, heard=False) is (Member.HOLDING if at_s > 8.1 + 1.5 else Member.UNHEARD)
+    back = Formation()
+    back.silent(8.0)
+    back.ages_s[1] = 0.0
+    assert back.judge(8.3) is Member.FLYING
+    assert back.told() == []
+
+
 @pytest.mark.parametrize("returns", [False, True])
 def test_one_that_refuses_to_loiter_or_to_come_back_is_told_again(returns: bool) -> None:
     formation = Formation()
