@@ -187,22 +187,25 @@ class Session:
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
-        """Close the record, and write the time series and the summary.
+        """Close the record, and write the time series and the summary: those of a flight that was flown, in any case.
 
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
-        wall_s = self._spent.wall_s
+        wall_s, course = self._spent.wall_s, self.station.course
         self.recorder.close()
-        if self.station.course.failure is not None:
-            text = self.station.course.failure
-            raise RecordingError(text) if text == self.recorder.failure else RunAbortedError(text + self._hurry())
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
+        failure = None if course.failure is None else course.failure + self._hurry()
+        if failure is not None and not course.flown:
+            raise RunAbortedError(failure)
         try:
-            return self._make_summary(truth, wall_s)
+            summary = self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
+        if failure is not None:
+            raise RunAbortedError(failure)
+        return summary
 
     def _hurry(self) -> str:
         """Return what may be to blame for a failure where no machine keeps up for certain, "" elsewhere."""
@@ -248,6 +251,7 @@ class Session:
                 cut_short=self.station.course.cut_short,
                 assembled=self.station.course.assembled,
                 undone=tuple(self.station.orders.undone),
+                failure=self.station.course.failure,
                 measure=self.options.measure,
             )
         )

@@ -62,7 +62,11 @@ class ConformanceMonitor:
         self._vehicles = list(vehicles.values())
         self._note = note
         models, noise = _judged_by(scenario), _noise(scenario)
-        self._fliers = [FlownSetpoints(each, models[each.column], noise[each.column]) for each in self._vehicles]
+        prompt = [each.prompt_share for each in column_models(scenario)]
+        self._fliers = [
+            FlownSetpoints(each, models[each.column], noise[each.column], prompt[each.column])
+            for each in self._vehicles
+        ]
         for vehicle in self._vehicles:
             for channel in vehicle.setpoint_channels:
                 channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))

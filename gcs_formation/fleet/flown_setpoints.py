@@ -102,10 +102,24 @@ class FlownSetpoints:
         "vehicle",
     )
 
-    def __init__(self, vehicle: Vehicle, model: AutopilotModel, sigma: tuple[float, float, float]) -> None:
-        """Expect changes by `model`; `sigma`: standard deviations of the telemetry of each channel."""
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        model: AutopilotModel,
+        sigma: tuple[float, float, float],
+        prompt_share: float = 1.0,
+    ) -> None:
+        """Expect changes by `model`.
+
+        Args:
+            vehicle: whose they are.
+            model: how it flies.
+            sigma: standard deviations of the telemetry of each channel.
+            prompt_share: of a change of airspeed; its integrator does the rest, in its own time.
+        """
         self.vehicle, self.model = vehicle, model
         self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
+        self.least[AIRSPEED] /= prompt_share
         self.carried_m = _carried_m(model)
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.since: Instant | None = None

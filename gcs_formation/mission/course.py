@@ -139,6 +139,8 @@ class Course:
         self.flight = Flight()
         self.failure: str | None = None
         """Why the run couldn't go on."""
+        self.flown = False
+        """Whether that was after the flight: at its end somebody couldn't land, for one."""
         self.cut_short = False
         """Whether the flight was ended before its path or time was."""
         self.assembled: bool | None = None
@@ -218,6 +220,7 @@ class Course:
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run for the first reason why it can't go on; vehicles loiter, if it had `begun`."""
+        self.flown = self.flown or (self.failure is None and self.flight.phase in OVER)
         self.failure = self.failure or text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)

@@ -72,6 +72,8 @@ class RunOutcome:
     """Whether every follower was in its slot when the path began; None if it didn't, or where that isn't known."""
     undone: tuple[str, ...] = ()
     """What the scenario planned and the flight didn't do, in words."""
+    failure: str | None = None
+    """Why the run couldn't go on after the flight."""
     measure: tuple[Expectation, ...] = ()
     """Figures that are wanted besides, whatever their bounds."""
 

@@ -65,6 +65,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "safety": safety,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
+        "failure": outcome.failure,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 from pathlib import Path
@@ -17,6 +18,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import clock_behind, over, resolve_peers
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
+from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.record.unfinished import recorded_events
@@ -71,6 +73,29 @@ def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
         session.conclude(None)
     assert "nobody was commanded" in (tmp_path / "events.jsonl").read_text()
     assert "loiter" not in (tmp_path / "events.jsonl").read_text()
+
+
+@pytest.mark.parametrize("flown", [True, False])
+def test_what_was_flown_before_the_end_failed_is_in_the_summary(flown: bool, tmp_path: Path) -> None:
+    """A landing that can't go on, for one; a flight that failed on its way may be resumed, and has none."""
+    planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
+    session = Session(planned, RunOptions(tmp_path, "virtual"), clock, Progress(), Interrupts(), emulated=True)
+    fails_in = Phase.LOITERING if flown else Phase.FLYING
+
+    def attend() -> bool:
+        if session.station.flight.phase is fails_in:
+            session.station.course.fail("it can't go on", clock.now())
+        return session.attend()
+
+    network = MemoryNetwork(clock)
+    network.attach(Fleet(fleet_config(planned)))
+    network.attach(session.engine)
+    network.run(attend)
+    with pytest.raises(RunAbortedError, match="it can't go on"):
+        session.conclude(None)
+    kept = tmp_path / "summary.json"
+    assert kept.is_file() is (tmp_path / TIMESERIES).is_file() is flown
+    assert not flown or json.loads(kept.read_text())["failure"] == "it can't go on"
 
 
 @pytest.mark.parametrize(
