@@ -71,11 +71,6 @@ class FirstLook:
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
-    def stand(self, slots_m: list[Triple]) -> None:
-        """Take where the vehicles' slots are from now on."""
-        for place in range(len(slots_m)):
-            self._spots[place].slot_m = slots_m[place]
-
     def begin(self, reference: FlightState) -> None:
         """Begin a look: `see` every vehicle, then ask whether `all_apart`."""
         self._its = reference
@@ -83,13 +78,21 @@ class FirstLook:
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def see(
-        self, place: int, state: FlightState, speed_mps: float, heading_rad: float, early_s: float, timing_s: float
+        self,
+        place: int,
+        state: FlightState,
+        slot_m: Triple,
+        speed_mps: float,
+        heading_rad: float,
+        early_s: float,
+        timing_s: float,
     ) -> None:
         """Look at one vehicle.
 
         Args:
             place: among the models.
             state: when what it is commanded now acts.
+            slot_m: its slot from the leader, unknown (NaN) where no other's is taken to be near.
             speed_mps: commanded.
             heading_rad: commanded.
             early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
@@ -97,6 +100,7 @@ class FirstLook:
         """
         its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
         assert its is not None
+        spot.slot_m = slot_m
         its_mps, model = its.airspeed_mps, spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
@@ -162,10 +166,10 @@ class FirstLook:
 
 
 def _kept_m(kept: Kept, one: Triple, other: Triple) -> float:
-    """Return the distance that two keep whose slots these are."""
+    """Return the distance that two keep whose slots these are; the most where one of them isn't known."""
     forward_m, right_m, up_m = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    slots_m = math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
-    return min(kept.most_m, max(SLOT_SHARE * slots_m, kept.least_m))
+    kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
+    return max(kept_m, kept.least_m) if kept_m < kept.most_m else kept.most_m
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices
-from flight_model.autopilot_model import AutopilotModel, within, wrap
+from flight_model.autopilot_model import AutopilotModel, squared, within, wrap
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
@@ -31,6 +31,8 @@ nothing to spare by the ways; those are known to centimetres where states are, a
 and ways are curved between the samples."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
+AFAR: Final = 2.0
+"""One that is farther from its slot than this many times the rule's distance keeps all of that from everybody."""
 TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S: Final = 0.2
@@ -79,13 +81,14 @@ class ConflictResolver:
         self._side, self._turn_rps = [0.0] * count, [0.0] * count
         self._accel_mps2 = [(0.0, 0.0)] * count
         self._last: Measured | None = None
-        self._slots: list[Triple] = []
+        places_m = slot_schedule(scenario)[0].places_m
+        self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in places_m]
         """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
+        self._afar = [False] * count
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._least_m: float = scenario.safety.separation_m
-        self._stand([(forward_m, right_m, up_m) for forward_m, right_m, up_m in slot_schedule(scenario)[0].places_m])
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
@@ -136,7 +139,8 @@ class ConflictResolver:
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
-            look.see(column - first, tick.state[column], speed_mps, heading_rad, early_s, timing_s)
+            slot_m = self._slot(tick, column)
+            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s)
         return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
@@ -207,7 +211,7 @@ class ConflictResolver:
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
             kept=kept,
-            slots_m=np.array(self._slots).T[:, vehicles],
+            slots_m=np.array([self._slot(tick, each) for each in vehicles]).T,
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
@@ -292,12 +296,16 @@ class ConflictResolver:
         for place in slots_m:
             known = known or not math.isnan(place[0])
         if known:
-            self._stand([LEADS if math.isnan(place[0]) else place for place in slots_m])
+            self._slots = [LEADS if math.isnan(place[0]) else place for place in slots_m]
             self._slots_known = slots_m
 
-    def _stand(self, slots: list[Triple]) -> None:
-        self._slots = slots
-        self._first_look.stand(slots[self._first :])
+    def _slot(self, tick: Tick, column: int) -> Triple:
+        """Return where a vehicle's slot is; unknown of one that comes to it from afar, and is beside nobody else's."""
+        forward_m, right_m, up_m = tick.error_m[column]
+        if not math.isnan(forward_m):  # as at the end of a flight, where those stay afar that were
+            far_m2 = squared(AFAR * self._kept_from_others_m)
+            self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
+        return UNKNOWN if self._afar[column] else self._slots[column]
 
     def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
         if not conflicts and not self._encounters:

@@ -44,7 +44,7 @@ class TrafficPicture:
     kept: Kept
     """Distance that two keep that are commanded, as far as their slots leave so much."""
     slots_m: Array
-    """(3, N) their slots, from the leader."""
+    """(3, N) their slots, from the leader; NaN where no other's is taken to be near."""
     kept_from_others_m: float
     """The one that's kept from those that aren't."""
     timing_s: Array
@@ -105,7 +105,7 @@ class TrafficPicture:
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
         slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
-        kept_m = np.minimum(np.maximum(SLOT_SHARE * slots_m, self.kept.least_m), self.kept.most_m)
+        kept_m = np.fmin(np.maximum(SLOT_SHARE * slots_m, self.kept.least_m), self.kept.most_m)
         distance_m: Array = np.where(both, kept_m, self.kept_from_others_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 

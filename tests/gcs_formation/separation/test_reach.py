@@ -89,13 +89,12 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
     models, (_, first_s, *_, horizon_s) = tables.models(made.traffic.model), made.times_s.tolist()
     look = FirstLook(models, first_s, horizon_s, hovers=hovers)
-    look.stand([(forward_m, right_m, up_m) for forward_m, right_m, up_m in made.slots_m.T.tolist()])
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
-    early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
+    early_s, timing_s, slots_m = made.traffic.lead_s.tolist(), made.timing_s.tolist(), made.slots_m.T.tolist()
     for _ in range(2):  # the second time in the order that was found
         look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
-            look.see(place, state, told[0], told[1], early_s[place], timing_s[place])
+            look.see(place, state, slots_m[place], told[0], told[1], early_s[place], timing_s[place])
         assert look.all_apart(made.kept) == (possible_pairs(made)[0].size == 0)
 
 

@@ -37,6 +37,7 @@ class Crossing:
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
+        self.error_m: list[Triple] = [UNKNOWN, UNKNOWN]
         self.circling, self.flew = False, True
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
@@ -51,7 +52,7 @@ class Crossing:
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
         tick.setpoints = [(each.airspeed_mps, each.heading_rad, 100.0) for each in tick.state]
-        tick.slots_m = self.slots_m
+        tick.slots_m, tick.error_m = self.slots_m, self.error_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
         self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2), planned_m)
@@ -212,6 +213,17 @@ def test_slots_that_are_near_each_other_at_another_time_lower_nothing() -> None:
     assert not any(beside.keep().yielding)
     beside.slots_m = [UNKNOWN, (0.0, 30.0, 0.0)]
     assert any(beside.keep(at_s=0.1).yielding)
+
+
+def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
+    """Beside a column of slots 6 m apart one that caught up passed at 3.0 m as the flight ended."""
+    beside = beside_each_other(8.0)
+    beside.error_m = [UNKNOWN, (20.0, 0.0, 0.0)]
+    assert not any(beside.keep().yielding)
+    beside.error_m = [UNKNOWN, (22.0, 0.0, 0.0)]
+    assert any(beside.keep(at_s=0.1).yielding)
+    beside.error_m = [UNKNOWN, UNKNOWN]
+    assert any(beside.keep(at_s=0.2).yielding)
 
 
 def test_where_slots_are_left_at_the_end_those_that_were_count_on() -> None:
