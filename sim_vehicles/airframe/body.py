@@ -14,8 +14,7 @@ from flight_model import energy
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
-from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering
-from sim_vehicles.airframe.take_off import full_throttle_model
+from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering, full_throttle_model
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
 

@@ -1,4 +1,8 @@
-"""One vehicle's motion as telemetry reports it, and the targets that its autopilot flies to."""
+"""One vehicle's motion as telemetry reports it, the targets that its autopilot flies to, and how fixed wings take off.
+
+Source of take-offs: ArduPlane 4.7's and PX4 1.17's simulated planes (docs/real-autopilots.md). One whose scenario names
+no aircraft rolls and climbs by equation (7) and its limits.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,8 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import FlightState, crab_rad, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, within
+from formation_scenario.vehicles import VehicleModel
 
 HEADING: Final = 0
 COURSE: Final = 1
@@ -18,6 +23,15 @@ ON_CIRCLE_RAD: Final = 1.0
 """Closer to the tangent than this, the heading setpoint leads by the heading's lag in the turn."""
 LEAST_SPEED_MPS: Final = 1.0
 """Lower bound of airspeeds in divisions, for vehicles that stand still."""
+LIFT_OFF_SHARE: Final = 0.7
+"""Share of the lowest airspeed at which a vehicle lifts off."""
+AIRFRAMES_SHARE: Final = 0.88
+"""The same of an airframe's cruising airspeed: an ArduPlane pitches up 3.7 s after arming, at 19 to 20 m/s."""
+PX4S_SHARE: Final = 0.8
+"""The same of a PX4's highest airspeed: 16 m/s, 2.4 s after arming."""
+PX4S_CLIMB_SHARE: Final = 0.9
+"""Share of its highest airspeed at which a PX4 climbs with full throttle: 18 m/s."""
+PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
 class InnovationRatios(NamedTuple):
@@ -205,3 +219,22 @@ class Steering:
         if abs(off_rad) < ON_CIRCLE_RAD:
             course_rad += tau_psi_s * state.airspeed_mps / self.radius_m
         return course_rad
+
+
+def lift_off_mps(model: VehicleModel) -> float:
+    """Return the airspeed at which a fixed wing leaves the ground."""
+    if model.airframe is not None:
+        return AIRFRAMES_SHARE * model.airframe.airspeed_cruise_mps
+    if model.firmware == "px4":
+        return PX4S_SHARE * model.speed_max_mps
+    return LIFT_OFF_SHARE * model.speed_min_mps
+
+
+def full_throttle_model(model: VehicleModel) -> AutopilotModel | None:
+    """Return by what a PX4 without an airframe takes off, whose highest airspeed it keeps; None for all others."""
+    if model.firmware != "px4" or model.airframe is not None:
+        return None
+    climbs = model.autopilot()
+    climbs.tau_v_s, climbs.accel_max_mps2, climbs.climb_max_mps = PX4S_LAG_S, PX4S_ACCEL_MPS2, PX4S_CLIMB_MPS
+    climbs.speed_max_mps *= PX4S_CLIMB_SHARE
+    return climbs
