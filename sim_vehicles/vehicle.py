@@ -28,9 +28,8 @@ from sim_vehicles.airframe.motion import Estimate, Motion, Steering
 from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.board_clock import BoardClock
-from sim_vehicles.autopilot.failsafe import FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
-from sim_vehicles.autopilot.modes import FlightMode, Request
+from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams

@@ -14,9 +14,8 @@ from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
 from airlink.messages import Message
 from airlink.messages.command import ParamError, ParamRequestRead, ParamSet, ParamValue
-from sim_vehicles.autopilot.failsafe import STALE, FailsafeKeys, GroundStationFailsafe
 from sim_vehicles.autopilot.missions import Sender
-from sim_vehicles.autopilot.modes import FlightMode, Px4Mode
+from sim_vehicles.autopilot.modes import STALE, FailsafeKeys, FlightMode, GroundStationFailsafe, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 
