@@ -1,19 +1,246 @@
-"""What one vehicle's answers tell: that it hears the station, the delay of its link, and its clock."""
+"""What one vehicle's answers tell: that it hears the station, the delay of its link, and its clock, also against UTC.
+
+By its UTC, where that is used, a vehicle's stamps are mapped to our instants; it also tells how its delay is split.
+A clock is stiff: its drift is tens of ppm, and steady. A link isn't. So a two-state Kalman filter takes the drift from
+the slope of the round trips' midpoints, and a step in them is the link's: its split has changed.
+
+UTC comes from the vehicle's receiver only while it is disarmed, and only forwards; then it runs on the vehicle's own
+crystal (ArduPilot, AP_RTC). A slow clock therefore left UTC when it was armed, a fast one when it booted. Both are
+corrected by the drift since then, which needs that the better known the longer it is: 0.5 ppm, which is as well as the
+filter ever knows it, are 1.8 ms in an hour and 33 ms in 18.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from statistics import median
 from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
 
-from airlink.clock import Instant, nanoseconds, seconds_between
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from airlink.messages.system import Timesync
-from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.gnss_clock import GnssClock, StampMap
+from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
+DRIFT = 1e-4
+"""Standard deviation of the drift of a crystal that nothing is known of."""
+OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
+"""Random walk of offset (s) and drift per square root of a second."""
+FEWEST = 8
+"""Round trips after which the split is known."""
+WINDOW = 12
+"""Round trips (3 s) of which a step is told from chance: by the median of what they differ from the filter by."""
+SCATTER_S, SCATTER_WEIGHT = 0.02, 4.0
+"""What round trips are taken to scatter by, and how many differences that weighs as, until `WINDOW` show it: of two
+that are alike by chance the first estimate would be believed for minutes."""
+STEP_SIGMAS, STEP_S = 5.0, 3e-3
+GATE_SIGMAS, GATE_S = 4.0, 5e-3
+UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
+"""A clock that seems to step this often doesn't run steadily."""
+OLDEST_UNIX_S = 1.5e9
+"""UTC before July 2017 hasn't been set."""
+JUMP_S = 0.01
+UNKNOWN_DRIFT_S = 0.01
+"""Drift that is too much to know UTC by, if it isn't known, or not since when."""
+SIGMAS = 3.0
+"""Standard deviations of the drift up to which it is looked at."""
+IN_USE = 2.0
+"""UTC that is in use stays so up to this many times what keeps other UTC from being used."""
+UNKNOWN_WAYS_S = math.nan, math.nan
+EPOCH = Instant(0)
 MAX_PENDING: Final = 256
 """Unanswered requests that are kept: a minute of them."""
+
+
+class GnssClock:
+    """One vehicle's clock against UTC, and against ours."""
+
+    def __init__(self, loop_s: float) -> None:
+        """Start with nothing known; `loop_s` is the period of the loop on which the vehicle answers."""
+        self._loop_s = loop_s
+        self.samples = 0
+        self.jump_s = 0.0
+        """By how much its UTC has jumped since `utc` was trusted, 0 if it hasn't; the jump isn't followed."""
+        self._filter = ClockFilter(DRIFT, OFFSET_NOISE, DRIFT_NOISE)
+        self._trips = deque[float](maxlen=WINDOW)
+        self._off = deque[tuple[float, float]](maxlen=WINDOW)
+        self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
+        self._utc_s = math.nan
+        self._readings = 0
+        self._left_s: float | None = None
+        """Time since boot of the last reading while disarmed."""
+        self._first_s = math.nan
+
+    @property
+    def drift(self) -> float:
+        """How much faster than our clock it runs."""
+        return self._filter.drift
+
+    @property
+    def shortest_s(self) -> float:
+        """Shortest of the recent round trips."""
+        return min(self._trips, default=math.nan)
+
+    def why_not(self, *, used: bool = False) -> str | None:
+        """Return why its UTC can't be used, None when it can; `used`: it is in use."""
+        if math.isnan(self._utc_s):
+            return "it sends no UTC"
+        if self.samples < FEWEST:
+            return "it has answered too few requests"
+        if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
+            return "its clock doesn't run steadily"
+        most_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
+        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
+            return "it was armed before it was first heard, and its clock has drifted since"
+        unsure_s = self.unsure_s()
+        if unsure_s > most_s:
+            return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
+        return None
+
+    def unsure_s(self) -> float:
+        """Return by how much its UTC may be off as its drift isn't known better, s, by three standard deviations."""
+        off = SIGMAS * self._filter.drift_deviation
+        boot_s = self._filter.reference / NANOSECONDS + self._filter.offset_s
+        gained_s = self._gained_s(self.drift, boot_s)
+        return max(abs(self._gained_s(self.drift + each, boot_s) - gained_s) for each in (off, -off))
+
+    def probe(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
+        """Take an answered TIMESYNC request."""
+        trip_s, middle = seconds_between(sent, received), Instant((sent + received) // 2)
+        self._trips.append(trip_s)
+        wait_s, variance = self._wait(trip_s)
+        # The wait for the answering loop comes before the vehicle reads its clock: the midpoint is half of it late.
+        sample_s = (vehicle_time_ns - middle) / NANOSECONDS - wait_s / 2
+        self.samples += 1
+        if self.samples == 1:
+            self._filter.begin(middle, sample_s, variance)
+            return
+        self._filter.advance(middle)
+        off_s = sample_s - self._filter.predict(middle)
+        self._off.append((off_s, variance))
+        if abs(off_s) <= GATE_SIGMAS * math.sqrt(self._filter.offset_variance + variance) + GATE_S:
+            self._filter.correct(middle, sample_s, variance)
+        self._judge_step()
+
+    def utc(self, unix_s: float, boot_s: float, *, armed: bool) -> None:
+        """Take UTC and time since boot of one instant, from SYSTEM_TIME."""
+        if unix_s < OLDEST_UNIX_S:
+            return
+        ahead_s = unix_s - boot_s
+        if math.isnan(self._utc_s):
+            self._first_s = boot_s
+        elif abs(ahead_s - self._utc_s) > JUMP_S and armed:
+            self.jump_s = ahead_s - self._utc_s
+            return
+        fresh = math.isnan(self._utc_s) or not armed
+        self._readings = 1 if fresh else self._readings + 1
+        self._utc_s = ahead_s if fresh else self._utc_s + (ahead_s - self._utc_s) / self._readings
+        self.jump_s = 0.0
+        if not armed:
+            self._left_s = boot_s
+
+    def to_utc_s(self, boot_s: float) -> float:
+        """Return UTC, s since 1970, at a time since boot."""
+        return boot_s + self._utc_s - self._gained_s(self.drift, boot_s)
+
+    def station_utc_s(self) -> float:
+        """Return UTC minus our clock, s, if the link took equally long up and down.
+
+        A link that takes d longer up than down makes it d/2 more.
+        """
+        reference_s = self._filter.reference / NANOSECONDS
+        return self.to_utc_s(reference_s + self._filter.offset_s) - reference_s
+
+    def _gained_s(self, drift: float, boot_s: float) -> float:
+        """Return what its UTC has gained on the receiver's by a time since boot, with a drift."""
+        if drift >= 0:
+            return drift * boot_s
+        return drift * (boot_s - (self._first_s / 2 if self._left_s is None else self._left_s))
+
+    def _wait(self, trip_s: float) -> tuple[float, float]:
+        """Return the part of a round trip that was the wait for the answering loop, and the variance of the midpoint.
+
+        The best linear estimate: the wait is uniform, and the rest of what round trips vary by is the link's.
+        """
+        count = len(self._trips)
+        mean_s = sum(self._trips) / count
+        believed = SCATTER_WEIGHT if count < WINDOW else 0.0
+        off_s2 = sum((each - mean_s) ** 2 for each in self._trips) + believed * SCATTER_S**2
+        scatter_s2 = off_s2 / (count - 1 + believed)
+        loop_s2 = self._loop_s**2 / 12
+        share = min(1.0, loop_s2 / scatter_s2) if scatter_s2 > 0 else 1.0
+        wait_s = self._loop_s / 2 + share * (trip_s - mean_s)
+        rest_s = (1.0 - share) * (trip_s - mean_s)
+        return wait_s, RESOLUTION_S**2 + (max(0.0, scatter_s2 - loop_s2) + rest_s**2) / 4
+
+    def _judge_step(self) -> None:
+        """Take what the last round trips have in common for a change of the link's split, not of the clock."""
+        if len(self._off) < WINDOW:
+            return
+        step_s = median(off_s for off_s, _ in self._off)
+        variance = median(variance for _, variance in self._off)
+        if abs(step_s) <= STEP_SIGMAS * math.sqrt(variance / WINDOW) + STEP_S:
+            return
+        reference = self._filter.reference
+        self._filter.step(reference, self._filter.offset_s + step_s, variance)
+        self._off.clear()
+        self._steps.append(reference)
+
+
+class StampMap:
+    """The mapping in use; a change of it in flight is spread over time.
+
+    By UTC it is a straight line that is drawn anew at each tick, not at each answer, so that it can be.
+    """
+
+    def __init__(self, round_trips: ClockSync, gnss: GnssClock | None) -> None:
+        """Begin by round trips; `gnss` is the clock against UTC, None where nobody asks for that."""
+        self.gnss = gnss
+        self._round_trips = round_trips
+        self._utc_s: float | None = None
+        self._slew_s = self._line_s = self._at_line_s = self._rate = 0.0
+        """By UTC: what our clock shows, s, when the vehicle's shows `_line_s`, and at what rate the two go."""
+
+    @property
+    def by_utc(self) -> bool:
+        """Whether stamps are mapped by UTC."""
+        return self._utc_s is not None
+
+    def use_utc(self, utc_s: float | None, now: Instant, slew_s: float) -> None:
+        """Map by the vehicle's UTC, given what UTC minus our clock is; None: by round trips.
+
+        A change, also of what its UTC is taken for, comes gradually, by at most `slew_s` a call.
+        """
+        if self._round_trips.samples and not (utc_s is None and self._utc_s is None):
+            stamp_s = now / NANOSECONDS + self._round_trips.offset_s
+            before, self._slew_s = self.to_instant(stamp_s), 0.0
+            self._utc_s = utc_s
+            self._draw(stamp_s)
+            self._slew_s = seconds_between(self.to_instant(stamp_s), before)
+        self._utc_s = utc_s
+        self._slew_s -= math.copysign(min(abs(self._slew_s), slew_s), self._slew_s)
+
+    def to_instant(self, stamp_s: float) -> Instant:
+        """Return our instant for its time since boot, s."""
+        if self._utc_s is None:
+            instant = self._round_trips.to_instant(stamp_s)
+        else:
+            instant = after(EPOCH, self._at_line_s + self._rate * (stamp_s - self._line_s))
+        return after(instant, self._slew_s) if self._slew_s else instant
+
+    def _draw(self, stamp_s: float) -> None:
+        """Draw the line by UTC through what its clock shows at a time since boot."""
+        if self.gnss is not None and self._utc_s is not None:
+            self._line_s, self._at_line_s = stamp_s, self.gnss.to_utc_s(stamp_s) - self._utc_s
+            self._rate = 1.0 - self.gnss.drift
+
+    def ways_s(self, one_way_s: float) -> tuple[float, float]:
+        """Return the delays up and down, s, of a round trip that took twice `one_way_s`; NaN where UTC isn't used."""
+        if self.gnss is None or self._utc_s is None:
+            return UNKNOWN_WAYS_S
+        more_s = self.gnss.station_utc_s() - self._utc_s
+        return max(0.0, one_way_s + more_s), max(0.0, one_way_s - more_s)
 
 
 class RoundTrips:
