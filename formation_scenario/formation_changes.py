@@ -9,9 +9,19 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.displacement import PEAK_CHANGE, PEAK_JERK, PEAK_RATE, SLOPE_CHANGE, SLOPE_JERK, DisplacedPath, Rise
+from flight_model.lift_and_displacement import (
+    PEAK_CHANGE,
+    PEAK_JERK,
+    PEAK_RATE,
+    SLOPE_CHANGE,
+    SLOPE_JERK,
+    STEP_M,
+    DisplacedPath,
+    Rise,
+    least_lift,
+    sample_places,
+)
 from flight_model.path import PathPoints, Route, SplinePath
-from flight_model.path_over_terrain import STEP_M, least_lift, sample_places
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import Arrangement, assigned, column_models, column_names
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Mask
-from flight_model.displacement import PEAK_RATE
+from flight_model.lift_and_displacement import PEAK_RATE
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, SlotNeeds, Transition, slot_needs
 from formation_scenario.vehicles import VehicleModel

@@ -12,7 +12,7 @@ from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot_model import FlightState
-from flight_model.displacement import DisplacedPath
+from flight_model.lift_and_displacement import DisplacedPath
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from flight_model.displacement import DisplacedPath, Rise
+from flight_model.lift_and_displacement import DisplacedPath, Rise
 from flight_model.path import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.formation_changes import (
