@@ -21,7 +21,7 @@ from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED, DEGREE, DENIED, FAILED, FULL_TURN_DEG, GivenCommand, to_mode
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.modes import BY_THROTTLE, COPTER_FAILSAFE, CopterMode, FlightMode, select
+from sim_vehicles.autopilot.modes_and_failsafe import BY_THROTTLE, COPTER_FAILSAFE, CopterMode, FlightMode, select
 from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS

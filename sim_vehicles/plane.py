@@ -22,7 +22,7 @@ from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.mission_items import E7, Item
 from sim_vehicles.autopilot.missions import Missions
-from sim_vehicles.autopilot.modes import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
+from sim_vehicles.autopilot.modes_and_failsafe import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
 from sim_vehicles.autopilot.parameters import ParameterServer, planes
 from sim_vehicles.autopilot.pilot import Pilot, Target
 from sim_vehicles.autopilot.telemetry import UNASKED

@@ -17,7 +17,7 @@ from formation_scenario.surroundings import Fault
 from sim_vehicles.autopilot import position_targets, px4_commands, px4_messages, px4_parameters
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
-from sim_vehicles.autopilot.modes import (
+from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_AS_PLANE,
     PX4_BY_STICKS,
     PX4_NOT_ARMABLE,

@@ -16,7 +16,7 @@ from sim_vehicles.autopilot import position_targets, px4_commands
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
-from sim_vehicles.autopilot.modes import PX4_AS_COPTER, CopterMode, Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.px4_parameters import CM
 from sim_vehicles.config import VehicleConfig

@@ -29,7 +29,7 @@ from sim_vehicles.airframe.sensors import sensors_of
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.board_clock import BoardClock
 from sim_vehicles.autopilot.missions import Missions, Sender, home_of
-from sim_vehicles.autopilot.modes import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.modes_and_failsafe import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams

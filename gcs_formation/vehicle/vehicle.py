@@ -21,7 +21,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
-from gcs_formation.link.round_trips import RoundTrips
+from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import TURN_S, SourceBinding
 from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import (

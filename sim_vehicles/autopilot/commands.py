@@ -18,7 +18,7 @@ from airlink.messages.command import CommandInt, CommandLong, MessageInterval
 from airlink.messages.mission import MissionItem, MissionItemInt
 from flight_model.autopilot_model import finite
 from sim_vehicles.autopilot.mission_items import from_message
-from sim_vehicles.autopilot.modes import Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Mode
 
 if TYPE_CHECKING:
     from sim_vehicles.vehicle import Vehicle

@@ -9,7 +9,14 @@ from airlink.clock import NEVER, Instant, after
 from flight_model.autopilot_model import within
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.autopilot.modes import BY_THROTTLE, NOT_ARMABLE, Condition, CopterMode, FlightMode, Request
+from sim_vehicles.autopilot.modes_and_failsafe import (
+    BY_THROTTLE,
+    NOT_ARMABLE,
+    Condition,
+    CopterMode,
+    FlightMode,
+    Request,
+)
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.position_targets import Vector

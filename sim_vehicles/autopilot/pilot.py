@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant
 from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering, lift_off_mps
-from sim_vehicles.autopilot.modes import STRAIGHT_ON, TRANSITIONS, Condition, FlightMode, Mode, Request
+from sim_vehicles.autopilot.modes_and_failsafe import STRAIGHT_ON, TRANSITIONS, Condition, FlightMode, Mode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 

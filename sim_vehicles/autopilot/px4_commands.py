@@ -14,7 +14,7 @@ from airlink import mavlink as m
 from airlink.messages.command import MessageInterval
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
-from sim_vehicles.autopilot.modes import Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Px4Mode
 from sim_vehicles.autopilot.px4_messages import BUILDERS
 
 if TYPE_CHECKING:

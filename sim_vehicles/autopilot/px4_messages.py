@@ -15,7 +15,7 @@ from airlink.messages import Message
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import telemetry
-from sim_vehicles.autopilot.modes import PX4_BY_STICKS, Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import PX4_BY_STICKS, Px4Mode
 
 if TYPE_CHECKING:
     from sim_vehicles.px4 import Px4

@@ -15,7 +15,7 @@ from airlink.clock import NEVER, Instant, after
 from airlink.messages import Message
 from airlink.messages.command import ParamError, ParamRequestRead, ParamSet, ParamValue
 from sim_vehicles.autopilot.missions import Sender
-from sim_vehicles.autopilot.modes import STALE, FailsafeKeys, FlightMode, GroundStationFailsafe, Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import STALE, FailsafeKeys, FlightMode, GroundStationFailsafe, Px4Mode
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.config import VehicleConfig
 

@@ -30,7 +30,7 @@ from airlink.messages.telemetry import (
 from flight_model.autopilot_model import signed
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.board_clock import LOOP_HZ
-from sim_vehicles.autopilot.modes import system_status
+from sim_vehicles.autopilot.modes_and_failsafe import system_status
 
 if TYPE_CHECKING:
     from sim_vehicles.airframe.motion import Motion

@@ -18,7 +18,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
 from gcs_formation.phases import Cause, Phase
-from sim_vehicles.autopilot.modes import Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import STRAIGHT, Fly
 from tests.flights.in_memory import Between, World

@@ -26,7 +26,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import RunDirectory
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.recorder import Event
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from tests.flights.conftest import Fly, scenario
 from tests.flights.in_memory import HeldUp, World
 

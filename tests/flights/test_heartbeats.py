@@ -10,7 +10,7 @@ from airlink import mavlink as m
 from airlink.messages.command import ParamSet
 from gcs_formation.fleet.dispatch import UNGUIDED_S
 from gcs_formation.recorder import Tick
-from sim_vehicles.autopilot.modes import Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from tests.flights.in_memory import World
 
 FAILSAFE_S = 5.0

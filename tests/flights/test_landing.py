@@ -22,7 +22,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from tests.flights.conftest import STRAIGHT, scenario
 from tests.flights.in_memory import World
 

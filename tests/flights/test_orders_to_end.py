@@ -8,7 +8,7 @@ import pytest
 
 from formation_scenario.orders import Answer, End
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.modes import Condition, FlightMode, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, FlightMode, Mode
 from tests.flights.in_memory import World
 
 ABREAST: dict[str, Any] = {

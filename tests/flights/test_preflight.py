@@ -19,7 +19,7 @@ from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 

@@ -17,7 +17,7 @@ from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.app.check import check_text
-from sim_vehicles.autopilot.modes import Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Px4Mode
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
 

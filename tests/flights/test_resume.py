@@ -29,7 +29,7 @@ from gcs_formation.record.timeseries import Spool, read_parquet
 from gcs_formation.record.unfinished import epoch_us, read_past
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World

@@ -14,7 +14,7 @@ from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
-from sim_vehicles.autopilot.modes import Condition
+from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, Notes, World

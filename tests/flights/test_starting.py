@@ -16,7 +16,7 @@ from flight_model.arrays import wrap
 from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.modes import Condition, Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from tests.flights.in_memory import Between, World
 
 LAG_S = 0.2

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sim_vehicles.autopilot.modes import (
+from sim_vehicles.autopilot.modes_and_failsafe import (
     SELECTABLE,
     TRANSITIONS,
     Condition,

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_vehicles.autopilot.modes import CopterMode, Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import CopterMode, Px4Mode
 from tests.sim_vehicles.conftest import mavlink
 from tests.sim_vehicles.test_copter import MODEL
 from tests.sim_vehicles.test_px4 import COPTER

@@ -12,7 +12,7 @@ from airlink import mavlink as m
 from airlink.endpoint import Address
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import Fault
-from sim_vehicles.autopilot.modes import Condition
+from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from tests.sim_vehicles.conftest import mavlink
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 2, 3, 4, 9

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from formation_scenario import load_scenario
-from sim_vehicles.autopilot.modes import Px4Mode
+from sim_vehicles.autopilot.modes_and_failsafe import Px4Mode
 from tests.sim_vehicles.conftest import mavlink
 
 ARM, SPEED, ALTITUDE, HEADING = 400, 43000, 43001, 43002

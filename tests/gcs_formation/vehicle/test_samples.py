@@ -14,7 +14,7 @@ from airlink.messages.system import Timesync
 from airlink.messages.telemetry import Attitude, VfrHud
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
-from gcs_formation.link.round_trips import RoundTrips
+from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.sampler import Sampler

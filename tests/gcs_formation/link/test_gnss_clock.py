@@ -12,7 +12,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, after
 from gcs_formation.fleet.common_clock import UtcBounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.round_trips import UNKNOWN_DRIFT_S, GnssClock, StampMap
+from gcs_formation.link.round_trips_and_gnss_clock import UNKNOWN_DRIFT_S, GnssClock, StampMap
 
 UTC_AT_0_S = 1.6e9
 LOOP_S = 0.02
