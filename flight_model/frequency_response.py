@@ -1,8 +1,13 @@
-"""Frequency responses of autopilots from setpoints to motion: of equation (7), and of an airframe near its trim."""
+"""Frequency responses: of autopilots from setpoints to motion, and what loops around them hold.
+
+Autopilots are those of equation (7), and of an airframe near its trim. Of a loop: its sensitivity's peak, its delay
+margin, and what it is around a response that isn't as known.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +16,11 @@ from flight_model import energy
 from flight_model.arrays import Array, Complex
 from flight_model.energy import AirframeParameters
 
+FREQUENCIES = np.geomspace(0.005, 25.0, 400)
+"""rad/s."""
+MISMATCH = 0.3
+"""By what share the autopilot's time scale and gain may be off together."""
+ROUNDING = 1e-6
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
@@ -81,3 +91,59 @@ def _later(begin: Array, airframe: AirframeParameters) -> Array:
     for _ in range(energy.CYCLES):
         energy.cycle(aircraft, commanded, airframe)
     return np.array(aircraft.values())
+
+
+def late(delay_s: float) -> Complex:
+    """Return a delay's response."""
+    return np.exp(-1j * FREQUENCIES * delay_s)
+
+
+def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
+    """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
+    log_w = np.log(FREQUENCIES)
+    size: Array = np.log(np.abs(plant))
+    angle: Array = np.unwrap(np.angle(plant))
+    for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
+        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
+        for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
+            yield strength * controller * moved
+
+
+def _seen_at(values: Array, log_w: Array) -> Array:
+    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
+    return np.interp(log_w, np.log(FREQUENCIES), values)
+
+
+def sensitivity_peak(loop: Complex) -> float:
+    """Return the sensitivity's peak; infinite where the loop isn't stable, by Nyquist's count."""
+    back = 1.0 + loop
+    angle = np.unwrap(np.angle(back))
+    # Integrators leave it between -180 and 0 degrees at low frequency; from there to 0 no turn about -1 may be added.
+    stable = angle[0] < ROUNDING and abs(angle[-1]) < np.pi / 2
+    return float(np.max(1.0 / np.abs(back))) if stable else float("inf")
+
+
+def delay_margin_s(loop: Complex) -> float:
+    """Return the least further delay that makes the loop unstable, over all crossings of gain 1."""
+    size = np.abs(loop)
+    (crossings,) = np.nonzero((size[:-1] >= 1.0) != (size[1:] >= 1.0))
+    if crossings.size == 0:
+        return float("inf")
+    phase = np.mod(np.angle(-loop[crossings]), 2.0 * np.pi)
+    return float(np.min(phase / FREQUENCIES[crossings]))
+
+
+def stable_delay_s(loop: Complex, integrators: int) -> float:
+    """Return the least delay, s, that makes a loop unstable; 0 where it is without any, by Nyquist's count.
+
+    All poles of it but its `integrators` lie on the left; a factor s/(s + 1) takes each of these away.
+
+    Args:
+        loop: at `FREQUENCIES`; its gain doesn't rise beyond. One whose gain is 1 or more there counts as unstable.
+        integrators: how many poles at 0 it has.
+    """
+    if abs(loop[-1]) >= 1.0:
+        return 0.0
+    s = 1j * FREQUENCIES
+    turned = np.unwrap(np.angle((1.0 + loop) * (s / (s + 1.0)) ** integrators))
+    return delay_margin_s(loop) if max(abs(turned[0]), abs(turned[-1])) < np.pi / 2 else 0.0

@@ -9,34 +9,47 @@ predicted. The wind's observer closes a loop of its own around the airspeed: wha
 an aircraft does otherwise than its model looks like wind, which is then flown against. It is as fast as the airspeed's
 loop with it stands. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
 Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
+
+The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop
+tau (lambda (k1/s + k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its
+setpoint, and tau the lag of model (7) by which (3) is sent. The common motion is the mode of eigenvalue 0. An airspeed
+under total-energy control answers quick changes of its setpoint with several times their size, so nothing of
+velocities may be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that an airspeed has by itself.
+Across the heading, where lags are longer, that k3 damps. k1 is the largest at which every mode holds the bounds. Peaks
+are those with the states predicted over the links' delay; of the delay margin nothing counts as predicted.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, Complex
-from flight_model.frequency_response import Responses
+from flight_model.frequency_response import (
+    FREQUENCIES,
+    Responses,
+    delay_margin_s,
+    late,
+    mismatched,
+    sensitivity_peak,
+    stable_delay_s,
+)
+from flight_model.slot import Triple
 
-FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
 """rad/s that are tried, the fastest first."""
 LAG_SHARES = (1.0, 0.5, 0.0)
 """Shares of the lag that the derivative (of heights, the proportional gain) may make up for."""
 INTEGRAL_SHARE = 0.125
 """Corner of the integral by the bandwidth."""
-ROUNDING = 1e-6
 PEAK = 1.6
 """Largest sensitivity with the response as known."""
-MISMATCH = 0.3
-"""By what share the autopilot's time scale and gain may be off together."""
 MISMATCH_PEAK = 2.5
-"""Largest sensitivity then."""
+"""Largest sensitivity with one that isn't."""
 DELAY_MARGIN_S = 1.0
 """Least delay margin of a loop with the response as known."""
 STEPS = (0.03, 0.006, 0.03)
@@ -197,8 +210,8 @@ def _observer_stands(
     plant = vehicle.speed * late(telemetry.delay_s + UNKNOWN_DELAY_S)
     position = weights["k_x"] * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
-    enough_s = OBSERVED_SHARE * _delay_margin_s(position * plant)
-    return math.isfinite(_peak(observed)) and _delay_margin_s(observed) >= enough_s
+    enough_s = OBSERVED_SHARE * delay_margin_s(position * plant)
+    return math.isfinite(sensitivity_peak(observed)) and delay_margin_s(observed) >= enough_s
 
 
 def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedChannel:
@@ -208,7 +221,7 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
         gains = loops.gains(bandwidth, share)
         if loops.step_sigma(gains, telemetry.law_dt_s) > most:
             continue
-        if max(_peak(_controller(gains) * late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
+        if max(sensitivity_peak(_controller(gains) * late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
             continue
         found = judged(gains, bandwidth, loops, telemetry)
         if found.mismatch_peak <= MISMATCH_PEAK and found.delay_margin_s >= DELAY_MARGIN_S:
@@ -225,9 +238,9 @@ def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndN
     return DesignedChannel(
         *gains,
         bandwidth,
-        min(_delay_margin_s(loop) for loop in loops),
-        max(_peak(loop) for loop in loops),
-        max(_peak(loop) for loop in off),
+        min(delay_margin_s(loop) for loop in loops),
+        max(sensitivity_peak(loop) for loop in loops),
+        max(sensitivity_peak(loop) for loop in off),
         channel.step_sigma(gains, telemetry.law_dt_s),
     )
 
@@ -236,62 +249,6 @@ def _controller(gains: Gains) -> Complex:
     kp, ki, kd = gains
     s = 1j * FREQUENCIES
     return kp + ki / s + kd * s / (DERIVATIVE_FILTER_S * s + 1.0)
-
-
-def late(delay_s: float) -> Complex:
-    """Return a delay's response."""
-    return np.exp(-1j * FREQUENCIES * delay_s)
-
-
-def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
-    """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
-    log_w = np.log(FREQUENCIES)
-    size: Array = np.log(np.abs(plant))
-    angle: Array = np.unwrap(np.angle(plant))
-    for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
-        for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
-            yield strength * controller * moved
-
-
-def _seen_at(values: Array, log_w: Array) -> Array:
-    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
-    return np.interp(log_w, np.log(FREQUENCIES), values)
-
-
-def _peak(loop: Complex) -> float:
-    """Return the sensitivity's peak; infinite where the loop isn't stable, by Nyquist's count."""
-    back = 1.0 + loop
-    angle = np.unwrap(np.angle(back))
-    # Integrators leave it between -180 and 0 degrees at low frequency; from there to 0 no turn about -1 may be added.
-    stable = angle[0] < ROUNDING and abs(angle[-1]) < np.pi / 2
-    return float(np.max(1.0 / np.abs(back))) if stable else float("inf")
-
-
-def _delay_margin_s(loop: Complex) -> float:
-    """Return the least further delay that makes the loop unstable, over all crossings of gain 1."""
-    size = np.abs(loop)
-    (crossings,) = np.nonzero((size[:-1] >= 1.0) != (size[1:] >= 1.0))
-    if crossings.size == 0:
-        return float("inf")
-    phase = np.mod(np.angle(-loop[crossings]), 2.0 * np.pi)
-    return float(np.min(phase / FREQUENCIES[crossings]))
-
-
-def stable_delay_s(loop: Complex, integrators: int) -> float:
-    """Return the least delay, s, that makes a loop unstable; 0 where it is without any, by Nyquist's count.
-
-    All poles of it but its `integrators` lie on the left; a factor s/(s + 1) takes each of these away.
-
-    Args:
-        loop: at `FREQUENCIES`; its gain doesn't rise beyond. One whose gain is 1 or more there counts as unstable.
-        integrators: how many poles at 0 it has.
-    """
-    if abs(loop[-1]) >= 1.0:
-        return 0.0
-    s = 1j * FREQUENCIES
-    turned = np.unwrap(np.angle((1.0 + loop) * (s / (s + 1.0)) ** integrators))
-    return _delay_margin_s(loop) if max(abs(turned[0]), abs(turned[-1])) < np.pi / 2 else 0.0
 
 
 def left_by_filter(
@@ -323,3 +280,70 @@ def left_by_filter(
         before, answer = answer, carry @ answer - gain @ (SEEN @ (carry @ answer))
     position_m, airspeed_mps, _ = np.sqrt(squares @ variances / 2.0).tolist()
     return position_m, airspeed_mps
+
+
+class Axis(NamedTuple):
+    """One setpoint of a vehicle."""
+
+    lag_s: float
+    """Of its model (7)."""
+    response: Complex
+    """Of the vehicle, at `FREQUENCIES`."""
+    steps_mps: float
+    """Largest standard deviation of a tick's setpoint step, as a speed."""
+
+    @classmethod
+    def along(cls, lag_s: float, response: Complex) -> Axis:
+        """Return that of the airspeed."""
+        return cls(lag_s, response, STEPS[0])
+
+    @classmethod
+    def across(cls, lag_s: float, response: Complex, speed_mps: float) -> Axis:
+        """Return that of the heading, at an airspeed."""
+        return cls(lag_s, response, STEPS[1] * speed_mps)
+
+
+class Delays(NamedTuple):
+    """Of the loops, s."""
+
+    sampling_s: float
+    """Sampling and hold."""
+    links_s: float
+    """Both ways."""
+
+
+def consensus_gains(
+    vehicles: Sequence[tuple[Axis, Axis]], eigenvalues: Sequence[complex], position_m: float, delays: Delays
+) -> Triple:
+    """Return k1 in 1/s^2, k2 and k3 in 1/s; k1 is the least that is tried where no other holds the bounds.
+
+    Args:
+        vehicles: each kind's axes, along and across.
+        eigenvalues: of the graph's Laplacian.
+        position_m: noise of a position, standard deviation.
+        delays: of the loops.
+    """
+    modes = sorted({0j, *np.round(np.asarray(eigenvalues, np.complex128), 6).tolist()}, key=abs, reverse=True)
+    largest, axes = max(abs(modes[0]), 1.0), [axis for each in vehicles for axis in each]
+    quiet = min(axis.steps_mps / axis.lag_s for axis in axes) / (PAIR * position_m)
+    dampings = sorted({1.0 / along.lag_s for along, _ in vehicles}, reverse=True)
+    tried = [(float(k) / largest, k3) for k in BANDWIDTHS if k <= quiet for k3 in dampings]
+    tried.append((float(BANDWIDTHS[-1]) / largest, dampings[0]))
+    holds = (gains for gains in tried if all(_holds(*gains, axis, mode, delays) for mode in modes for axis in axes))
+    k1, k3 = next(holds, tried[-1])
+    return k1, 0.0, k3
+
+
+def _holds(k1: float, k3: float, axis: Axis, mode: complex, delays: Delays) -> bool:
+    """Return whether a mode's loop on an axis holds the bounds, also around responses that aren't as known."""
+    s = 1j * FREQUENCIES
+    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * late(delays.sampling_s)
+    integrators = 1 if mode else 0
+    if not _stands(controller * axis.response, integrators, PEAK, DELAY_MARGIN_S + delays.links_s):
+        return False
+    return all(_stands(loop, integrators, MISMATCH_PEAK, 0.0) for loop in mismatched(controller, axis.response))
+
+
+def _stands(loop: Complex, integrators: int, peak: float, least_s: float) -> bool:
+    margin_s = stable_delay_s(loop, integrators)
+    return margin_s > 0.0 and margin_s >= least_s and float(np.max(1.0 / np.abs(1.0 + loop))) <= peak

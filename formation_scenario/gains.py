@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.consensus_design import Axis, Delays, consensus_gains
 from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import Responses, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, lag_responses
 from flight_model.gain_design import (
-    FREQUENCIES,
     UNMODELLED,
+    Axis,
     DelayAndNoise,
+    Delays,
     DesignedChannel,
+    consensus_gains,
     design,
     judged_channels,
     left_by_filter,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.gain_design import MISMATCH
+from flight_model.frequency_response import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.expectation import SETTLED_M

@@ -10,8 +10,7 @@ from operator import itemgetter
 
 from airlink.endpoint import VehicleId
 from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import airframe_responses, lag_responses
-from flight_model.gain_design import FREQUENCIES
+from flight_model.frequency_response import FREQUENCIES, airframe_responses, lag_responses
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
-from flight_model.gain_design import FREQUENCIES, stable_delay_s
+from flight_model.frequency_response import FREQUENCIES, stable_delay_s
 from flight_model.slot import Triple
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains

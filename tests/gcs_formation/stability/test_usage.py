@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from flight_model.gain_design import FREQUENCIES
+from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import load_scenario
 from formation_scenario.model import graph_adjacency
 from formation_scenario.vehicles import VehicleModel
