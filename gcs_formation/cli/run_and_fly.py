@@ -208,26 +208,26 @@ LOGS = (".tlog", ".bin")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
-    from gcs_formation.identify import command  # noqa: PLC0415 - a flight fits and draws nothing
+    from gcs_formation import identify as identification  # noqa: PLC0415 - a flight fits and draws nothing
 
     out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
     believed = None if source.is_dir() or source.suffix.lower() in LOGS else load(source, overrides)
     recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
     file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
-        command.require_writable(file, overwrite=given["overwrite"])
+        identification.require_writable(file, overwrite=given["overwrite"])
     except RecordError as error:
         fail(str(error))
     if believed is not None:
         _record_steps(believed, recorded, quiet=quiet, **given)
     try:
-        found = command.identify(recorded, file, vehicle, believed)
+        found = identification.identify(recorded, file, vehicle, believed)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if as_json:
         click.echo(json.dumps(found, indent=2))
     elif not quiet:
-        click.echo(command.report(found))
+        click.echo(identification.report(found))
 
 
 def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: Any) -> None:
@@ -245,7 +245,7 @@ def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: 
 
 def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly the steps: emulated vehicles at once, others where they are, at the scenario's endpoints."""
-    from gcs_formation.identify.command import identification_scenario  # noqa: PLC0415 - a flight fits and draws nothing
+    from gcs_formation.identify import identification_scenario  # noqa: PLC0415 - a flight fits and draws nothing
 
     flown = run_scenario if options.clock == "virtual" else fly_scenario
     return flown(identification_scenario(scenario), options, progress, interrupts)

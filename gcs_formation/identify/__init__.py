@@ -1,1 +1,251 @@
-"""Identification: the model of a vehicle's autopilot from what it was commanded and how it flew."""
+"""`gcs-formation identify`: from a recorded flight, or from one flown for it, to a vehicle file and a figure."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from flight_model.arrays import Array
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.formation import Step
+from formation_scenario.source import Dumper, plain_mapping
+from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from gcs_formation.errors import RecordError
+from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.recording import STEP_S, Recording, recordings
+from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
+from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
+from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
+
+REST_S, HELD_S = 8.0, 9.0
+SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
+SPACING_S = 3.0
+"""Followers keep at least as far away as they fly within this time: slots that are farther off swing with the leader's
+steps of heading faster than anybody follows."""
+LEGS = 12
+"""Waypoints of the straight path."""
+HEIGHT_CM = 14.0
+LEAST_ERROR = 1e-9
+"""A model's own flight has no error, and nothing flies that better."""
+UNITS = ("m/s", "rad", "m")
+FIGURE = ".png"
+
+
+def steps(spare_mps: float) -> list[Step]:
+    """Return the steps, one after another; no speed beyond what vehicles can spare."""
+    fast, slow = min(SPEED_MPS, 0.6 * spare_mps), min(SLOW_MPS, 0.3 * spare_mps)
+    each: list[dict[str, float]] = [
+        {"speed_mps": fast}, {"speed_mps": -fast},
+        {"speed_mps": slow, "ramp_s": 4.0}, {"speed_mps": -slow, "ramp_s": 4.0},
+        {"heading_deg": HEADING_DEG}, {"heading_deg": -HEADING_DEG},
+        {"heading_deg": HEADING_DEG, "ramp_s": 4.0}, {"heading_deg": -HEADING_DEG, "ramp_s": 4.0},
+        {"height_m": HEIGHT_M}, {"height_m": -HEIGHT_M},
+        {"height_m": HEIGHT_M, "ramp_s": 4.0}, {"height_m": -HEIGHT_M, "ramp_s": 4.0},
+    ]  # fmt: skip
+    found, at_s = list[Step](), REST_S
+    for index, keys in enumerate(each):
+        found.append(Step(at_s=at_s, for_s=HELD_S, **keys))
+        # A step and the opposite one after it are a doublet.
+        at_s += HELD_S + (0.0 if index % 2 == 0 else REST_S)
+    return found
+
+
+def identification_scenario(scenario: Scenario) -> Scenario:
+    """Return the flight by which to identify the vehicles of a scenario: from its path's start straight on.
+
+    Raises:
+        ScenarioError: it can't be flown there, because of ground or fence.
+    """
+    path = scenario.leader_path
+    begin = path.at(0.0)
+    models = [vehicle.model for vehicle in scenario.vehicles]
+    speed = scenario.path.speed_mps
+    spare = min(min(each.speed_max_mps - speed, speed - each.speed_min_mps) for each in models)
+    flown, spacing_m = steps(spare), max(SPACING_S * speed, scenario.formation.spacing_m)
+    last_s = flown[-1].at_s + flown[-1].for_s + REST_S
+    along = np.linspace(0.0, (last_s + REST_S) * (speed + SPEED_MPS), LEGS)
+    north, east = np.cos(begin.course_rad), np.sin(begin.course_rad)
+    data: dict[str, Any] = scenario.model_dump(by_alias=True, exclude_none=True)
+    data |= {
+        "name": f"{scenario.name}-identify"[:80],
+        "duration_s": last_s,
+        "formation": {"shape": scenario.formation.shape, "spacing_m": spacing_m}
+        if scenario.formation.shape != "custom"
+        else {"shape": "custom", "slots_m": data["formation"]["slots_m"]},
+        "path": {
+            "speed_mps": speed,
+            "waypoints_m": [
+                [begin.north_m + far * north, begin.east_m + far * east, scenario.path.waypoints_m[0][2]]
+                for far in along.tolist()
+            ],
+            "steps": [each.model_dump() for each in flown],
+        },
+    }
+    for key in ("orders", "faults", "expect", "disturbances"):
+        data.pop(key, None)
+    return load_scenario(data)
+
+
+def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
+    """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
+    at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
+    scales = (1.0, 180.0 / np.pi, 1.0)
+    with print_style():
+        figure = new_figure(HEIGHT_CM)
+        axes = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
+        for row, (axis, label, scale) in enumerate(zip(axes, recording.labels, scales, strict=True)):
+            axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
+            axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
+            for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
+                axis.plot(at_s, values[row] * scale, color=colour, linestyle="--", label=name)
+            axis.set_ylabel(label)
+        axes[-1].set_xlabel("time, s")
+        axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        save(figure, file)
+
+
+def require_writable(file: Path, *, overwrite: bool) -> None:
+    """Refuse a vehicle file that is there, or whose figure is, unless with `overwrite`, and one named as a figure.
+
+    Raises:
+        RecordError: which it is.
+    """
+    if file.suffix == FIGURE:
+        raise RecordError(f"--out: found {file}; allowed: another ending than that of the figure beside it, {FIGURE}")
+    there = [str(each) for each in (file, file.with_suffix(FIGURE)) if each.exists()]
+    if there and not overwrite:
+        found = f"--out: found {' and '.join(there)}"
+        raise RecordError(f"{found}; allowed: a file that isn't there yet, or --overwrite, which replaces it")
+
+
+def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
+    """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
+
+    The model written has an airframe where that flies the recording better, and the lags of its slow changes. Errors
+    `flown_rms` are of a flight by the setpoints alone, by the model's name.
+
+    Args:
+        source: a run directory or a telemetry log.
+        file: the vehicle file to write.
+        vehicle: whose flight alone; None: all vehicles', as of one kind.
+        believed: the scenario, whose first vehicle's limits stay; None: the run directory's.
+
+    Raises:
+        RecordError: nothing to read, too little movement, or no such vehicle.
+        ScenarioError: the run directory's scenario can't be read.
+    """
+    directory = source if source.is_dir() else None
+    if directory is not None and believed is None:
+        believed = load_scenario(directory / SCENARIO)
+    found = recordings(directory / TLOG if directory else source, _delays_s(directory) if directory else None)
+    if vehicle is not None:
+        known = ", ".join(str(each.system) for each in found)
+        found = [each for each in found if each.system == vehicle]
+        if not found:
+            raise RecordError(f"--vehicle: found {vehicle}; allowed: {known}")
+    begin = _begin(believed, found[0].system)
+    fitted = fit(found, begin)
+    longest = max(found, key=lambda each: each.seen.shape[1])
+    flown = {"equation (7)": flown_by_lags(longest, fitted.model)}
+    errors = {name: _rms(longest, values) for name, values in flown.items()}
+    model = fitted.model
+    if not begin.hovers and begin.prompt_share == 1.0:
+        airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
+        errors["airframe"] = _rms(longest, by_airframe)
+        if is_nearer(errors["airframe"], errors["equation (7)"]):
+            flown["airframe"] = by_airframe
+            model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0])))
+    figure = file.with_suffix(FIGURE)
+    try:
+        _write(file, source, fitted, model, errors)
+        draw(longest, flown, figure)
+    except OSError as error:
+        raise RecordError(f"{file}: {error.strerror or error}") from error
+    return {
+        "file": str(file),
+        "figure": str(figure),
+        "vehicles": [each.system for each in found],
+        "recorded_s": [each.duration_s for each in found],
+        "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
+        "residual_rms": fitted.residual_rms,
+        "explained": fitted.explained,
+        "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in errors.items()},
+        "model": model.model_dump(exclude_none=True),
+    }
+
+
+def report(found: Mapping[str, Any]) -> str:
+    """Return it for a person."""
+    recorded = zip(found["vehicles"], found["recorded_s"], strict=True)
+    whose = ", ".join(f"{system} ({duration_s:.0f} s)" for system, duration_s in recorded)
+    lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
+    for name, each in found["lags"].items():
+        unit = "" if name == "prompt_share" else "s"
+        lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
+    lines.append("errors of its predictions, and what they explain of the change:")
+    for name, unit in zip(CHANNELS, UNITS, strict=True):
+        lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
+    lines.append("errors of a whole flight by the setpoints alone, RMS:")
+    for name, rms in found["flown_rms"].items():
+        each = zip(rms.values(), UNITS, strict=True)
+        lines.append(f"  {name:<13} " + ", ".join(f"{error:.3f} {unit}" for error, unit in each))
+    if "airframe" in found["model"]:
+        lags = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
+        lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
+    lines.append(f"wrote {found['file']} and {found['figure']}")
+    return "\n".join(lines)
+
+
+def is_nearer(errors: Array, others: Array) -> bool:
+    """Return whether errors of speed, heading and height are smaller than others, on an average of their ratios."""
+    return bool(np.mean(errors / np.maximum(others, LEAST_ERROR)) < 1.0)
+
+
+def measured(value: float, sigma: float) -> str:
+    """Return a value with two significant digits of its standard deviation, and no more of its own."""
+    digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0.0 else 3
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+
+
+def _begin(believed: Scenario | None, system: int) -> VehicleModel:
+    if believed is None:
+        return VehicleModel()
+    return next((each.model for each in believed.vehicles if each.id == system), believed.vehicles[0].model)
+
+
+def _delays_s(directory: Path) -> dict[int, float]:
+    """Return the measured delay of each vehicle's link, both ways, as far as the summary knows it."""
+    try:
+        summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if misfit(summary, {"links": Each({"measured_delay_ms": {"p50": NUMBER_OR_NULL}})}, SUMMARY) is not None:
+        return {}
+    delays = {name.rpartition(":")[2]: each["measured_delay_ms"]["p50"] for name, each in summary["links"].items()}
+    return {int(system): 2e-3 * ms for system, ms in delays.items() if ms is not None and system.isdecimal()}
+
+
+def _rms(recording: Recording, flown: Array) -> Array:
+    return np.sqrt(np.mean((flown - recording.seen[:3]) ** 2, axis=1))
+
+
+def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, errors: Mapping[str, Array]) -> None:
+    figures = {f"{name}_sigma": each.sigma for name, each in fitted.estimates.items()}
+    figures |= {f"predicted_{name}": value for name, value in fitted.residual_rms.items()}
+    flown = errors["airframe" if model.airframe is not None else "equation (7)"].tolist()
+    figures |= {f"flown_{name}": value for name, value in zip(CHANNELS, flown, strict=True)}
+    written = {
+        "schema": 1,
+        "name": file.stem[:80],
+        "source": f"gcs-formation identify {source.name}",
+        "model": model.model_dump(exclude_none=True),
+        "fit": {name: float(f"{value:.3g}") for name, value in figures.items()},
+    }
+    text = yaml.dump(plain_mapping(written), Dumper=Dumper, sort_keys=False, allow_unicode=True)
+    file.write_text(text, encoding="utf-8")

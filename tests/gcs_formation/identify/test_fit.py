@@ -8,7 +8,7 @@ import pytest
 from flight_model import energy
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.command import is_nearer, measured
+from gcs_formation.identify import is_nearer, measured
 from gcs_formation.identify.fit import LAGS, WAIT_SIGMA_S, fit, fit_airframe, flown_by_lags, lags_of
 from gcs_formation.identify.fit import _flown_by as flown_by_airframe
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording

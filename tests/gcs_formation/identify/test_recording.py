@@ -19,7 +19,7 @@ from formation_scenario import load_scenario
 from formation_scenario.formation import Step, added
 from gcs_formation.cli.run_and_fly import identify
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.command import identification_scenario
+from gcs_formation.identify import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, _held, recordings
 from gcs_formation.record.run_directory import TlogWriter
 
