@@ -21,9 +21,8 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
-from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, Kept
+from gcs_formation.separation.first_look_and_unresponsive import SLOT_SHARE, FirstLook, Kept, Unresponsive
 from gcs_formation.separation.traffic import TrafficPicture
-from gcs_formation.separation.unresponsive import Unresponsive
 
 ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
