@@ -14,7 +14,7 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from formation_scenario.surroundings import Fault
-from sim_vehicles.autopilot import position_targets, px4_commands, px4_messages, px4_parameters
+from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
 from sim_vehicles.autopilot.modes_and_failsafe import (
@@ -49,8 +49,8 @@ class Px4(Vehicle):
 
     capabilities = 59647
     version = 1 << 24 | 17 << 16
-    unasked = px4_messages.STREAMS
-    builders = px4_messages.BUILDERS
+    unasked = px4_services.STREAMS
+    builders = px4_services.BUILDERS
     asks_time = False
     tells_time_at_once = True
     stores_missions = False
@@ -59,10 +59,10 @@ class Px4(Vehicle):
     ground_mode = Px4Mode.HOLD
     boot_mode = Px4Mode.HOLD
     by_hand = PX4_BY_STICKS
-    failsafe_keys = px4_parameters.LINK_LOSS
+    failsafe_keys = px4_services.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    handlers = px4_commands.HANDLERS
+    handlers = px4_services.HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and the pilot's that are flown alike."""
     mode: Px4Mode
@@ -79,7 +79,7 @@ class Px4(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return px4_parameters.Px4Parameters(px4_parameters.parameters(config, self.fleet.config.cruise_mps))
+        return px4_services.Px4Parameters(px4_services.parameters(config, self.fleet.config.cruise_mps))
 
     @abstractmethod
     def change_speed(self, speed_mps: float) -> None:
@@ -175,7 +175,7 @@ class Px4(Vehicle):
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
-        return px4_parameters.LinkLoss(self.parameters)
+        return px4_services.LinkLoss(self.parameters)
 
     def heed(self, system: int, message: Heartbeat) -> None:
         """Take a ground station's heartbeat; only then it says what it has to say."""
@@ -213,7 +213,7 @@ class Px4(Vehicle):
     def take_mode(self, message: SetMode, frame: Frame) -> bool:
         """Change to a mode by the old message, which is acknowledged like the command, but once."""
         allowed = super().take_mode(message, frame)
-        result = ACCEPTED if allowed else px4_commands.REJECTED
+        result = ACCEPTED if allowed else px4_services.REJECTED
         self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
         return allowed
 
@@ -237,7 +237,7 @@ class Px4(Vehicle):
         if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
-            self.enter(px4_parameters.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
+            self.enter(px4_services.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
         elif self.mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
             self.intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
@@ -259,7 +259,7 @@ class Px4(Vehicle):
     def tell_heartbeat(self) -> None:
         """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
-            self.broadcast(px4_messages.current_mode(self))
+            self.broadcast(px4_services.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
         """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""

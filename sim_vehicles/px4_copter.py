@@ -12,13 +12,13 @@ from typing import Any, Final
 
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot import position_targets, px4_commands
+from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
-from sim_vehicles.autopilot.px4_parameters import CM
+from sim_vehicles.autopilot.px4_services import CM
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.px4 import Px4
 
@@ -73,7 +73,7 @@ def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = px4_commands.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = px4_services.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
 
 
 class Px4Copter(Px4):

@@ -1,4 +1,4 @@
-"""The messages with which emulated autopilots report their state, and when each is due; PX4's own: px4_messages."""
+"""The messages with which emulated autopilots report their state, and when each is due; PX4's own: px4_services."""
 
 from __future__ import annotations
 

@@ -1,0 +1,353 @@
+"""What an emulated PX4 tells, does and lets set otherwise than an ArduPlane: messages, commands, parameters, failsafes.
+
+Sources: MAVLink common message set, "HEARTBEAT", "CURRENT_MODE" and "MAV_CMD"; PX4 user guide, "Flight Modes",
+"Parameter Reference" and "Safety Configuration (Failsafes)"; what PX4's simulator (SIH, version 1.17, development)
+answers, refuses and begins with.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from airlink import mavlink as m
+from airlink.clock import NANOSECONDS, NEVER, Instant, after
+from airlink.messages import Message
+from airlink.messages.command import MessageInterval, ParamError, ParamRequestRead, ParamSet, ParamValue
+from airlink.messages.system import CurrentMode, Heartbeat
+from airlink.messages.telemetry import GpsRawInt, VfrHud
+from sim_vehicles.autopilot import commands, telemetry
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
+from sim_vehicles.autopilot.missions import Sender
+from sim_vehicles.autopilot.modes_and_failsafe import (
+    PX4_BY_STICKS,
+    STALE,
+    FailsafeKeys,
+    FlightMode,
+    GroundStationFailsafe,
+    Px4Mode,
+)
+from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
+from sim_vehicles.config import VehicleConfig
+
+if TYPE_CHECKING:
+    from sim_vehicles.px4 import Px4
+    from sim_vehicles.vehicle import Vehicle
+
+
+SPEED, SOON, SLOW = NANOSECONDS // 50, NANOSECONDS // 4, NANOSECONDS
+STREAMS: Final = {
+    m.MAVLINK_MSG_ID_HEARTBEAT: SLOW,
+    m.MAVLINK_MSG_ID_SYS_STATUS: SLOW,
+    m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW,
+    m.MAVLINK_MSG_ID_GPS_RAW_INT: SLOW,
+    m.MAVLINK_MSG_ID_HOME_POSITION: 2 * SLOW,
+    m.MAVLINK_MSG_ID_VFR_HUD: SOON,
+    m.MAVLINK_MSG_ID_ATTITUDE: SPEED,
+    m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: SPEED,
+    m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: SPEED,
+}
+"""What a ground station's link carries without a request, and every how many ns."""
+FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
+FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
+"""HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
+FLAGS: Final = dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS) | {
+    Px4Mode.ACRO: m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED,
+    Px4Mode.OFFBOARD: FOLLOWS,
+    Px4Mode.ORBIT: FOLLOWS,
+}
+
+
+def heartbeat(v: Px4) -> Message:
+    """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
+    armed = v.pilot.condition.armed
+    flags = FLAGS.get(v.mode, FINDS_ITS_WAY) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    up = m.MAV_STATE_STANDBY if v.armable else m.MAV_STATE_UNINIT
+    state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
+    return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
+
+
+def current_mode(v: Px4) -> Message:
+    """Return CURRENT_MODE, with the mode that was asked for last."""
+    return CurrentMode(0, int(v.mode), int(v.intended))
+
+
+def gps_raw_int(v: Vehicle) -> Message:
+    """Return GPS_RAW_INT; it has no time stamp."""
+    reported = telemetry.gps_raw_int(v)
+    assert isinstance(reported, GpsRawInt)
+    return reported.but(time_usec=0)
+
+
+def vfr_hud(v: Px4) -> Message:
+    """Return VFR_HUD; a multirotor measures no airspeed."""
+    reported = telemetry.vfr_hud(v)
+    assert isinstance(reported, VfrHud)
+    return reported.but(airspeed_mps=math.nan) if v.config.model.hovers else reported
+
+
+BUILDERS: Final[telemetry.Builders] = {
+    each: telemetry.BUILDERS[each]
+    for each in (
+        m.MAVLINK_MSG_ID_SYS_STATUS,
+        m.MAVLINK_MSG_ID_SYSTEM_TIME,
+        m.MAVLINK_MSG_ID_ATTITUDE,
+        m.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        m.MAVLINK_MSG_ID_MISSION_CURRENT,
+        m.MAVLINK_MSG_ID_BATTERY_STATUS,
+        m.MAVLINK_MSG_ID_HOME_POSITION,
+        m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        m.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+    )
+} | {
+    m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
+    m.MAVLINK_MSG_ID_CURRENT_MODE: current_mode,
+    m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
+    m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+}
+
+
+REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
+LEAST_CHANGES_US: Final = 500_000
+"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
+
+
+def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
+    main, sub = given.params[1], given.params[2]
+    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
+        return REJECTED
+    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
+
+
+def _arm_disarm(vehicle: Px4, given: GivenCommand) -> int:
+    force = given.params[1] == commands.FORCE
+    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
+    return ACCEPTED if granted else REJECTED
+
+
+def _take_off(vehicle: Px4, given: GivenCommand) -> int:
+    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
+    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
+
+
+def _reposition(vehicle: Px4, given: GivenCommand) -> int:
+    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.go_to(given.lat_rad, given.lon_rad, given.z - vehicle.fleet.origin.alt_m, given.params[0])
+    return ACCEPTED
+
+
+def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
+    """Change the speed; in OFFBOARD that is accepted and has no effect, as is what is no speed."""
+    if vehicle.mode is Px4Mode.HOLD and 0.0 < given.params[1] < math.inf:
+        vehicle.change_speed(given.params[1])
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
+    """Hold, at an altitude above sea level; at the one that it has where that is none."""
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    if math.isfinite(given.params[0]):
+        vehicle.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
+    return ACCEPTED
+
+
+def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
+    vehicle.say(m.MAV_SEVERITY_CRITICAL, "Mission start denied! No valid mission")
+    return DENIED
+
+
+def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
+
+    A shorter one than the main loop's is taken, but in each loop a message is sent once.
+    """
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, telemetry.SHORTEST_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
+    """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
+def _request_message(vehicle: Px4, given: GivenCommand) -> int:
+    """Send a message once; what it doesn't know is DENIED."""
+    return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
+
+
+UNHEEDED: Final = (
+    m.MAV_CMD_DO_SET_ROI_LOCATION,
+    m.MAV_CMD_DO_SET_ROI_NONE,
+    m.MAV_CMD_DO_SET_ROI,
+    m.MAV_CMD_DO_GO_AROUND,
+    m.MAV_CMD_RUN_PREARM_CHECKS,
+    m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+)
+"""Accepted without an effect here: of a camera, a landing's approach, checks, and a version that few ask for."""
+HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+    **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
+    m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
+    m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
+    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+    m.MAV_CMD_MISSION_START: _start_mission,
+}
+"""All others are UNSUPPORTED."""
+
+
+LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}
+"""NAV_DLL_ACT, after a while in HOLD; 1 is HOLD, 0 does nothing."""
+LOST_STREAM: Final = {0: Px4Mode.RTL, 3: Px4Mode.RTL, 4: Px4Mode.LAND, 5: Px4Mode.HOLD}
+"""COM_OBL_RC_ACT; 0 is POSITION with a transmitter, and there is none."""
+LINK_LOSS: Final = FailsafeKeys("NAV_DLL_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", LOST_LINK)
+CM: Final = 100.0
+ALSO_NAMED: Final = {
+    "AIRSPEED_CRUISE": ("FW_AIRSPD_TRIM", 1.0),
+    "AIRSPEED_MAX": ("FW_AIRSPD_MAX", 1.0),
+    "AIRSPEED_MIN": ("FW_AIRSPD_MIN", 1.0),
+    "GUID_TIMEOUT": ("COM_OF_LOSS_T", 1.0),
+    "LAND_SPEED": ("MPC_LAND_SPEED", CM),
+    "RTL_ALT": ("RTL_RETURN_ALT", CM),
+    "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
+    "RTL_LOIT_TIME": ("RTL_LAND_DELAY", 1000.0),
+    "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
+    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
+    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
+    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
+    "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
+}
+"""What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+BY_NAME: Final = -1
+"""Index of a parameter that is asked for by its name."""
+
+
+def _whole(least: float, most: float, initial: float) -> ParameterKind:
+    return ParameterKind(m.MAV_PARAM_TYPE_INT32, least, most, initial)
+
+
+def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
+    """Return the parameters of a vehicle by their names: PX4's defaults, wide enough for its model."""
+    model = config.model
+    common = {
+        "COM_DISARM_LAND": floating(-1, 20, 2.0),
+        "COM_DISARM_PRFLT": floating(-1, 30, 10.0),
+        "COM_DL_LOSS_T": _whole(5, 300, 10),
+        "COM_FAIL_ACT_T": floating(0, 25, 5.0),
+        "COM_OBL_RC_ACT": _whole(0, 7, 0),
+        "COM_OF_LOSS_T": floating(0, 60, 1.0),
+        "MAV_SYS_ID": _whole(1, 250, config.identity.system),
+        "MIS_TAKEOFF_ALT": floating(0, 1000, 2.5 if model.hovers else 30.0),
+        "NAV_DLL_ACT": _whole(0, 6, 0),
+        "RTL_RETURN_ALT": floating(0, 1000, 30.0 if model.hovers else 100.0),
+    }
+    if model.hovers:
+        return common | {
+            "MPC_LAND_SPEED": floating(0.6, 4, 0.7),
+            "MPC_TKO_SPEED": floating(1, 5, 1.5),
+            "MPC_XY_CRUISE": floating(3, 20, 5.0),
+            "MPC_XY_VEL_MAX": floating(0, 20, max(12.0, model.speed_max_mps)),
+            "MPC_Z_VEL_MAX_DN": floating(0.5, 4, 1.5),
+            "MPC_Z_VEL_MAX_UP": floating(0.5, 8, 3.0),
+            "RTL_LAND_DELAY": floating(0, 100, 0.0),
+        }
+    return common | {
+        "FW_AIRSPD_MAX": floating(0.5, 40, math.ceil(model.speed_max_mps)),
+        "FW_AIRSPD_MIN": floating(0.5, 40, math.floor(model.speed_min_mps)),
+        "FW_AIRSPD_TRIM": floating(0.5, 40, cruise_mps),
+        "FW_R_LIM": floating(35, 65, 50.0),
+        "NAV_LOITER_RAD": floating(-1000, 1000, max(80.0, LOITER_RADIUS_M)),
+    }
+
+
+class Px4Parameters(ParameterServer):
+    """Parameters told as PX4 does: an integer's four bytes in the place of a float's."""
+
+    def __getitem__(self, name: str) -> float:
+        """Return a value, also by the name that ArduPilot's pilots have for it."""
+        own, unit = ALSO_NAMED.get(name, (name, 1.0))
+        return unit * self._values[own]
+
+    def answers(self, message: Message, sender: Sender) -> list[Message]:
+        """Return the answers to a message; what isn't known is told by PARAM_ERROR."""
+        found = super().answers(message, sender)
+        if found or not isinstance(message, (ParamRequestRead, ParamSet)):
+            return found
+        index = message.param_index if isinstance(message, ParamRequestRead) else BY_NAME
+        unknown = m.MAV_PARAM_ERROR_DOES_NOT_EXIST
+        return [ParamError(sender.system, sender.component, message.param_id, index, unknown)]
+
+    def set(self, request: ParamSet) -> ParamValue | None:
+        """Change a value that is sent as PX4 takes it, and return the new one."""
+        name, value = request.param_id, request.param_value
+        kind = self._kinds.get(name)
+        if kind is None:
+            return None
+        if kind.type == m.MAV_PARAM_TYPE_INT32:
+            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+        if math.isfinite(value) and name not in FIXED and name != "MAV_SYS_ID":
+            self._change(name, min(max(value, kind.least), kind.most))
+        return self._reported(name, self._names.index(name))
+
+    def _reported(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own
+        kind, value = self._kinds[name].type, self._values[name]
+        if kind == m.MAV_PARAM_TYPE_INT32:
+            value = float(struct.unpack("<f", struct.pack("<i", round(value)))[0])
+        return ParamValue(name, value, kind, len(self._names), self._names.index(name))
+
+
+class LinkLoss(GroundStationFailsafe):
+    """Acts when the heartbeats of ground stations stop: HOLD, a while later what NAV_DLL_ACT says, if that is more."""
+
+    def __init__(self, parameters: ParameterServer) -> None:
+        """Wait for a first heartbeat."""
+        super().__init__(parameters, LINK_LOSS)
+        self._holds = False
+
+    def heartbeat(self, system: int, now: Instant) -> None:  # noqa: ARG002 - any ground station's counts
+        """Take a ground station's heartbeat."""
+        self._heard, self.active, self._holds, self._known = now, False, False, STALE
+
+    def _found(self) -> Instant:
+        action = int(self._parameters["NAV_DLL_ACT"])
+        if self._heard is None or not action or (self.active and not (self._holds and action in LOST_LINK)):
+            return NEVER
+        wait_s = self._parameters["COM_DL_LOSS_T"] + (self._parameters["COM_FAIL_ACT_T"] if self._holds else 0.0)
+        return after(self._heard, wait_s)
+
+    def due_mode(self, now: Instant) -> FlightMode | None:
+        """Return the mode to change to if it acts now."""
+        if now < self.deadline():
+            return None
+        self._known = STALE
+        if self._holds:
+            self._holds = False
+            return LOST_LINK[int(self._parameters["NAV_DLL_ACT"])]
+        self.active = self._holds = True
+        return Px4Mode.HOLD
