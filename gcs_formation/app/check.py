@@ -20,8 +20,15 @@ from gcs_formation.app import check_links, check_room
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
-from gcs_formation.stability import LawMargins, Usage, law_loops, law_margins, loop_delay_s
-from gcs_formation.stability.law_margins import consensus_margins, follower_margins
+from gcs_formation.stability import (
+    LawMargins,
+    Usage,
+    consensus_margins,
+    follower_margins,
+    law_loops,
+    law_margins,
+    loop_delay_s,
+)
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}

@@ -1,9 +1,37 @@
-"""Delay margins: how much delay a loop closed over the link can have before it loses stability."""
+"""Delay margins: how much delay a loop closed over the link can have before it loses stability; those of any law."""
 
-from gcs_formation.stability.consensus_margins import consensus_delay_margin
-from gcs_formation.stability.law_margins import LawMargins, law_loops, law_margins, scenario_delay_margin
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from operator import itemgetter
+
+from airlink.endpoint import VehicleId
+from flight_model.energy import AirframeParameters
+from flight_model.frequency_response import FREQUENCIES, airframe_responses, lag_responses
+from formation_scenario.model import Scenario
+from formation_scenario.slot_assignment import planned_slots
+from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
+from gcs_formation.control.setpoint import TRAIL_S
+from gcs_formation.stability.consensus_margins import consensus_delay_margin, ground_consensus_loops
 from gcs_formation.stability.mismatch import LoopDelay, Usage
-from gcs_formation.stability.pid_margins import loop_delay_s
+from gcs_formation.stability.pid_margins import (
+    SMALL_SIGNAL,
+    AircraftResponse,
+    Loop,
+    Mixer,
+    PidGains,
+    Plant,
+    forward_plant,
+    height_plant,
+    loop_delay_s,
+    loop_margin,
+    right_plant,
+    worst_loop_margin,
+)
 
 __all__ = [
     "LawMargins",
@@ -15,3 +43,158 @@ __all__ = [
     "loop_delay_s",
     "scenario_delay_margin",
 ]
+
+LAGS = "tau_v_s", "tau_psi_s"
+"""Of the axes that the consensus closes: along the heading, and across."""
+Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None, None, None]
+
+
+@dataclass(frozen=True, slots=True)
+class LawMargins:
+    """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule.
+
+    They hold for the loops without prediction and without disturbance observer; 0 or less is unstable without delay.
+    """
+
+    small_signal: Mapping[str, float]
+    worst: Mapping[str, float]
+
+
+def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
+    """Return the delay margins of the loops x, y and z around every vehicle that follows at some time.
+
+    A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
+    scenario's leader counts as a follower where another vehicle is to lead.
+    """
+    gains_range, nominal = gain_range(scenario), nominal_gains(scenario)
+
+    @cache
+    def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None) -> tuple[float, float]:
+        least_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
+        return least_s, worst_loop_margin(gains, plant, gains_range, aircraft)
+
+    def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
+        plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.speed_mps)
+        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, aircraft, strict=True)}
+        return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
+
+    return {
+        identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
+        for identity, model, places_m in _planned(scenario)
+    }
+
+
+def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the loops x, y and z around every follower, for each slot that it has in the plan.
+
+    They have the small-signal gains.
+    """
+    return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
+
+
+def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
+    """Return the loops x, y and z around the scenario's leader while another vehicle leads, for every planned slot."""
+    leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
+    return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
+
+
+def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
+    """Return every vehicle that is to follow, with the x_rc of its slots in the schedule."""
+    models = {vehicle.vehicle_id: vehicle.model for vehicle in scenario.vehicles}
+    return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
+
+
+def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
+    gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
+    plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
+    aircraft = aircraft_responses(model, scenario.path.speed_mps)
+    return {
+        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i]) for of_slot in plants))
+        for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
+    }
+
+
+def _least(margins: Collection[LawMargins]) -> LawMargins:
+    def least(each: Collection[Mapping[str, float]]) -> dict[str, float]:
+        return {axis: min((margin[axis] for margin in each), default=math.inf) for axis in "xyz"}
+
+    return LawMargins(least([each.small_signal for each in margins]), least([each.worst for each in margins]))
+
+
+def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
+    mixer = Mixer(**scenario.law.mixer.model_dump())
+    speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
+    right = right_plant(mixer, model, speed_mps, max(x_rc_m, TRAIL_S * speed_mps) if towed else 0.0)
+    forward = forward_plant(mixer, model)
+    return forward, forward if model.hovers else right, height_plant(mixer, model)
+
+
+def law_margins(scenario: Scenario) -> LawMargins:
+    """Return the margins of the loops that the scenario's law closes: `consensus`, or x, y and z."""
+    if law_kind(scenario).mutual:
+        margin = {"consensus": min(consensus_margins(scenario))}
+        return LawMargins(margin, margin)
+    return _least(follower_margins(scenario).values())
+
+
+def scenario_delay_margin(scenario: Scenario) -> float:
+    """Return the delay margin, s, of the loop that has the least, at the small-signal gains."""
+    loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
+    return min((loop.delay_margin_s() for loop in loops), default=math.inf)
+
+
+def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
+    """Return, for each vehicle that the law commands, the loops it is part of, by the name of their margin.
+
+    A mutual law closes its loops around all vehicles at once, the leader among them; the others around the
+    leader too once another leads, with `succession`.
+    """
+    if not law_kind(scenario).mutual:
+        return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
+    loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
+    return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
+
+
+def consensus_margins(scenario: Scenario) -> tuple[float, float]:
+    """Return the delay margins, s, of protocol (3) closed through the ground station: along the heading, and across.
+
+    The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
+    it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
+    an undirected graph, since every root belongs to a weighted mean of their dampings. Margins of vehicles with an
+    airframe are around its own response.
+    """
+    along, across = (
+        min((loop.delay_margin_s() for loop in _axis_loops(scenario, lag)), default=math.inf) for lag in LAGS
+    )
+    return along, across
+
+
+def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
+    """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
+    keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.speed_mps
+    kinds = dict.fromkeys(
+        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)])
+        for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)
+    )
+    return [
+        replace(loop, aircraft=aircraft)
+        for c, aircraft in sorted(kinds, key=itemgetter(0))
+        for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)
+    ]
+
+
+def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
+    """Return the responses of speed, heading and height at an airspeed, m/s; None of what flies as (7) says."""
+    if model.airframe is None:
+        return None, None, None
+    airframe = AirframeParameters.of(model.airframe.parameters())
+    return _responses(airframe, speed_mps, (model.tau_v_s, model.tau_psi_s), (model.tau_ha_s, model.tau_hb_s))
+
+
+@cache
+def _responses(
+    airframe: AirframeParameters, speed_mps: float, lags_s: tuple[float, float], heights_s: tuple[float, float]
+) -> tuple[AircraftResponse, AircraftResponse, AircraftResponse]:
+    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(FREQUENCIES, *lags_s, heights_s)
+    speed, heading, height = true.speed / model.speed, true.heading / model.heading, true.height / model.height
+    return AircraftResponse(speed), AircraftResponse(heading), AircraftResponse(height)

@@ -6,8 +6,7 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.stability import law_margins
-from gcs_formation.stability.law_margins import follower_margins, leader_loops
+from gcs_formation.stability import follower_margins, law_margins, leader_loops
 from tests.flights.conftest import scenario
 
 
