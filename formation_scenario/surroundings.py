@@ -30,9 +30,7 @@ LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
 
 Corner: TypeAlias = Annotated[tuple[Number, Number], Allowed("a list of 2 numbers: north, east")]
 Corners = Annotated[
-    tuple[Corner, ...],
-    Field(min_length=3, max_length=200),
-    Allowed("a list of 3 to 200 corners [north, east]"),
+    tuple[Corner, ...], Field(min_length=3, max_length=200), Allowed("a list of 3 to 200 corners [north, east]")
 ]
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
 KIND = "how the velocity goes with time"

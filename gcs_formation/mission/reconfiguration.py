@@ -42,11 +42,7 @@ class Reconfiguration:
     """Plans changes and has the controller fly them."""
 
     def __init__(
-        self,
-        scenario: Scenario,
-        controller: FormationController,
-        vehicles: dict[VehicleId, Vehicle],
-        note: Note,
+        self, scenario: Scenario, controller: FormationController, vehicles: dict[VehicleId, Vehicle], note: Note
     ) -> None:
         """Change the formation that `controller` flies."""
         self._scenario = scenario

@@ -21,13 +21,7 @@ from gcs_formation.separation.approach import (
     fly_level,
     may_come_near,
 )
-from gcs_formation.separation.traffic import (
-    AS_COMMANDED,
-    TrafficPicture,
-    free_heights,
-    possible_pairs,
-    take_height,
-)
+from gcs_formation.separation.traffic import AS_COMMANDED, TrafficPicture, free_heights, possible_pairs, take_height
 
 RELEASE = 1.1
 """Share of the kept distance that must stay free before a vehicle stops giving way."""

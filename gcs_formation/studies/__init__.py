@@ -50,8 +50,7 @@ class Range(Keys):
     """Evenly spaced values, both ends included."""
 
     range: Annotated[
-        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]],
-        Allowed("[first, last, how many]"),
+        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]], Allowed("[first, last, how many]")
     ] = key(..., "first, last, how many", [0, 500, 6])
 
 

@@ -16,13 +16,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
-from formation_scenario.surroundings import (
-    DrydenTurbulence,
-    Fault,
-    RampDisturbance,
-    SineDisturbance,
-    StepDisturbance,
-)
+from formation_scenario.surroundings import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig

@@ -164,14 +164,7 @@ BY_THROTTLE = frozenset(
 )
 """ArduCopter's modes in which a transmitter's throttle sets the climb; there is none, and without it they sink."""
 NOT_ARMABLE = frozenset(
-    {
-        CopterMode.AUTO,
-        CopterMode.RTL,
-        CopterMode.CIRCLE,
-        CopterMode.LAND,
-        CopterMode.BRAKE,
-        CopterMode.SMART_RTL,
-    }
+    {CopterMode.AUTO, CopterMode.RTL, CopterMode.CIRCLE, CopterMode.LAND, CopterMode.BRAKE, CopterMode.SMART_RTL}
 )
 PX4_AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.MANUAL: Mode.MANUAL,
