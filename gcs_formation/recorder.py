@@ -40,6 +40,7 @@ class VehicleLink:
         "ready",
         "speeds_mps",
         "split_s",
+        "stands_after_s",
         "up_s",
     )
 
@@ -51,10 +52,8 @@ class VehicleLink:
         """One-way delay as measured, half the round trip."""
         self.split_s = 0.0
         """How much longer the way up is, as far as a step told."""
-        self.up_s = math.nan
-        """Delay up; NaN where it isn't known how the round trip is split."""
-        self.down_s = math.nan
-        """Delay down; NaN where it isn't known how the round trip is split."""
+        self.up_s = self.down_s = math.nan
+        """Delays up and down; NaN where it isn't known how the round trip is split."""
         self.jitter_s = math.nan
         """Interarrival jitter of the telemetry, NaN where there is none yet."""
         self.lag_s = 0.0
@@ -72,6 +71,8 @@ class VehicleLink:
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False
         """Whether it doesn't seem to fly as it was commanded, though it hears it."""
+        self.stands_after_s = math.inf
+        """How long after the last setpoint that it heard it stands; infinite where it flies on."""
         self.speeds_mps: tuple[float, float] | None = None
         """The lowest and the highest true airspeed that it can reach soon, m/s; None where they are its model's."""
 

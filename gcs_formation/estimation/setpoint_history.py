@@ -7,7 +7,7 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
-from airlink.clock import NANOSECONDS
+from airlink.clock import LONG_AGO, NANOSECONDS
 from flight_model.autopilot_model import (
     AutopilotModel,
     FlightState,
@@ -29,11 +29,12 @@ class SentSetpoints:
     __slots__ = ("_headings_rad", "_heights_m", "_speeds_mps", "acts", "end", "first")
 
     def __init__(self, length: int) -> None:
-        """Keep those of so many ticks; begin without any."""
+        """Keep those of so many ticks; before the first acts, the vehicle flies straight on."""
         self.acts = vec[i64]([0] * (2 * length))
         self._speeds_mps, self._headings_rad, self._heights_m = (vec[float]([0.0] * (2 * length)) for _ in range(3))
         self.first: i64 = 0
         self.end: i64 = 0
+        self.begin(LONG_AGO)
 
     def begin(self, acts: i64) -> None:
         """Begin a tick whose setpoint acts at `acts`; until it is known, the vehicle flies straight on then."""
@@ -145,7 +146,7 @@ class SetpointHistory:
     def carry(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
 
-        Before the oldest known setpoint it is taken to follow that one already.
+        Before the first setpoint acts it flies straight on; of those that are known no more the oldest counts.
         """
         if self._each:
             self._each[vehicle].carry(state, since, until, model)
@@ -159,7 +160,7 @@ class SetpointHistory:
             self._each[vehicle].respond(state, since, until, model)
 
     def commanded(self, instant: int, vehicle: int) -> Triple:
-        """Return a vehicle's newest setpoint that acts at an instant, or the oldest one if none does yet."""
+        """Return a vehicle's newest setpoint that acts at an instant: NaN before the first, else the oldest known."""
         sent = self._each[vehicle]
         return sent.at(sent.acting(instant))
 

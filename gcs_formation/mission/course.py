@@ -282,5 +282,6 @@ class Course:
             stands, limit_s = self._ending.stands, self._ending.limit_s
             if stands:
                 self._controller.guidance.fly_at(0.0)
-            self.opening = Opening(self._ending.stack, self._controller, self._vehicles, now, limit_s, stops=stands)
+            to = self._ending.stack, self._controller, self._vehicles
+            self.opening = Opening(*to, now, limit_s, climb_mps, stops=stands)
             self._membership.end(self._ending.stack.heights_m)

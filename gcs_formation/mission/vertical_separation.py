@@ -28,6 +28,8 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its own height once it is told one this near to it, m."""
+MOST_S = 300.0
+"""For how long an opening may last at most where heights have to be given anew."""
 UNMOVED_S = 5.0
 """For how long one may not answer before the others' heights are moved out of its way: links lose in bursts."""
 STANDS_MPS = 0.5
@@ -100,10 +102,11 @@ class Stack:
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 
-    def take(self, fliers: dict[VehicleId, Flier]) -> None:
+    def take(self, fliers: dict[VehicleId, Flier]) -> bool:
         """Give a height to everybody who has none, and another one where somebody can't be moved out of the way.
 
-        All others keep theirs: given anew from where all are on their way, they would begin their climb again.
+        All others keep theirs: given anew from where all are on their way, they would begin their climb again. Return
+        whether somebody has another one now.
         """
         for identity, flier in fliers.items():
             if flier.band is None:
@@ -114,7 +117,7 @@ class Stack:
             else:
                 self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
         if not self._taken and all(identity in self.heights_m for identity in fliers):
-            return
+            return False
         free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
         moved = {
@@ -125,6 +128,7 @@ class Stack:
         if moved:
             kept_m = [self.heights_m[identity] for identity in free if identity not in moved]
             self._assign(moved, [*taken, *(Band(height_m, height_m) for height_m in kept_m)])
+        return bool(moved)
 
     def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
@@ -234,11 +238,15 @@ class Opening:
         vehicles: Mapping[VehicleId, Vehicle],
         now: Instant,
         limit_s: float,
+        climb_mps: float,
         *,
         stops: bool = False,
     ) -> None:
-        """Steer to the heights of `stack`, for `limit_s` at most; `stops`: and until all that is steered stands."""
-        self._stack, self._controller, self._stops = stack, controller, stops
+        """Steer to the heights of `stack`, for `limit_s` at most, and longer where somebody has to be given another.
+
+        `climb_mps`: how fast all of them climb; `stops`: it lasts until all that is steered stands, too.
+        """
+        self._stack, self._controller, self._climb_mps, self._stops = stack, controller, climb_mps, stops
         self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
         self._fliers = dict[VehicleId, Flier]()
 
@@ -249,11 +257,18 @@ class Opening:
             flier = self._flier(vehicle, links, now)
             if flier is not None:
                 self._fliers[vehicle.identity] = flier
-        self._stack.take(self._fliers)
+        if self._stack.take(self._fliers):
+            self._allow_for_climb(now)
         heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
         for vehicle in self._vehicles:
             heights_m[vehicle.column] = given_m.get(vehicle.identity, math.nan)
         return heights_m
+
+    def _allow_for_climb(self, now: Instant) -> None:
+        given_m, steered = self._stack.heights_m, ((i, each) for i, each in self._fliers.items() if each.steered)
+        climb_m = max((given_m[identity] - each.place.height_m for identity, each in steered), default=0.0)
+        needed_s = seconds_between(self._since, now) + opening_limit_s(climb_m, self._climb_mps)
+        self._limit_s = max(self._limit_s, min(needed_s, MOST_S))
 
     def over(self, now: Instant) -> bool:
         """Return whether everyone may circle, or it must do."""

@@ -28,6 +28,8 @@ ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
+STANDS: Final = (0.0, 0.0, math.nan)
+"""What one does that stands, or stops."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
@@ -87,7 +89,7 @@ class ConflictResolver:
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
-        self._least_m: float = scenario.safety.separation_m
+        self._least_m: float = scenario.safety.separation_m + ROOM_M
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
@@ -109,7 +111,7 @@ class ConflictResolver:
         moves = math.isfinite(planned_m)
         most_m = min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, self._least_m))
         kept = Kept(most_m, self._least_m if moves else 0.0)
-        self._unresponsive.watch(tick.now, tick.links)
+        self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
         members = self._members(tick)
@@ -173,10 +175,10 @@ class ConflictResolver:
     def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: Kept) -> TrafficPicture:
         """Return the traffic that the rule looks at.
 
-        Those that may be in two places are in it twice: as they don't respond, may turn tightly, or, multirotors that
-        nobody commands, may go on changing their velocity as they do, or set off for home.
+        Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
+        tightly, or, multirotors that nobody commands, may go on changing their velocity as they do, or set off for home.
         """
-        unresponsive = self._unresponsive.among(members)
+        unresponsive = self._unresponsive.places(members, tick.now, tick.links)
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
@@ -185,11 +187,12 @@ class ConflictResolver:
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
         traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
-        vehicles, commanded = [*members, *unresponsive], [tick.active[each] for each in members]
+        vehicles = [*members, *(column for column, _ in unresponsive)]
+        commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
         if unresponsive:
             traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-            setpoints += [UNKNOWN] * len(unresponsive)
+            setpoints += [UNKNOWN if since is None else STANDS for _, since in unresponsive]
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
             turning = traffic.take(np.array(circling)).turning()

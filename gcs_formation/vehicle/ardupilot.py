@@ -272,6 +272,8 @@ class ArduCopter(ArduPilot):
     """It stands there; in LOITER a transmitter's throttle, or the lack of one, moves it."""
     home_mode = m.COPTER_MODE_RTL
     setpoint_commands = ()
+    stands_after_s = 3.0
+    """GUID_TIMEOUT."""
     stands = True
     mode_names: ClassVar = {
         m.COPTER_MODE_STABILIZE: "STABILIZE",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -153,6 +154,8 @@ class Autopilot(ABC):
     """Whether it acknowledges a change of mode before it has decided on it: heartbeats alone are to be believed."""
     circling_mode: ClassVar[int] = -1
     """In which it turns onto a circle, clockwise by default, as soon as it is told; -1: in none."""
+    stands_after_s: ClassVar[float] = math.inf
+    """How long after the last setpoint it stands; infinite where it flies on, or leaves the mode by its failsafe."""
     stands: ClassVar[bool] = False
     """Whether it stands where it waits, and needs no height of its own there; others circle."""
     flies_courses: ClassVar[bool] = False

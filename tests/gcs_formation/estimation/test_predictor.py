@@ -1,5 +1,6 @@
 """The prediction against a peer (scipy's integrator of equation (7)) and against itself."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,7 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
 
 
 def test_setpoints_act_when_they_arrive() -> None:
-    """The prediction through a history equals the pieces flown one after another."""
+    """The prediction through a history equals the pieces flown one after another, the first of them straight on."""
     history = SetpointHistory(10.0)
     told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
     for k, values in enumerate(told):
@@ -85,9 +86,11 @@ def test_setpoints_act_when_they_arrive() -> None:
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     since, until = np.array([round(0.25 * NANOSECONDS)]), np.array([round(0.65 * NANOSECONDS)])
     predicted = tables.predict(history, state, since, until, MODEL)
-    for instant_s, values in ((0.2, told[0]), (0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
+    for instant_s, values in ((0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
         assert history.commanded(round(instant_s * NANOSECONDS), 0) == values
-    for values, duration_s in zip(told, (0.15, 0.1, 0.15), strict=True):
+    nothing = (math.nan,) * 3
+    np.testing.assert_equal(history.commanded(round(0.2 * NANOSECONDS), 0), nothing)
+    for values, duration_s in zip((nothing, *told), (0.05, 0.1, 0.1, 0.15), strict=True):
         state = advance(state, np.array(values)[:, None], np.array([duration_s]), MODEL)
     for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):
         assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
