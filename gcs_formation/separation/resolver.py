@@ -42,6 +42,8 @@ SEEMS_AFTER_S: Final = 0.5
 """Over which the acceleration of a multirotor is averaged that nobody commands."""
 SEEMS_FOR_S: Final = 2.0
 """For how long it may go on with it."""
+ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
+"""A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
 LASTS_S: Final = 30.0
@@ -85,7 +87,7 @@ class ConflictResolver:
         places_m = slot_schedule(scenario)[0].places_m
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in places_m]
         """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
-        self._afar = [False] * count
+        self._afar, self._astray = [False] * count, [False] * count
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
@@ -125,7 +127,7 @@ class ConflictResolver:
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
-        if not self._predicted or self._encounters or self._unresponsive.any:
+        if not self._predicted or self._encounters or self._unresponsive.any or True in self._astray:
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
@@ -176,7 +178,7 @@ class ConflictResolver:
         """Return the traffic that the rule looks at.
 
         Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
-        tightly, or, multirotors that nobody commands, may go on changing their velocity as they do, or set off for home.
+        tightly, or, multirotors that go astray or nobody commands, go on changing their velocity, or set off for home.
         """
         unresponsive = self._unresponsive.places(members, tick.now, tick.links)
         acts = [measured.acts[each] for each in members]
@@ -199,7 +201,7 @@ class ConflictResolver:
             traffic = traffic.beside(turning)
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
-        free = [at for at, each in enumerate(members) if self._hovers and not tick.active[each]]
+        free = [at for at, each in enumerate(members) if self._hovers and (self._astray[each] or not tick.active[each])]
         about = [(at, self._seems_about(members[at], measured)) for at in free]
         about += [(at, homewards) for at in free if (homewards := self._homewards(tick, members[at], measured))]
         if about:
@@ -251,18 +253,19 @@ class ConflictResolver:
         if before is None:
             return
         for active in measured.active:
-            if not active:
+            if not active or self._hovers:
                 break
         else:
             return  # compiled, `all` costs ten times as much
         for column, model in enumerate(self._models):
             elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
-            if measured.active[column]:
-                self._turn_rps[column], self._accel_mps2[column] = 0.0, (0.0, 0.0)
+            if measured.active[column] and not self._hovers:
+                self._turn_rps[column] = 0.0
             elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
                 then, now, most_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
                 if self._hovers:
                     self._watch_velocity(column, then.ground_mps(), now.ground_mps(), elapsed_s)
+                    self._astray[column] = measured.active[column] and self._goes_astray(column, measured)
                 else:
                     turned_rad = wrap(now.heading_rad - then.heading_rad)
                     self._turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
@@ -274,6 +277,22 @@ class ConflictResolver:
         north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
         self._accel_mps2[column] = north_mps2, east_mps2
+
+    def _goes_astray(self, column: int, measured: Measured) -> bool:
+        """Return whether a multirotor changes its velocity away from what it is told, or has and doesn't come back.
+
+        One that was told nothing a second ago may still be stopping.
+        """
+        told_mps, told_rad, _ = self._history.commanded(measured.stamps[column], column)
+        if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
+            return False
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
+        north_mps, east_mps = told_mps * math.cos(told_rad) - north_mps, told_mps * math.sin(told_rad) - east_mps
+        off_mps = math.hypot(north_mps, east_mps)
+        if not off_mps > ASTRAY_MPS:
+            return False
+        back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
+        return back_mps2 < -ASTRAY_MPS2 or (self._astray[column] and back_mps2 < ASTRAY_MPS2)
 
     def _seems_about(self, column: int, measured: Measured) -> Triple:
         """Return the velocity, as speed and heading, that a multirotor comes to if it goes on as it accelerates."""

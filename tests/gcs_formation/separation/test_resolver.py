@@ -30,7 +30,7 @@ class Crossing:
     """
 
     def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
-        planned = load_scenario(scenario(vehicles={"count": 2}, **keys))
+        planned = load_scenario(scenario(**{"vehicles": {"count": 2}, **keys}))
         self.history, self.models = SetpointHistory(planned.law.rate_hz), autopilot_models(planned)
         self.resolver = ConflictResolver(planned, self.history, self.models)
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
@@ -38,7 +38,10 @@ class Crossing:
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
         self.error_m: list[Triple] = [UNKNOWN, UNKNOWN]
+        self.told_mps: float | None = None
+        """As they fly, where there is none."""
         self.circling, self.flew = False, True
+        self.stands_after_s = math.inf
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
@@ -48,10 +51,12 @@ class Crossing:
         now = after(Instant(0), at_s)
         links = [VehicleLink(now), VehicleLink(now)]
         links[1].circling, links[1].flew = self.circling, self.flew
+        links[1].stands_after_s = self.stands_after_s
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
-        tick.setpoints = [(each.airspeed_mps, each.heading_rad, 100.0) for each in tick.state]
+        told_mps = [each.airspeed_mps if self.told_mps is None else self.told_mps for each in tick.state]
+        tick.setpoints = [(mps, each.heading_rad, 100.0) for mps, each in zip(told_mps, tick.state, strict=True)]
         tick.slots_m, tick.error_m = self.slots_m, self.error_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
@@ -231,6 +236,49 @@ def test_where_slots_are_left_at_the_end_those_that_were_count_on() -> None:
     beside.keep()
     beside.slots_m = [UNKNOWN, UNKNOWN]
     assert not any(beside.keep(at_s=0.1).yielding)
+
+
+HOVERS: dict[str, Any] = {
+    "vehicles": {"count": 2, "model": "arducopter"},
+    "formation": {"shape": "follower", "spacing_m": 25},
+    "path": {"speed_mps": 8, "waypoints_m": [[0, 0, 50], [900, 0, 50]]},
+}
+
+
+def column_of_copters() -> Crossing:
+    """The second flies 25 m before the first, both at 8 m/s."""
+    column = Crossing(**HOVERS)
+    column.ours[:], column.slots_m = True, [UNKNOWN, (25.0, 0.0, 0.0)]
+    column.north[:], column.east[:], column.heading[:], column.speed[:] = (0.0, 25.0), 0.0, 0.0, 8.0
+    return column
+
+
+@pytest.mark.parametrize(
+    ("stands_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
+)
+def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
+    stands_after_s: float, silent_s: float, gives: bool
+) -> None:
+    """An ArduCopter stands 3 s after its last setpoint (GUID_TIMEOUT); those behind it flew into it."""
+    column = column_of_copters()
+    column.stands_after_s = stands_after_s
+    for at_s in (10.0, 10.1):
+        column.keep(at_s=at_s)
+    column.heard_s = 10.1
+    assert column.keep(at_s=10.1 + silent_s).yielding[0] is gives
+
+
+def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
+    column, gives = column_of_copters(), list[bool]()
+    for tick in range(60):
+        if 20 <= tick < 40:
+            column.speed[1] = max(column.speed[1] - 0.25, 0.0)
+        elif tick >= 40:
+            column.speed[1] = min(column.speed[1] + 0.25, 8.0)
+        column.told_mps = 8.0
+        gives.append(column.keep(at_s=10.0 + 0.1 * tick).yielding[0])
+    assert not any(gives[:24])
+    assert all(gives[30:40])
 
 
 def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) -> float:
