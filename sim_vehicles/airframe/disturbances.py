@@ -129,9 +129,20 @@ class DrydenGusts:
     and height change. They start in the stationary state.
     """
 
-    def __init__(self, keys: DrydenTurbulence, hit: list[Body], streams: Sequence[np.random.Generator]) -> None:
-        """Draw the gusts of `hit[i]` from `streams[i]`, with the intensity of `keys`."""
+    def __init__(
+        self,
+        keys: DrydenTurbulence,
+        hit: list[Body],
+        streams: Sequence[np.random.Generator],
+        wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Draw the gusts of `hit[i]` from `streams[i]`, with the intensity of `keys`.
+
+        Those of a multirotor lie along the wind and across it: its course, which a wing's lie along, may turn as it
+        likes where it hardly flies.
+        """
         self.keys, self._hit = keys, hit
+        self._along_wind_rad = math.atan2(wind_mps[1], wind_mps[0])
         self._random = streams
         self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
         self._next = 0
@@ -150,7 +161,8 @@ class DrydenGusts:
         airspeed_mps, height_m = np.array([(each.airspeed_mps, each.height_m) for each in states]).T
         gusts_mps = self.advance(airspeed_mps, height_m, LOOP_S).T.tolist()
         for body, state, (forward, right, down) in zip(self._hit, states, gusts_mps, strict=True):
-            cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
+            axis_rad = self._along_wind_rad if body.model.may_stand else state.heading_rad
+            cos, sin = math.cos(axis_rad), math.sin(axis_rad)
             _add(body, forward * cos - right * sin, forward * sin + right * cos, down)
 
     def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
@@ -192,4 +204,4 @@ def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady 
     if not isinstance(keys, DrydenTurbulence):
         return _Steady(keys, hit)
     streams = [random_stream(config.seed, "turbulence", index, *identity) for identity, _ in met_by]
-    return DrydenGusts(keys, hit, streams)
+    return DrydenGusts(keys, hit, streams, config.wind_mps)

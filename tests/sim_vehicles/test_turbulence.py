@@ -1,6 +1,8 @@
 """Dryden's turbulence against MIL-F-8785C: figures worked out by hand, variance and spectra of the gusts."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -82,3 +84,20 @@ def test_vehicles_and_axes_are_independent_of_each_other():
     gusts = flown(3000, count=4).reshape(3000, 12)
     correlation = np.corrcoef(gusts[::20].T)
     assert np.abs(correlation - np.eye(12)).max() < 0.4
+
+
+@pytest.mark.parametrize(("hovers", "turns"), [(False, True), (True, False)])
+def test_a_wings_gusts_turn_with_it_and_a_multirotors_lie_along_the_wind(hovers, turns):
+    """A multirotor that hardly flies may take any course from one cycle to the next: its gusts spun with that."""
+    body: Any = SimpleNamespace(
+        state=SimpleNamespace(airspeed_mps=0.1, height_m=100.0, heading_rad=0.0),
+        model=SimpleNamespace(may_stand=hovers),
+        disturbance_mps=(0.0, 0.0, 0.0),
+    )
+    gusts = DrydenGusts(GIVEN, [body], [np.random.default_rng(1)], (5.0, 0.0, 0.0))
+    gusts.add(0.0)
+    north_mps, east_mps, _ = body.disturbance_mps
+    body.disturbance_mps, body.state.heading_rad = (0.0, 0.0, 0.0), math.pi / 2
+    gusts.add(0.02)
+    turned = math.hypot(body.disturbance_mps[0] - north_mps, body.disturbance_mps[1] - east_mps)
+    assert (turned > 0.5 * math.hypot(north_mps, east_mps)) is turns
