@@ -183,9 +183,14 @@ class FormationPlan:
         """Return whether all slots are at rest, from a time on."""
         return now_s >= self._over_s and not self._anybody_beside
 
-    def least_m(self, now_s: float) -> float:
-        """Return how near any two slots come on their way, as planned; infinite once all are at rest."""
-        return math.inf if now_s >= self._over_s else self._way.least_m
+    def least_m(self, now_s: float) -> float | None:
+        """Return how near any two slots come on their way, as planned; None once all are at rest where they belong.
+
+        Infinite where nothing is planned: those that fly beside the leader are where they happen to be.
+        """
+        if now_s < self._over_s:
+            return self._way.least_m
+        return None if self.settled(now_s) else math.inf
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""

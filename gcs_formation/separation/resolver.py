@@ -95,14 +95,14 @@ class ConflictResolver:
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
-    def keep(self, tick: Tick, measured: Measured, planned_m: float = math.inf) -> None:
+    def keep(self, tick: Tick, measured: Measured, planned_m: float | None = None) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            planned_m: how near slots that move come to each other, as planned; infinite where none does. A way that
-                begins beside another's slot is no reason to come nearer to anybody than what is safe.
+            planned_m: how near slots that move come to each other, as planned; None where all rest where they belong.
+                Slots on their way are no reason to come nearer to anybody than what is safe.
 
         Two keep the rule's distance, and less where their own slots, or the planned ways of some, leave less.
         """
@@ -110,9 +110,10 @@ class ConflictResolver:
             return
         self._watch_free(measured)
         self._watch_slots(tick.slots_m)
-        moves = math.isfinite(planned_m)
-        most_m = min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, self._least_m))
-        kept = Kept(most_m, self._least_m if moves else 0.0)
+        kept = Kept(self._kept_from_others_m)
+        if planned_m is not None:
+            most_m = min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, self._least_m))
+            kept = Kept(most_m, self._least_m)
         self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return

@@ -45,7 +45,7 @@ class Crossing:
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
-    def keep(self, age_s: float = 0.0, at_s: float = 0.0, planned_m: float = math.inf) -> Tick:
+    def keep(self, age_s: float = 0.0, at_s: float = 0.0, planned_m: float | None = None) -> Tick:
         height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours.tolist()
         table = FlightStates(self.north, self.east, height, none, self.speed, self.heading, self.wind_north, none)
         now = after(Instant(0), at_s)
@@ -89,8 +89,10 @@ def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None
     assert unheard.keep(at_s=10.0).yielding[0]
 
 
-@pytest.mark.parametrize(("planned_m", "gives"), [(math.inf, True), (13.1, True), (12.0, False)])
-def test_slots_that_are_planned_to_come_nearer_on_their_way_are_not_fought(planned_m: float, gives: bool) -> None:
+@pytest.mark.parametrize(("planned_m", "gives"), [(None, True), (math.inf, True), (13.1, True), (12.0, False)])
+def test_slots_that_are_planned_to_come_nearer_on_their_way_are_not_fought(
+    planned_m: float | None, gives: bool
+) -> None:
     """Two come within 10 m, less than the rule keeps, before the later one flies along with the other."""
     beside = Crossing()
     beside.ours[:] = True
@@ -218,6 +220,14 @@ def test_slots_that_are_near_each_other_at_another_time_lower_nothing() -> None:
     assert not any(beside.keep().yielding)
     beside.slots_m = [UNKNOWN, (0.0, 30.0, 0.0)]
     assert any(beside.keep(at_s=0.1).yielding)
+
+
+def test_slots_that_only_happen_to_be_near_each_other_leave_the_limit_to_be_kept() -> None:
+    """Those of vehicles that gather beside the leader are where these were found."""
+    beside = beside_each_other(4.0)
+    beside.east[:] = 0.0, 4.5
+    assert not any(beside.keep().yielding)
+    assert any(beside.keep(at_s=0.1, planned_m=math.inf).yielding)
 
 
 def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
