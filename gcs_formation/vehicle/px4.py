@@ -330,6 +330,8 @@ class Px4Copter(Px4):
     take_off_to_m = 20.0
     guided_mode = OFFBOARD
     setpoint_commands = ()
+    stands_after_s = 1.0
+    """COM_OF_LOSS_T; then it stops, and goes home or lands (COM_OBL_RC_ACT)."""
     stands = True
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
