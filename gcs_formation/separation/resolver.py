@@ -16,6 +16,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
 from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Fence
+from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
@@ -80,18 +81,19 @@ class ConflictResolver:
         """The first column that is a vehicle."""
         until_s = float(self._times_s[1]), float(self._times_s[-1])
         self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
-        count = len(models)
-        self._side, self._turn_rps = [0.0] * count, [0.0] * count
-        self._accel_mps2 = [(0.0, 0.0)] * count
+        count, schedule = len(models), slot_schedule(scenario)
+        self._side, self._turn_rps, self._accel_mps2 = [0.0] * count, [0.0] * count, [(0.0, 0.0)] * count
         self._last: Measured | None = None
-        places_m = slot_schedule(scenario)[0].places_m
-        self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in places_m]
+        self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
         self._afar, self._astray = [False] * count, [False] * count
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
-        self._least_m: float = scenario.safety.separation_m + ROOM_M
+        self._limit_m: float = scenario.safety.separation_m
+        nearest_m = min(_nearest_m(step.places_m[self._first :]) for step in schedule)
+        self._kept_in_slots_m = min(self._kept_from_others_m, SLOT_SHARE * nearest_m)
+        """What all keep whatever slots the scenario has them in."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
@@ -112,8 +114,7 @@ class ConflictResolver:
         self._watch_slots(tick.slots_m)
         kept = Kept(self._kept_from_others_m)
         if planned_m is not None:
-            most_m = min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, self._least_m))
-            kept = Kept(most_m, self._least_m)
+            kept = self._kept_on_the_way(planned_m)
         self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
@@ -125,6 +126,14 @@ class ConflictResolver:
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
+
+    def _kept_on_the_way(self, planned_m: float) -> Kept:
+        """Return what is kept while slots change: the limit and some room, and more where ways leave that."""
+        limit_m = self._limit_m + ROOM_M
+        if math.isinf(planned_m):  # vehicles gather beside the leader: their slots are where they happen to be
+            return Kept(self._kept_from_others_m, max(limit_m, self._kept_in_slots_m))
+        limit_m = max(limit_m, min(self._limit_m + MARGIN_M, planned_m - ROOM_M))
+        return Kept(min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, limit_m)), limit_m)
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
