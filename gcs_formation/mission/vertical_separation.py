@@ -22,7 +22,7 @@ from gcs_formation.fleet.circle_heights import (
     opening_limit_s,
 )
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.separation.resolver import FORGOTTEN_AFTER_S
+from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

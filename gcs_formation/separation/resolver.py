@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices
-from flight_model.autopilot_model import AutopilotModel, squared, within, wrap
+from flight_model.autopilot_model import AutopilotModel, squared
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, slot_schedule
@@ -22,8 +22,9 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
-from gcs_formation.separation.first_look_and_unresponsive import SLOT_SHARE, FirstLook, Kept, Unresponsive
+from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, Kept
 from gcs_formation.separation.traffic import TrafficPicture
+from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S, Unresponsive, Wandering
 
 ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
@@ -39,14 +40,6 @@ TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
 RESERVE_S: Final = 0.2
 """How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
-SEEMS_AFTER_S: Final = 0.5
-"""Over which the acceleration of a multirotor is averaged that nobody commands."""
-SEEMS_FOR_S: Final = 2.0
-"""For how long it may go on with it."""
-ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
-"""A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
-FORGOTTEN_AFTER_S: Final = 30.0
-"""Age of a state that nobody keeps away from any more."""
 LASTS_S: Final = 30.0
 """An encounter that hasn't ended after this is said not to end."""
 
@@ -75,6 +68,7 @@ class ConflictResolver:
         self._heights_m = (scenario.safety.fence or Fence()).heights_m
         self._history, self._models = history, models
         self._unresponsive = Unresponsive(history, models, hovers=self._hovers)
+        self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
@@ -82,11 +76,10 @@ class ConflictResolver:
         until_s = float(self._times_s[1]), float(self._times_s[-1])
         self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
-        self._side, self._turn_rps, self._accel_mps2 = [0.0] * count, [0.0] * count, [(0.0, 0.0)] * count
-        self._last: Measured | None = None
+        self._side = [0.0] * count
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
-        self._afar, self._astray = [False] * count, [False] * count
+        self._afar = [False] * count
         self._slots_known: list[Triple] | None = None
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
@@ -110,7 +103,7 @@ class ConflictResolver:
         """
         if not self._enabled:
             return
-        self._watch_free(measured)
+        self._wandering.watch(measured)
         self._watch_slots(tick.slots_m)
         kept = Kept(self._kept_from_others_m)
         if planned_m is not None:
@@ -137,7 +130,7 @@ class ConflictResolver:
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
-        if not self._predicted or self._encounters or self._unresponsive.any or True in self._astray:
+        if not self._predicted or self._encounters or self._unresponsive.any or True in self._wandering.astray:
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
@@ -194,7 +187,7 @@ class ConflictResolver:
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
-        turn_rps = np.array([0.0 if tick.active[each] else self._turn_rps[each] for each in members])
+        turn_rps = np.array([0.0 if tick.active[each] else self._wandering.turn_rps[each] for each in members])
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
@@ -211,9 +204,7 @@ class ConflictResolver:
             traffic = traffic.beside(turning)
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
-        free = [at for at, each in enumerate(members) if self._hovers and (self._astray[each] or not tick.active[each])]
-        about = [(at, self._seems_about(members[at], measured)) for at in free]
-        about += [(at, homewards) for at in free if (homewards := self._homewards(tick, members[at], measured))]
+        about = self._wandering.about(tick, members, measured)
         if about:
             traffic = traffic.beside(traffic.take(np.array([at for at, _ in about])))
             setpoints += [setpoint for _, setpoint in about]
@@ -256,68 +247,6 @@ class ConflictResolver:
         north_m, east_m = state.north_m + over_s * north_mps, state.east_m + over_s * east_mps
         ground_m = self._ground.height(north_m, east_m).max(axis=0)
         return np.where(np.isnan(ground_m), state.height_m, ground_m + self._clearance_m + self._keys.distance_m)
-
-    def _watch_free(self, measured: Measured) -> None:
-        """Learn from two states how those turn that nobody commands, or how multirotors change their velocity."""
-        before, self._last = self._last, measured
-        if before is None:
-            return
-        for active in measured.active:
-            if not active or self._hovers:
-                break
-        else:
-            return  # compiled, `all` costs ten times as much
-        for column, model in enumerate(self._models):
-            elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
-            if measured.active[column] and not self._hovers:
-                self._turn_rps[column] = 0.0
-            elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
-                then, now, most_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
-                if self._hovers:
-                    self._watch_velocity(column, then.ground_mps(), now.ground_mps(), elapsed_s)
-                    self._astray[column] = measured.active[column] and self._goes_astray(column, measured)
-                else:
-                    turned_rad = wrap(now.heading_rad - then.heading_rad)
-                    self._turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
-
-    def _watch_velocity(
-        self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
-    ) -> None:
-        share, (north_mps2, east_mps2) = min(elapsed_s / SEEMS_AFTER_S, 1.0), self._accel_mps2[column]
-        north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
-        east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
-        self._accel_mps2[column] = north_mps2, east_mps2
-
-    def _goes_astray(self, column: int, measured: Measured) -> bool:
-        """Return whether a multirotor changes its velocity away from what it is told, or has and doesn't come back.
-
-        One that was told nothing a second ago may still be stopping.
-        """
-        told_mps, told_rad, _ = self._history.commanded(measured.stamps[column], column)
-        if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
-            return False
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
-        north_mps, east_mps = told_mps * math.cos(told_rad) - north_mps, told_mps * math.sin(told_rad) - east_mps
-        off_mps = math.hypot(north_mps, east_mps)
-        if not off_mps > ASTRAY_MPS:
-            return False
-        back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
-        return back_mps2 < -ASTRAY_MPS2 or (self._astray[column] and back_mps2 < ASTRAY_MPS2)
-
-    def _seems_about(self, column: int, measured: Measured) -> Triple:
-        """Return the velocity, as speed and heading, that a multirotor comes to if it goes on as it accelerates."""
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
-        north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
-        return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
-
-    def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
-        """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""
-        home_m, state = tick.links[column].flies_home_m, measured.states[column]
-        if home_m is None:
-            return None
-        to_north_m, to_east_m = home_m[0] - state.north_m, home_m[1] - state.east_m
-        speed_mps = min(self._models[column].speed_max_mps, math.hypot(to_north_m, to_east_m) / self._keys.horizon_s)
-        return speed_mps, math.atan2(to_east_m, to_north_m), math.nan
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
         """Take note of where slots are; the leader's own is unknown, and at the end of a flight all are left."""

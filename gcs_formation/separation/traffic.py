@@ -13,7 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
-from gcs_formation.separation.first_look_and_unresponsive import SLOT_SHARE, Kept
+from gcs_formation.separation.first_look import SLOT_SHARE, Kept
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""

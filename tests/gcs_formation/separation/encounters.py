@@ -13,7 +13,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import resolve
-from gcs_formation.separation.first_look_and_unresponsive import Kept
+from gcs_formation.separation.first_look import Kept
 from gcs_formation.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.separation.approach import sample_times
-from gcs_formation.separation.first_look_and_unresponsive import Kept
+from gcs_formation.separation.first_look import Kept
 from gcs_formation.separation.traffic import free_heights
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
 

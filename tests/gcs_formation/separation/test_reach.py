@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
-from gcs_formation.separation.first_look_and_unresponsive import FirstLook, Kept
+from gcs_formation.separation.first_look import FirstLook, Kept
 from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted

@@ -1,8 +1,7 @@
-"""What the separation rule looks at first: whether any two could come too near at all, and who may not respond.
+"""The separation rule's first look, on plain numbers: whether any two vehicles could come too near at all.
 
-Nearly always none could and all respond, and nothing else of the rule need be looked at. The first look, on plain
-numbers, is for formations of which every vehicle is commanded and responds; `traffic.possible_pairs` has the same bound
-for all others, those that may not respond among them.
+Nearly always none could, and nothing else of the rule need be looked at. For formations of which every vehicle is
+commanded and responds; `traffic.possible_pairs` has the same bound for all others.
 """
 
 from __future__ import annotations
@@ -10,21 +9,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
-from airlink.clock import NANOSECONDS, Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
-from flight_model.slot import UNKNOWN, Triple
-from flight_model.vehicle_arrays import AutopilotModels, FlightStates
-from gcs_formation.estimation.projection import Measured
-from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.recorder import VehicleLink
-from gcs_formation.separation.approach import COARSE_S, Traffic
-from gcs_formation.vehicle.vehicle import UNANSWERED_S
+from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
+from flight_model.slot import Triple
+from gcs_formation.separation.approach import COARSE_S
 
 HALF_S: Final = COARSE_S / 2
-SOON_NS: Final = NANOSECONDS // 2
-"""Before it would stand others make room for one that doesn't answer: how old its last answer is, is known roughly."""
 SLOT_SHARE: Final = 0.8
 """Share of the distance of two slots that is kept at most, and of what slots leave on their planned ways: the rule
 doesn't fight the formation."""
@@ -187,80 +176,3 @@ def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> floa
     """Return by how much a velocity over ground differs from a state's."""
     north_mps, east_mps = state.ground_mps()
     return math.hypot(speed_mps * math.cos(heading_rad) - north_mps, speed_mps * math.sin(heading_rad) - east_mps)
-
-
-Place = tuple[int, int | None]
-"""The column of one that may not respond, and since when it stands there; None: it flies on."""
-
-
-class Unresponsive:
-    """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard.
-
-    Or they stand: an ArduCopter does some time after the last setpoint, which was the one that it surely heard, or the
-    last that was sent.
-    """
-
-    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], *, hovers: bool) -> None:
-        """Take the setpoints that were sent from `history`, and the (C,) `models`."""
-        self._history, self._models, self._hovers = history, models, hovers
-        self._held: list[Triple | None] = [None] * len(models)
-        """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
-        self._disobeying = [False] * len(models)
-        self._left: list[int | None] = [None] * len(models)
-        """Since when each is sent nothing any more."""
-
-    def watch(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
-        """Note who may not respond, and the setpoint that each of them holds; who disobeys flies straight on.
-
-        `active`: which are sent setpoints.
-        """
-        for column, link in enumerate(links):
-            if active[column]:
-                self._left[column] = None
-            elif self._left[column] is None:
-                self._left[column] = now
-            answers = now - link.heard <= UNANSWERED_S * NANOSECONDS
-            if answers:
-                self._held[column] = None
-            elif self._held[column] is None:
-                self._held[column] = self._history.commanded(link.heard, column)
-            self._disobeying[column] = link.disobeying
-
-    @property
-    def any(self) -> bool:
-        """Whether any vehicle may not respond."""
-        for column, held in enumerate(self._held):  # noqa: SIM110 - compiled, `any` costs ten times as much
-            if held is not None or self._disobeying[column]:
-                return True
-        return False
-
-    def places(self, members: list[int], now: Instant, links: list[VehicleLink]) -> list[Place]:
-        """Return where those of the columns `members` may be that may not respond: each in up to three places."""
-        found: list[Place] = [(each, None) for each in members if self._disobeying[each] or self._held[each]]
-        for column in members:
-            after_s, left = links[column].stands_after_s, self._left[column]
-            if self._held[column] is None or math.isinf(after_s):
-                continue
-            since = links[column].heard + round(after_s * NANOSECONDS)
-            if now >= since - SOON_NS:
-                found.append((column, since))
-                if left is not None:
-                    found.append((column, left + round(after_s * NANOSECONDS)))
-        return found
-
-    def traffic(self, places: list[Place], measured: Measured, at: int) -> Traffic:
-        """Return vehicles as they are at the instant `at` at places."""
-        states: list[FlightState] = []
-        for column, stands in places:
-            state, begin, model = measured.states[column].copy(), measured.stamps[column], self._models[column]
-            end = at if stands is None else min(stands, at)
-            speed_mps, heading_rad, height_m = self._held[column] or UNKNOWN
-            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            advance(state, model, speed_mps, heading_rad, height_m, max(end - begin, 0) / NANOSECONDS)
-            stood_s = (at - max(end, begin)) / NANOSECONDS
-            if stood_s > 0.0:
-                advance(state, model, 0.0, heading_rad, height_m, stood_s)
-            states.append(state)
-        still = np.zeros(len(places))
-        models = AutopilotModels.from_each(self._models[column] for column, _ in places)
-        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)
