@@ -155,6 +155,7 @@ class MarginWatch:
                 self._look(now, vehicle, axes)
 
     def _look(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage]) -> None:
+        self._scatters_s[vehicle.identity].append(vehicle.clock.usual_scatter_s)
         column, delay = vehicle.column, self._delay(vehicle.identity)
         if self._scenario.law.on_delay == "degrade":
             self._set_bandwidth(now, vehicle, axes, delay)
@@ -193,14 +194,13 @@ class MarginWatch:
         self.beyond.discard(leader.identity)
 
     def _delay(self, identity: VehicleId) -> LoopDelay:
-        """Take and return the delay of a vehicle's loops; without prediction, consensus waits for the latest states."""
+        """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
         clock, law = self._vehicles[identity].clock, self._scenario.law
         down_s = own_down_s = self._vehicles[identity].round_trips.down_s
         if self._mutual and not law.delay_compensation:
             down_s = float(np.fmax.reduce([self._vehicles[each].round_trips.down_s for each in self._axes]))
-        up_s, scatters_s = 2.0 * clock.one_way_s - own_down_s, self._scatters_s[identity]
-        scatters_s.append(clock.usual_scatter_s)
-        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), min(scatters_s))
+        up_s = 2.0 * clock.one_way_s - own_down_s
+        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), min(self._scatters_s[identity]))
 
     def _of(self, column: int, axis: str) -> float:
         return self.bandwidth[column][_channels(axis)[0]]

@@ -105,6 +105,7 @@ class ConflictResolver:
             return
         self._wandering.watch(measured)
         self._watch_slots(tick.slots_m)
+        self._watch_errors(tick.error_m)
         kept = Kept(self._kept_from_others_m)
         if planned_m is not None:
             kept = self._kept_on_the_way(planned_m)
@@ -145,7 +146,7 @@ class ConflictResolver:
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
-            slot_m = self._slot(tick, column)
+            slot_m = self._slot(column)
             look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s)
         return look.all_apart(kept)
 
@@ -216,7 +217,7 @@ class ConflictResolver:
             commanded=np.array(commanded),
             vehicles=np.array(vehicles, dtype=np.intp),
             kept=kept,
-            slots_m=np.array([self._slot(tick, each) for each in vehicles]).T,
+            slots_m=np.array([self._slot(each) for each in vehicles]).T,
             kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
@@ -259,12 +260,15 @@ class ConflictResolver:
             self._slots = [LEADS if math.isnan(place[0]) else place for place in slots_m]
             self._slots_known = slots_m
 
-    def _slot(self, tick: Tick, column: int) -> Triple:
+    def _watch_errors(self, errors_m: list[Triple]) -> None:
+        """Take note of who is far from its slot; where slots are left, at a flight's end, those stay so that were."""
+        far_m2 = squared(AFAR * self._kept_from_others_m)
+        for column, (forward_m, right_m, up_m) in enumerate(errors_m):
+            if not math.isnan(forward_m):
+                self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
+
+    def _slot(self, column: int) -> Triple:
         """Return where a vehicle's slot is; unknown of one that comes to it from afar, and is beside nobody else's."""
-        forward_m, right_m, up_m = tick.error_m[column]
-        if not math.isnan(forward_m):  # as at the end of a flight, where those stay afar that were
-            far_m2 = squared(AFAR * self._kept_from_others_m)
-            self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
         return UNKNOWN if self._afar[column] else self._slots[column]
 
     def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
