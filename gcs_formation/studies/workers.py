@@ -218,5 +218,5 @@ class Cluster:
 Workers: TypeAlias = Processes | Cluster
 """Flies tasks, in whatever order; the caller may add some meanwhile. Left with an error, it gives up what isn't flown.
 
-`where` is known once they are started: where else one can see what they do, in words; "" for nowhere.
+`where`, known once they are started, says where else their work can be watched; "" for nowhere.
 """
