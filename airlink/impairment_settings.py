@@ -1,7 +1,7 @@
 """Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired_link` draws and carries them out.
 
 Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
-Pareto distribution's shape.
+Pareto distribution's shape. It isn't compiled: mypyc's `==` would hold of one dataclass object and itself alone.
 """
 
 from __future__ import annotations
