@@ -1,7 +1,7 @@
 """Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired_link` draws and carries them out.
 
 Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
-Pareto distribution's shape.
+Pareto distribution's shape. It isn't compiled: mypyc's `==` would hold of one dataclass object and itself alone.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from statistics import NormalDist
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 Distribution = Literal["normal", "uniform", "pareto", "trace"]
 
@@ -26,34 +26,18 @@ _LARGEST_BELOW_1: Final = 1.0 - 2.0**-53
 _SMALLEST: Final = 2.0**-60
 
 
-class Standard(NamedTuple):
-    """A distribution of mean 0 and standard deviation 1: its cumulative distribution function and quantiles."""
-
-    cdf: Callable[[float], float]
-    quantile: Callable[[float], float]
-
-
-def _uniform_cdf(x: float) -> float:
-    return min(max((x / _UNIFORM_HALF_WIDTH + 1.0) / 2.0, 0.0), 1.0)
-
-
-def _uniform_quantile(share: float) -> float:
-    return (2.0 * share - 1.0) * _UNIFORM_HALF_WIDTH
-
-
-def _pareto_cdf(x: float) -> float:
-    return 1.0 - (_PARETO_SCALE / max(x + _PARETO_MEAN, _PARETO_SCALE)) ** _PARETO_SHAPE
-
-
-def _pareto_quantile(share: float) -> float:
-    return _PARETO_SCALE * (1.0 - share) ** (-1.0 / _PARETO_SHAPE) - _PARETO_MEAN
-
-
-STANDARD: Final = {
-    "normal": Standard(_NORMAL.cdf, _NORMAL.inv_cdf),
-    "uniform": Standard(_uniform_cdf, _uniform_quantile),
-    "pareto": Standard(_pareto_cdf, _pareto_quantile),
+CDF: Final[dict[str, Callable[[float], float]]] = {
+    "normal": _NORMAL.cdf,
+    "uniform": lambda x: min(max((x / _UNIFORM_HALF_WIDTH + 1.0) / 2.0, 0.0), 1.0),
+    "pareto": lambda x: 1.0 - (_PARETO_SCALE / max(x + _PARETO_MEAN, _PARETO_SCALE)) ** _PARETO_SHAPE,
 }
+"""Cumulative distribution functions of mean 0 and standard deviation 1."""
+QUANTILE: Final[dict[str, Callable[[float], float]]] = {
+    "normal": _NORMAL.inv_cdf,
+    "uniform": lambda share: (2.0 * share - 1.0) * _UNIFORM_HALF_WIDTH,
+    "pareto": lambda share: _PARETO_SCALE * (1.0 - share) ** (-1.0 / _PARETO_SHAPE) - _PARETO_MEAN,
+}
+"""Their inverses."""
 
 
 @dataclass(frozen=True)
@@ -105,12 +89,12 @@ class Impairment:
         if self.jitter_s == 0.0:
             return self.delay_s
         share = self._share_below_zero + (1.0 - self._share_below_zero) * share
-        variate = STANDARD[self.distribution].quantile(min(max(share, _SMALLEST), _LARGEST_BELOW_1))
+        variate = QUANTILE[self.distribution](min(max(share, _SMALLEST), _LARGEST_BELOW_1))
         return max(0.0, self.delay_s + self.jitter_s * variate)
 
     @cached_property
     def _share_below_zero(self) -> float:
-        return STANDARD[self.distribution].cdf(-self.delay_s / self.jitter_s)
+        return CDF[self.distribution](-self.delay_s / self.jitter_s)
 
 
 UNIMPAIRED: Final = Impairment()

@@ -15,22 +15,6 @@ Indices = npt.NDArray[np.intp]
 T = TypeVar("T", float, Array)
 """Of functions that hold for a number and for each element of an array."""
 
-__all__ = [
-    "Array",
-    "Complex",
-    "Indices",
-    "Mask",
-    "T",
-    "all_of",
-    "any_of",
-    "beside",
-    "columns_of",
-    "mapped",
-    "or_zero",
-    "within",
-    "wrap",
-]
-
 TURN = 2 * np.pi
 BLOCK_BYTES = 2**17
 """What of a table of rows is turned into columns at once: less than the cache of a core."""
@@ -85,8 +69,3 @@ def mapped(path: Path, begin: int, shape: tuple[int, int]) -> Array:
     if not shape[0] * shape[1]:
         return np.empty(shape)
     return np.asarray(np.memmap(path, "<f8", "r", begin, shape))
-
-
-def or_zero(value: Array) -> Array:
-    """Return values with NaN replaced by 0."""
-    return np.where(np.isnan(value), 0.0, value)

@@ -38,11 +38,9 @@ class Responses:
     height: Complex
 
 
-def lag_responses(
-    frequency_radps: Array, tau_v_s: float, tau_psi_s: float, heights_s: tuple[float, float]
-) -> Responses:
-    """Return the responses of equation (7)."""
-    s = (1j * frequency_radps).astype(np.complex128)
+def lag_responses(tau_v_s: float, tau_psi_s: float, heights_s: tuple[float, float]) -> Responses:
+    """Return the responses of equation (7) at `FREQUENCIES`."""
+    s = (1j * FREQUENCIES).astype(np.complex128)
     first, second = heights_s
     height = 1.0 / ((first * s + 1.0) * (second * s + 1.0))
     return Responses(1.0 / (tau_v_s * s + 1.0), 1.0 / (tau_psi_s * s + 1.0), height)

@@ -303,17 +303,12 @@ class Axis(NamedTuple):
         return cls(lag_s, response, STEPS[1] * speed_mps)
 
 
-class Delays(NamedTuple):
-    """Of the loops, s."""
-
-    sampling_s: float
-    """Sampling and hold."""
-    links_s: float
-    """Both ways."""
-
-
 def consensus_gains(
-    vehicles: Sequence[tuple[Axis, Axis]], eigenvalues: Sequence[complex], position_m: float, delays: Delays
+    vehicles: Sequence[tuple[Axis, Axis]],
+    eigenvalues: Sequence[complex],
+    position_m: float,
+    sampling_s: float,
+    links_s: float,
 ) -> Triple:
     """Return k1 in 1/s^2, k2 and k3 in 1/s; k1 is the least that is tried where no other holds the bounds.
 
@@ -321,7 +316,8 @@ def consensus_gains(
         vehicles: each kind's axes, along and across.
         eigenvalues: of the graph's Laplacian.
         position_m: noise of a position, standard deviation.
-        delays: of the loops.
+        sampling_s: the loops' delay by sampling and hold.
+        links_s: their delay by the links, both ways.
     """
     modes = sorted({0j, *np.round(np.asarray(eigenvalues, np.complex128), 6).tolist()}, key=abs, reverse=True)
     largest, axes = max(abs(modes[0]), 1.0), [axis for each in vehicles for axis in each]
@@ -329,17 +325,22 @@ def consensus_gains(
     dampings = sorted({1.0 / along.lag_s for along, _ in vehicles}, reverse=True)
     tried = [(float(k) / largest, k3) for k in BANDWIDTHS if k <= quiet for k3 in dampings]
     tried.append((float(BANDWIDTHS[-1]) / largest, dampings[0]))
-    holds = (gains for gains in tried if all(_holds(*gains, axis, mode, delays) for mode in modes for axis in axes))
+    least_s = DELAY_MARGIN_S + links_s
+    loops = [(axis, mode) for mode in modes for axis in axes]
+    holds = (gains for gains in tried if all(_holds(*gains, *loop, sampling_s, least_s) for loop in loops))
     k1, k3 = next(holds, tried[-1])
     return k1, 0.0, k3
 
 
-def _holds(k1: float, k3: float, axis: Axis, mode: complex, delays: Delays) -> bool:
-    """Return whether a mode's loop on an axis holds the bounds, also around responses that aren't as known."""
+def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, least_s: float) -> bool:
+    """Return whether a mode's loop on an axis holds the bounds, also around responses that aren't as known.
+
+    `least_s`: the least delay that makes it unstable as it is known.
+    """
     s = 1j * FREQUENCIES
-    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * late(delays.sampling_s)
+    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * late(sampling_s)
     integrators = 1 if mode else 0
-    if not _stands(controller * axis.response, integrators, PEAK, DELAY_MARGIN_S + delays.links_s):
+    if not _stands(controller * axis.response, integrators, PEAK, least_s):
         return False
     return all(_stands(loop, integrators, MISMATCH_PEAK, 0.0) for loop in mismatched(controller, axis.response))
 

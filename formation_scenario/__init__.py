@@ -6,30 +6,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flight_model.curve import PathPoint
-    from flight_model.path import SplinePath
-    from formation_scenario.begin_and_end import start_states
     from formation_scenario.fields import Problem, ScenarioError
     from formation_scenario.load import dump_scenario, load_scenario
     from formation_scenario.model import Scenario
-    from formation_scenario.slot_assignment import slot_schedule, slot_table
-    from formation_scenario.terrain import Ground
     from formation_scenario.vehicles import Vehicle
 
 
 _HOME = {
-    "Ground": "formation_scenario.terrain",
-    "PathPoint": "flight_model.curve",
     "Problem": "formation_scenario.fields",
     "Scenario": "formation_scenario.model",
     "ScenarioError": "formation_scenario.fields",
-    "SplinePath": "flight_model.path",
     "Vehicle": "formation_scenario.vehicles",
     "dump_scenario": "formation_scenario.load",
     "load_scenario": "formation_scenario.load",
-    "slot_schedule": "formation_scenario.slot_assignment",
-    "slot_table": "formation_scenario.slot_assignment",
-    "start_states": "formation_scenario.begin_and_end",
 }
 
 
@@ -41,16 +30,10 @@ def __getattr__(name: str) -> object:
 
 
 __all__ = [
-    "Ground",
-    "PathPoint",
     "Problem",
     "Scenario",
     "ScenarioError",
-    "SplinePath",
     "Vehicle",
     "dump_scenario",
     "load_scenario",
-    "slot_schedule",
-    "slot_table",
-    "start_states",
 ]

@@ -101,20 +101,12 @@ def path_end_s(scenario: Scenario) -> float:
 
 
 def planned_end_m(scenario: Scenario) -> float:
-    """Return how far along its path the leader is when the flight is over, m, as planned.
-
-    Raises:
-        PathError: no path leads through the waypoints.
-    """
+    """Return how far along its path the leader is when the flight is over, m, as planned."""
     return float(planned_m(scenario, np.array(scenario.duration_s)))
 
 
 def planned_m(scenario: Scenario, mission_s: Array) -> Array:
-    """Return how far along its path the leader is at mission times, m, as planned, without orders.
-
-    Raises:
-        PathError: no path leads through the waypoints.
-    """
+    """Return how far along its path the leader is at mission times, m, as planned, without orders."""
     at_m, times_s = _progress(scenario)
     return np.interp(mission_s, times_s, at_m)
 

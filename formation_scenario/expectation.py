@@ -24,14 +24,14 @@ ERROR_METRICS = {
     for axis, error in _AXES.items()
     for figure, meaning in _FIGURES.items()
 }
-_CHANNELS = {"speed": "m/s", "heading": "rad", "height": "m"}
+CHANNEL_UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 _EFFORT = {
     "variation_per_s": "setpoint's total variation a second over the window, {}/s",
     "step_p95": "setpoint's step from tick to tick: 95th percentile over the window, {}",
 }
 EFFORT_METRICS = {
     f"effort.{channel}.{figure}": f"{channel} {meaning.format(unit)}"
-    for channel, unit in _CHANNELS.items()
+    for channel, unit in CHANNEL_UNITS.items()
     for figure, meaning in _EFFORT.items()
 }
 FOLLOWER_METRICS = {

@@ -14,7 +14,6 @@ from flight_model.gain_design import (
     UNMODELLED,
     Axis,
     DelayAndNoise,
-    Delays,
     DesignedChannel,
     consensus_gains,
     design,
@@ -104,8 +103,7 @@ def _of_protocol(scenario: Scenario) -> dict[str, float]:
         vehicles.append((along, Axis.across(model.tau_psi_s, found.heading, speed_mps)))
     weights, telemetry, links_s = scenario.adjacency, _delay_and_noise(scenario), 2.0 * design_delay_s(scenario)
     eigenvalues: list[complex] = np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).tolist()
-    delays = Delays(telemetry.delay_s - links_s, links_s)
-    gains = consensus_gains(vehicles, eigenvalues, telemetry.position_m, delays)
+    gains = consensus_gains(vehicles, eigenvalues, telemetry.position_m, telemetry.delay_s - links_s, links_s)
     return dict(zip(PROTOCOL, gains, strict=True))
 
 
@@ -151,7 +149,7 @@ def _known(scenario: Scenario) -> tuple[list[Responses], float]:
 
 def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
-        return lag_responses(FREQUENCIES, model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
+        return lag_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, AirframeParameters.of(model.airframe.parameters()), speed_mps)
 
 

@@ -10,10 +10,10 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.fence_geometry import Flyers, LapFence
-from formation_scenario import Scenario, slot_table
+from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import column_models, columns, slot_schedule
+from formation_scenario.slot_assignment import column_models, columns, slot_schedule, slot_table
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE
 from formation_scenario.vehicles import family_of, reads_equivalent_airspeed

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
-from formation_scenario import Scenario, Vehicle, start_states
-from formation_scenario.begin_and_end import StartState
+from formation_scenario import Scenario, Vehicle
+from formation_scenario.begin_and_end import StartState, start_states
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.surroundings import Disturbance, Fault

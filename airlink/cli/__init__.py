@@ -79,7 +79,7 @@ def examples(*lines: str) -> str:
 
 
 class Command(click.Command):
-    """A command that ends with status 3 where nobody takes its words: by click alone it's 1, or a traceback."""
+    """A command that ends with status 3 where its output can't be written; click alone ends with 1, or a traceback."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -95,7 +95,7 @@ class Command(click.Command):
 
 
 class WithDefault(click.Group):
-    """A group in which the name of one command may be left out: what begins with none, nor an option, is for that."""
+    """A group with a default command: arguments that begin with neither a command's name nor an option are for it."""
 
     def __init__(self, *args: Any, default: str | None = None, **kwargs: Any) -> None:
         """Take arguments that name no command for `default`; without any at all, too, unless that shows the help."""

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import click
 
-from airlink.cli import SEED, VERSION, Command, Status, fail
+from airlink.cli import SEED, SIGNALS, VERSION, Command, Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment_settings import Direction, Impairment
 from airlink.proxy import Proxy, Relay
@@ -203,7 +203,7 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 @_impairment_options
 def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> None:
     """Put an impaired link between vehicles and a ground station."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)  # a shell's background jobs ignore SIGINT
     relay = Relay(seed)
     _set(relay, options)

@@ -81,10 +81,6 @@ class Kind:
         self.header = bytes((MARKER_V2, 0, 0, 0, 0, 0, 0, *message_id.to_bytes(3, "little")))
         """How its frames begin; the payload's length, the sequence number and the sender are still to be put in."""
 
-    def read(self, payload: bytes) -> Message:
-        """Return the message of a payload."""
-        return self.example.read(payload, 0, len(payload))
-
 
 @mypyc_attr(acyclic=True)
 class Message:

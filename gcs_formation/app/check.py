@@ -12,7 +12,7 @@ import numpy as np
 from flight_model.frequency_response import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
-from formation_scenario.expectation import SETTLED_M
+from formation_scenario.expectation import CHANNEL_UNITS, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.slot_assignment import columns, planned_slots
@@ -31,7 +31,6 @@ from gcs_formation.stability import (
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
-UNITS = {"speed": "m/s", "heading": "rad", "height": "m"}
 ROOM_M = 2 * SETTLED_M
 """By how much two vehicles that are in their slots may be nearer to each other than these are."""
 
@@ -261,7 +260,7 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
         yield (
             f"#   {name}: bandwidth {each.bandwidth_radps:.2f} rad/s, "
             f"{held if math.isfinite(each.peak) else 'unstable'}; with time scale and gain {MISMATCH:.0%} off: "
-            f"{off}; setpoint steps {each.step_sigma:.2g} {UNITS[name]} (standard deviation, a tick)"
+            f"{off}; setpoint steps {each.step_sigma:.2g} {CHANNEL_UNITS[name]} (standard deviation, a tick)"
         )
 
 

@@ -239,17 +239,14 @@ def _least_run_in_s(scenario: Scenario) -> float:
     telemetry, tick_s = scenario.telemetry, 1.0 / scenario.law.rate_hz
     autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
     asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
-    loop_s, steps = (
-        max(each.loop_s for each in autopilots),
-        [scenario.link_steps(each)[0] for each in scenario.vehicles],
-    )
+    loop_s, steps = max(each.loop_s for each in autopilots), [scenario.link_steps(v)[0] for v in scenario.vehicles]
     way_s = max(sum(ways_s(step)) / 2 for step in steps)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
-    lost_s = _lost_s(list(zip(asked, steps, strict=True)), RETRY_S)
+    lost_s = _lost_s(list(zip(asked, steps, strict=True)))
     return heard_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
-def _lost_s(starts: list[tuple[int, LinkStep]], retry_s: float) -> float:
+def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
     """Return the time that losses add until the last vehicle is ready, s, in all but the worst of the starts.
 
     Each has its number of requests. They begin when everybody has been heard, so the slowest heartbeat and the slowest
@@ -262,7 +259,7 @@ def _lost_s(starts: list[tuple[int, LinkStep]], retry_s: float) -> float:
         if both <= 0.0:
             return MOST_S
         heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spaced(_chance(losses, requests, both), retry_s))
+        answered *= np.cumsum(_spaced(_chance(losses, requests, both), RETRY_S))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
     return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -110,20 +109,8 @@ def _left(
     return below, above
 
 
-class Drift(NamedTuple):
-    """Standard deviations of one vehicle's error after a time, m: what biases leave, and what noise does."""
-
-    by_bias_m: float = 0.0
-    by_noise_m: float = 0.0
-
-    @property
-    def total_m(self) -> float:
-        """Of both."""
-        return math.hypot(self.by_bias_m, self.by_noise_m)
-
-
-def level_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> Drift:
-    """Return the drift north or east, either."""
+def level_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tuple[float, float]:
+    """Return the standard deviations of a vehicle's error north or east, m: what biases leave, and what noise does."""
     gravity, radius_m = _earth(lat_rad)
     ws = math.sqrt(gravity / radius_m)
     turned = ws * after_s
@@ -133,17 +120,17 @@ def level_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> Dri
     of_velocity_m = velocity_walk / ws * math.sqrt(max(after_s / 2 - math.sin(2 * turned) / (4 * ws), 0.0))
     of_angle = 1.5 * after_s - 2.0 * math.sin(turned) / ws + math.sin(2 * turned) / (4 * ws)
     of_angle_m = radius_m * angle_walk * math.sqrt(max(of_angle, 0.0))
-    return Drift(math.hypot(by_accel_m, by_gyro_m), math.hypot(of_velocity_m, of_angle_m))
+    return math.hypot(by_accel_m, by_gyro_m), math.hypot(of_velocity_m, of_angle_m)
 
 
-def height_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> Drift:
-    """Return the drift of a height by inertia alone."""
+def height_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tuple[float, float]:
+    """Return the same of a height by inertia alone."""
     gravity, radius_m = _earth(lat_rad)
     k = math.sqrt(2.0 * gravity / radius_m)
     grown = k * after_s
     accel, _, velocity_walk, _ = _sensors(keys)
     of_velocity_m = velocity_walk / k * math.sqrt(max(math.sinh(2.0 * grown) / (4.0 * k) - after_s / 2.0, 0.0))
-    return Drift(accel / k**2 * (math.cosh(grown) - 1.0), of_velocity_m)
+    return accel / k**2 * (math.cosh(grown) - 1.0), of_velocity_m
 
 
 def drifts(scenario: Scenario) -> Iterator[str]:
@@ -156,14 +143,14 @@ def drifts(scenario: Scenario) -> Iterator[str]:
     level = [level_drift(keys, lat_rad, after_s) for keys in adrift]
     # Biases that all have alike move everybody alike.
     alike = all(keys == each[0] and keys.biases == "keys" for keys in adrift) and len(adrift) == len(each)
-    apart_m = math.hypot(*sorted(drift.by_noise_m if alike else drift.total_m for drift in level)[-2:])
+    apart_m = math.hypot(*sorted(noise_m if alike else math.hypot(bias_m, noise_m) for bias_m, noise_m in level)[-2:])
     kept_m, words = _left_between_m(scenario), f"(1 sigma) within {after_s:.0f} s"
     if DRIFT_SIGMAS * apart_m > kept_m:
         yield (
             f"navigation: places drift apart by {apart_m:.1f} m north and east {words} by inertia without gnss, and "
             f"slots leave {kept_m:.3g} m beyond safety.separation_m; aiding: gnss holds them"
         )
-    heights = [height_drift(keys, lat_rad, after_s).total_m for keys in adrift if keys.aiding == "none"]
+    heights = [math.hypot(*height_drift(keys, lat_rad, after_s)) for keys in adrift if keys.aiding == "none"]
     if heights and DRIFT_SIGMAS * max(heights) > (over_m := _left_below_m(scenario)):
         yield (
             f"navigation: heights drift by {max(heights):.1f} m {words} by inertia alone, and {over_m:.3g} m are left "

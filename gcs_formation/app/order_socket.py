@@ -18,7 +18,7 @@ STATUS = "status"
 """Asks for a page on the flight. It isn't an order: a scenario can't plan it."""
 MOST_BYTES = 400
 MOST_CALLERS = 8
-"""Of more, the one that came first is dropped: who gives an order says it at once."""
+"""With more, the earliest is dropped: a caller sends its order at once."""
 ANSWER_S = 10.0
 """Longest wait for an answer; a running flight answers within a tick."""
 

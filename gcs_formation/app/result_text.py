@@ -34,7 +34,7 @@ SHORT = {
 }
 
 
-class Group(NamedTuple):
+class ColumnGroup(NamedTuple):
     """Columns of a table that stay or go together."""
 
     heads: tuple[str, ...]
@@ -43,7 +43,7 @@ class Group(NamedTuple):
     """The groups of the lowest number go first where the table is too wide."""
 
 
-def table(groups: Sequence[Group], width: int) -> list[str]:
+def table(groups: Sequence[ColumnGroup], width: int) -> list[str]:
     """Return a table's lines, with as many groups as fit; at least the one to keep longest."""
     chosen = list(groups)
     lines = _lines(chosen)
@@ -72,7 +72,7 @@ def _joined(wordings: Sequence[Sequence[str]]) -> str:
     return GAP.join(wording[0] for wording in wordings if wording[0])
 
 
-def _lines(groups: Sequence[Group]) -> list[str]:
+def _lines(groups: Sequence[ColumnGroup]) -> list[str]:
     """Return a row a line: the first column, and texts in the last, set left; figures right."""
     heads = [head for group in groups for head in group.heads]
     rows = [heads, *([cell for row in each for cell in row] for each in zip(*(g.rows for g in groups), strict=True))]
@@ -145,7 +145,7 @@ def _source(figures: dict[str, Any]) -> str:
     return f"formation errors by {source}, m; {frame}" if figures["followers"] else "no vehicle followed"
 
 
-def _follower_groups(figures: dict[str, Any]) -> list[Group]:
+def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
     """Return the table's columns: the largest errors stay longest, then when each settled."""
     shown = dict(list(figures["followers"].items())[:MOST_ROWS])
     axes = {vehicle: [follower[f"error_{axis}_m"] for axis in "xyz"] for vehicle, follower in shown.items()}
@@ -153,11 +153,11 @@ def _follower_groups(figures: dict[str, Any]) -> list[Group]:
     largest = [(vehicle, *(_number(axis["max"]) for axis in own)) for vehicle, own in axes.items()]
     ways = [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links]
     return [
-        Group(("vehicle", "max x", "y", "z"), largest, keep=4),
-        Group(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
-        Group(("settled s",), [(_settled(follower),) for follower in shown.values()], keep=3),
-        Group(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
-        Group(("up", "down"), ways, keep=0),
+        ColumnGroup(("vehicle", "max x", "y", "z"), largest, keep=4),
+        ColumnGroup(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
+        ColumnGroup(("settled s",), [(_settled(follower),) for follower in shown.values()], keep=3),
+        ColumnGroup(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
+        ColumnGroup(("up", "down"), ways, keep=0),
     ]
 
 
@@ -200,7 +200,7 @@ def _where(station: Station, now: Instant) -> str:
     return f"{scenario.name}: {flight.phase.value}{since}, {now / NANOSECONDS:.1f} s after the start{failure}"
 
 
-def _groups(station: Station) -> list[Group]:
+def _groups(station: Station) -> list[ColumnGroup]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
     errors = [UNKNOWN if tick is None else tick.error_m[each.column] for each in vehicles.values()]
@@ -208,12 +208,12 @@ def _groups(station: Station) -> list[Group]:
     used = [station.margins.used[each.column] for each in vehicles.values()]
     ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]
     return [
-        Group(("vehicle", "x", "y", "z"), places, keep=5),
-        Group(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
-        Group(("up", "down"), ways, keep=1),
-        Group(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], keep=0),
-        Group(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
-        Group(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
+        ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),
+        ColumnGroup(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
+        ColumnGroup(("up", "down"), ways, keep=1),
+        ColumnGroup(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], keep=0),
+        ColumnGroup(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
+        ColumnGroup(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
     ]
 
 

@@ -25,9 +25,10 @@ from airlink.engine import MemoryNetwork
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.udp import UdpDriver, resolved
+from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
-from formation_scenario import Scenario, slot_schedule
-from formation_scenario.slot_assignment import columns
+from formation_scenario import Scenario
+from formation_scenario.slot_assignment import columns, slot_schedule
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
@@ -280,16 +281,12 @@ def rehearsal_text(report: dict[str, Any]) -> str:
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
     """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
-    ahead, aside = math.cos(start.course_rad), math.sin(start.course_rad)
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
-            place = (
-                start.north_m + forward_m * ahead - right_m * aside,
-                start.east_m + forward_m * aside + right_m * ahead,
-            )
+            north_m, east_m = beside(start.north_m, start.east_m, start.course_rad, forward_m, right_m)
             speed_mps, psi_rad, height_m = scenario.path.speed_mps, start.course_rad, start.height_m + up_m
-            where = FlightState(*place, height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
+            where = FlightState(float(north_m), float(east_m), height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
             found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where
     return found
 

@@ -208,7 +208,7 @@ class Session:
         return summary
 
     def _hurry(self) -> str:
-        """Return what may be to blame for a failure where no machine keeps up for certain, "" elsewhere."""
+        """Return the note that a high --speedup may have caused a failure; "" at a lower one."""
         speedup = self.options.speedup
         return f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > HURRY else ""
 

@@ -29,6 +29,8 @@ COMMANDS = {
     "study": ("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": ("gcs_formation.cli.no_flight", "Give a flight under way an order."),
 }
+OVERRIDES = click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+"""The option of all commands that read a scenario."""
 
 
 @click.group(

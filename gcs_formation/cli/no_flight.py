@@ -15,6 +15,7 @@ from airlink.cli import Status, examples, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
+from gcs_formation.cli import OVERRIDES
 from gcs_formation.errors import NothingRunningError, RecordError
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def init(directory: Path, example: str) -> None:
 
 @click.command(epilog=CHECK_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@OVERRIDES
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
 def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""

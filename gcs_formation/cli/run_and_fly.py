@@ -21,6 +21,7 @@ from gcs_formation.app.result_text import result_line, summary_text, unjudged
 from gcs_formation.app.run import fly as fly_scenario
 from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.cli import OVERRIDES
 from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, recorded_in
@@ -57,7 +58,7 @@ def _options(command: Command) -> Command:
             click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Real clock: X times faster."),
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
-            click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable)."),
+            OVERRIDES,
             click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
             click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out when this one begins."),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
@@ -203,7 +204,7 @@ LOGS = (".tlog", ".bin")
 @click.option("--overwrite", is_flag=True, help="Replace the files at --out, and an earlier run in --run-dir.")
 @click.option("--vehicle", type=WholeNumber(1), help="Of this system id alone; default: all, as of one kind.")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots that fly the steps.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@OVERRIDES
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:

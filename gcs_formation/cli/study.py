@@ -28,6 +28,7 @@ from airlink.cli import (
     say,
 )
 from formation_scenario import ScenarioError
+from gcs_formation.cli import OVERRIDES
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
@@ -224,7 +225,7 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
 @click.option("--to", "to_s", type=SECONDS, metavar="SECONDS", help="… to; default: the end.")
 @click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
 @click.option("--seed", type=SEED, help="Instead of the scenario's.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
+@OVERRIDES
 @click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
 @click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")

@@ -18,12 +18,14 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask, beside
 from flight_model.autopilot_model import FlightState
+from flight_model.curve import PathPoint
 from flight_model.lift_and_displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from flight_model.path import Route
-from formation_scenario import Ground, PathPoint, Scenario, slot_schedule
+from formation_scenario import Scenario
 from formation_scenario.formation import FormationChange, Frame
-from formation_scenario.slot_assignment import Arrangement, assigned
+from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule
 from formation_scenario.slot_motion import SlotMotion, Transition
+from formation_scenario.terrain import Ground
 
 APART_S: Final = 0.05
 """Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration."""

@@ -21,7 +21,7 @@ from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_b
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
-from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, column_of, new_figure, print_style, save
+from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, new_figure, print_style, save
 
 REST_S, HELD_S = 8.0, 9.0
 SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
@@ -98,7 +98,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
     scales = (1.0, 180.0 / np.pi, 1.0)
     with print_style():
         figure = new_figure(HEIGHT_CM)
-        axes = column_of(axes_grid(figure, 3, 1, sharex=True), 0)
+        axes = [row[0] for row in axes_grid(figure, 3, 1, sharex=True)]
         for row, (axis, label, scale) in enumerate(zip(axes, recording.labels, scales, strict=True)):
             axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")

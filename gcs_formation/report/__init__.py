@@ -65,7 +65,7 @@ SUMMARY_SHAPE: Shape = {
     **{"seed": INTEGER, "duration_s": NUMBER, "real_time_factor": NUMBER_OR_NULL},
     "followers": Each(
         {
-            **dict.fromkeys(("error_x_m", "error_y_m", "error_z_m"), AXIS),
+            **dict.fromkeys(ERROR, AXIS),
             **dict.fromkeys(("settled_at_s", "left_at_s"), NUMBER_OR_NULL),
             **dict.fromkeys(("in_slot_share", "followed_share"), Maybe(NUMBER_OR_NULL)),
             "effort": dict.fromkeys(CHANNELS, dict.fromkeys(("variation_per_s", "step_p95"), NUMBER_OR_NULL)),

@@ -73,7 +73,7 @@ def assembly(run: RunData) -> Figure:
     figure = style.new_figure(10.0)
     above, beside = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
     _tracks(above.subplots(), group, places)
-    heights, distances = style.column_of(style.axes_grid(beside, 2, 1, sharex=True), 0)
+    (heights,), (distances,) = style.axes_grid(beside, 2, 1, sharex=True)
     group.draw(heights, time_s, [place[:, 2] for place in places])
     heights.set_ylabel("height, m")
     away = [np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in followers.vehicles]

@@ -27,8 +27,6 @@ GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
 COLUMNS = {"speed": "speed_mps", "heading": "heading_rad", "height": "height_m"}
 """Of a setpoint; the response to a speed is an airspeed."""
 STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
-STRETCHES = 200
-"""Of time, over which is summed up what jumps from tick to tick: steps, delay and age."""
 LEAST_STEP = 0.01
 """What an axis of steps reaches to at least."""
 LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
@@ -93,7 +91,7 @@ def steps(run: RunData) -> Figure:
         sizes = [setpoint_steps(run.flown.vehicles[vehicle], channel) for vehicle in group.vehicles]
         if channel == "heading":
             sizes = [np.degrees(size) for size in sizes]
-        group.draw_spread(axes, run.time_s, sizes, STRETCHES)
+        group.draw_spread(axes, run.time_s, sizes)
         axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), LEAST_STEP))
     span(grid[0][0], run.time_s)
     return finished(figure, run, grid, STEPS.values())
@@ -137,15 +135,15 @@ def latency(run: RunData) -> Figure:
     group, followers = _slowest(run, everyone(run)), _slowest(run, followers_of(run))
     figure = style.new_figure(12.5)
     grid = style.axes_grid(figure, 3, 1, sharex=True)
-    delay, age, margin = style.column_of(grid, 0)
+    (delay,), (age,), (margin,) = grid
     delays, ages, injected = (
         [1e3 * _used(run, vehicle, name) for vehicle in group.vehicles] for name in ("delay_s", "age_s", INJECTED_MEAN)
     )
-    group.draw_spread(delay, run.time_s, delays, STRETCHES)
-    group.draw_spread(age, run.time_s, ages, STRETCHES)
+    group.draw_spread(delay, run.time_s, delays)
+    group.draw_spread(age, run.time_s, ages)
     span(delay, run.time_s)
     if np.nan_to_num(injected).any():
-        group.draw_medians(delay, run.time_s, injected, STRETCHES, "injected")
+        group.draw_medians(delay, run.time_s, injected, "injected")
     _from_zero(delay)
     _age_scale(age, np.stack(ages))
     _margin_used(margin, run, followers)
@@ -157,7 +155,7 @@ def separation(run: RunData) -> Figure:
     group, limits = everyone(run), run.scenario.safety
     figure = style.new_figure(9.5)
     grid = style.axes_grid(figure, 2, 1, sharex=True)
-    apart, above = style.column_of(grid, 0)
+    (apart,), (above,) = grid
     if len(group.vehicles) > 1:
         least = figures_of_merit.separation_m(run.flown, np.ones(run.time_s.shape, dtype=bool))
         least = np.where(np.isfinite(least), least, np.nan)

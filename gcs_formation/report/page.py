@@ -6,13 +6,13 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Indices
 from formation_scenario import dump_scenario
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
@@ -32,7 +32,7 @@ from gcs_formation.report.gusts import gusts
 from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
 from gcs_formation.report.page_parts import asset, document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
-from gcs_formation.report.style import FOLLOWERS, Indices, evenly, extremes, marks, path_m, print_style, reach, save
+from gcs_formation.report.style import FOLLOWERS, evenly, extremes, marks, path_m, print_style, reach, save
 from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000
@@ -49,30 +49,24 @@ GROUND_CAPTION = " The browner the ground, the higher."
 SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
-class Plate(NamedTuple):
-    """A figure: the function that draws it, and whether a run has anything for it to show; it is left out otherwise."""
-
-    draw: Callable[[RunData], Figure]
-    has_something: Callable[[RunData], bool] = lambda _: True
-
-    @property
-    def name(self) -> str:
-        """Its file's name without the suffix."""
-        return self.draw.__name__
+def always(_: RunData) -> bool:
+    """Whether a figure that every run has is shown."""
+    return True
 
 
-PLATES = (
-    Plate(disturbance, disturbed),
-    Plate(errors, has_followers),
-    Plate(trajectory),
-    Plate(plan),
-    Plate(assembly, assembled_first),
-    Plate(setpoints),
-    Plate(steps, has_followers),
-    Plate(gains, has_gains),
-    Plate(separation),
-    Plate(latency),
-)
+PLATES: dict[Callable[[RunData], Figure], Callable[[RunData], bool]] = {
+    disturbance: disturbed,
+    errors: has_followers,
+    trajectory: always,
+    plan: always,
+    assembly: assembled_first,
+    setpoints: always,
+    steps: has_followers,
+    gains: has_gains,
+    separation: always,
+    latency: always,
+}
+"""What draws each figure, and whether a run has anything for it to show; it is left out otherwise."""
 
 
 def embedded(run: RunData) -> dict[str, Any]:
@@ -176,23 +170,23 @@ def _rounded(values: Array, digits: int) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
 
 
-def write_figures(run: RunData, directory: Path) -> Iterator[tuple[Plate, Path]]:
-    """Draw every figure that the run has something for into a directory; yield each with its file."""
+def write_figures(run: RunData, directory: Path) -> Iterator[Path]:
+    """Draw every figure that the run has something for into a file of its name in a directory; yield the files."""
     directory.mkdir(exist_ok=True)
-    for plate in PLATES:
-        path = directory / f"{plate.name}.png"
-        if not plate.has_something(run):
+    for draw, has_something in PLATES.items():
+        path = directory / f"{draw.__name__}.png"
+        if not has_something(run):
             path.unlink(missing_ok=True)
             continue
         with print_style():
-            save(plate.draw(run), path)
-        yield plate, path
+            save(draw(run), path)
+        yield path
 
 
-def page(run: RunData, plates: Iterable[tuple[Plate, Path]]) -> str:
-    """Return the page of a run; `plates` are its figures and their files."""
+def page(run: RunData, figures: Iterable[Path]) -> str:
+    """Return the page of a run with its figures' files."""
     summary, compared = run.summary, page_parts.beside_the_paper(run) + page_parts.after_gusts(run)
-    gallery = "".join(figure(plate.name, path) for plate, path in plates)
+    gallery = "".join(figure(path.stem, path) for path in figures)
     return document(
         str(summary["name"]),
         "report.html",
@@ -253,8 +247,8 @@ def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -
         lacks(text)
     target = run_dir / REPORT
     try:
-        plates = list(write_figures(run, run_dir / FIGURES))
-        target.write_text(page(run, plates), encoding="utf-8")
+        figures = list(write_figures(run, run_dir / FIGURES))
+        target.write_text(page(run, figures), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error
     return target

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from formation_scenario.expectation import CHANNEL_UNITS
 from formation_scenario.surroundings import StepDisturbance
 from gcs_formation.record.expectations import WORDS
 from gcs_formation.report import RunData
@@ -171,13 +172,12 @@ def followers(summary: Mapping[str, Any]) -> str:
         ]
         for name, follower in summary["followers"].items()
     ]
-    units = {"speed": "m/s", "heading": "rad", "height": "m"}
     moved = {"step_p95": "steps, p95, {}", "variation_per_s": "variation a second, {}"}
     effort = [
-        [name, *(number(follower["effort"][channel][figure]) for channel in units for figure in moved)]
+        [name, *(number(follower["effort"][channel][figure]) for channel in CHANNEL_UNITS for figure in moved)]
         for name, follower in summary["followers"].items()
     ]
-    channels = [f"{channel} {text.format(unit)}" for channel, unit in units.items() for text in moved.values()]
+    channels = [f"{channel} {text.format(unit)}" for channel, unit in CHANNEL_UNITS.items() for text in moved.values()]
     errors = table([*heads, "settled, s", "left, s", "in slot", "followed"], rows)
     return errors + table(["Vehicle", *channels], effort) if rows else '<p class="note">No vehicle followed.</p>'
 

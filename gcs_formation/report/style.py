@@ -12,17 +12,15 @@ from typing import Any, NamedTuple, cast
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Indices
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.links import ImpairmentPatch, LinkChange
 from gcs_formation.report import RunData
 
-Indices = npt.NDArray[np.int64]
 CM = 1 / 2.54
 WIDTH_CM = 16.0
 DPI = 200
@@ -98,11 +96,6 @@ def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes
     for spare in made[count:]:
         spare.set_axis_off()
     return made[:count]
-
-
-def column_of(grid: Sequence[Sequence[Axes]], column: int) -> list[Axes]:
-    """Return the axes above each other in a column, from the top."""
-    return [row[column] for row in grid]
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -185,7 +178,7 @@ def evenly(size: int, count: int) -> Indices:
     """Return at most `count` rising indices spread over a series of `size`, first and last included."""
     if size <= count:
         return np.arange(size)
-    return np.unique(np.round(np.linspace(0, size - 1, count)).astype(np.int64))
+    return np.unique(np.round(np.linspace(0, size - 1, count)).astype(np.intp))
 
 
 def path_m(run: RunData) -> Array:

@@ -30,6 +30,8 @@ WIDTHS = (1.9, 1.5, 1.1, 0.8)
 SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
 BUCKETS = 1500
 """Pieces of a line, more than a figure has pixels across."""
+STRETCHES = 200
+"""Of time, over which is summed up what jumps from tick to tick: steps, delay and age."""
 
 
 def time_label(run: RunData) -> str:
@@ -82,7 +84,7 @@ def finished(
 
     Call it after setting limits; `labels`: whether marks are named.
     """
-    columns = [style.column_of(grid, column) for column in range(len(grid[0]))]
+    columns = list(zip(*grid, strict=True))
     draw_marks(columns, style.marks(run), labels=labels)
     for axes in grid[-1]:
         axes.set_xlabel(time_label(run))
@@ -197,9 +199,9 @@ class Group:
     def _named(self, vehicle: VehicleId) -> dict[str, Any]:
         return {"lw": self.width(vehicle), "label": self.label(vehicle), **self.look(vehicle)}
 
-    def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int) -> None:
+    def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
         """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
-        middle_s, pieces = _stretches(time_s, values, windows)
+        middle_s, pieces = _stretches(time_s, values)
         if self.banded:
             _bands(axes, middle_s, np.concatenate(pieces, axis=1))
         for vehicle, piece in self._lines(pieces):
@@ -207,9 +209,9 @@ class Group:
             axes.plot(middle_s, middle, **self._named(vehicle))
             axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
 
-    def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], windows: int, label: str) -> None:
+    def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], label: str) -> None:
         """Draw (T,) series over those of `draw_spread`, dotted: their medians over the same stretches."""
-        middle_s, pieces = _stretches(time_s, values, windows)
+        middle_s, pieces = _stretches(time_s, values)
         for _, piece in self._lines(pieces):
             axes.plot(middle_s, _percentiles(piece, (50,))[0], color=style.INK, lw=style.LINE, ls=DOTTED, label=label)
 
@@ -228,9 +230,9 @@ def everyone(run: RunData) -> Group:
     return Group(first + tuple(v for v in followers.vehicles if v not in first), run.leader, followers.singled_out)
 
 
-def _stretches(time_s: Array, values: Sequence[Array], windows: int) -> tuple[Array, list[Array]]:
-    """Return the middles of up to about `windows` stretches of time (W,), and each series' values in them (W, K)."""
-    width = max(1, time_s.size // windows)
+def _stretches(time_s: Array, values: Sequence[Array]) -> tuple[Array, list[Array]]:
+    """Return the middles of about `STRETCHES` stretches of time (W,), and each series' values in them (W, K)."""
+    width = max(1, time_s.size // STRETCHES)
     whole = time_s.size // width * width
     return time_s[:whole].reshape(-1, width).mean(axis=1), [series[:whole].reshape(-1, width) for series in values]
 

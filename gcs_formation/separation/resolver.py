@@ -13,8 +13,8 @@ from flight_model.arrays import Array, Indices
 from flight_model.autopilot_model import AutopilotModel, squared
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
-from formation_scenario import Scenario, slot_schedule
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario import Scenario
+from formation_scenario.slot_assignment import column_ids, slot_schedule
 from formation_scenario.surroundings import Fence
 from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import Measured

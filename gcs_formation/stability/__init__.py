@@ -195,6 +195,6 @@ def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
 def _responses(
     airframe: AirframeParameters, speed_mps: float, lags_s: tuple[float, float], heights_s: tuple[float, float]
 ) -> tuple[AircraftResponse, AircraftResponse, AircraftResponse]:
-    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(FREQUENCIES, *lags_s, heights_s)
+    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(*lags_s, heights_s)
     speed, heading, height = true.speed / model.speed, true.heading / model.heading, true.height / model.height
     return AircraftResponse(speed), AircraftResponse(heading), AircraftResponse(height)

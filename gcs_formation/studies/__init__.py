@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
-from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Positive, key
+from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, OneOf, Positive, key
 from gcs_formation.app.operator import Record
 
 MOST_VALUES = 10_000
@@ -23,18 +23,7 @@ Value: TypeAlias = Any
 """Any value that YAML has."""
 
 
-def _known_figure(value: object) -> object:
-    if value not in FIGURES:
-        raise PydanticCustomError("metric", "unknown metric")
-    return value
-
-
-Metric = Annotated[
-    str,
-    BeforeValidator(_known_figure),
-    WithJsonSchema({"type": "string", "enum": list(FIGURES)}),
-    Allowed(", ".join(FIGURES), FIGURES),
-]
+Metric = Annotated[str, OneOf(", ".join(FIGURES), FIGURES)]
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:

@@ -112,7 +112,7 @@ class Verdict(NamedTuple):
     """How many it concerns."""
     kept: int
     sure: str = ""
-    """Why no chance is in them, in words: one flight, flown many times, or each of those planned, has its share."""
+    """Why the share is certain and has no interval, in words; "" where seeds or drawn values make it a sample's."""
 
     @property
     def share(self) -> float | None:
@@ -176,9 +176,9 @@ class StudyOutcome:
 
     @property
     def broken(self) -> Sequence[Row]:
-        """The flights that broke their own scenario's expectations or limits, where the study has no word of its own.
+        """The flights that broke their own scenario's expectations or limits, where the study has none of its own.
 
-        A search flies beyond the bounds that it looks for.
+        None of a search, which flies beyond the bound that it looks for.
         """
         return () if self.verdicts or "bisect" in self.figures else self._ended(lambda status: status == 1)
 

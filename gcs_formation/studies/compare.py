@@ -17,7 +17,7 @@ from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
-from gcs_formation.app.result_text import WIDE, Group
+from gcs_formation.app.result_text import WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
@@ -202,7 +202,7 @@ def comparison_text(comparison: Comparison) -> str:
         "30 s after that on; steps: of the setpoints from tick to tick, 95th percentile"
     )
     heads, rows = _table(comparison)
-    lines = text_table([Group(("law", *heads), rows, 0)], WIDE) if rows else []
+    lines = text_table([ColumnGroup(("law", *heads), rows, 0)], WIDE) if rows else []
     return "\n".join([about, *lines, *(f"{law}: {text}" for law, text in _notes(comparison))])
 
 

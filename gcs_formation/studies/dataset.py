@@ -265,7 +265,7 @@ class Flights(NamedTuple):
 
     @property
     def by_chance(self) -> bool:
-        """Whether chance is in the flights, by seeds or draws: else shares of them are the design's, and sure."""
+        """Whether the flights are a random sample, by seeds or drawn values; else shares of them are certain."""
         return (self.study.seeds.count > 1 and not self.alike) or self.study.draws
 
     def draws(self, name: str) -> bool:

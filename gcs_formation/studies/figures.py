@@ -84,7 +84,7 @@ def _bounds_at(axes: Axes, flights: Flights, metric: str, name: str) -> None:
 
 
 def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named: bool) -> None:
-    """Draw median and spread; what lies between the values of a parameter that is no number is nothing."""
+    """Draw median and spread; `named`: of a parameter that is no number, without lines between its values."""
     low, middle, high = spread
     words = "5th to 95th percentile"
     if named:

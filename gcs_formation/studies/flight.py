@@ -73,7 +73,8 @@ def fly(task: Task) -> dict[str, Any]:
     try:
         summary, wrong = _flown(task)
         values = {metric: _measured(metric, task, summary, wrong) for metric in task.study.measured}
-        digest = _same_as(summary)
+        same = json.dumps(summary.figures["followers"]).encode()  # of flights whose followers flew the same
+        digest = hashlib.sha256(same).hexdigest()[:16]
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
     except ScenarioError as error:
@@ -83,7 +84,9 @@ def fly(task: Task) -> dict[str, Any]:
     except (RecordError, OSError) as error:
         raise RecordingError(str(error)) from error
     except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
-        values, exit_status = _uncompleted(task), Status.COULD_NOT_GO_ON
+        exit_status = Status.COULD_NOT_GO_ON
+        # That a flight has an end is an invariant too.
+        values = {metric: 1.0 if metric == INVARIANTS else None for metric in task.study.measured}
         words = str(error) if isinstance(error, RunAbortedError) else f"raised {error!r}"
     return {**_row(task, values, exit_status, words, used), "digest": digest}
 
@@ -140,11 +143,6 @@ def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
     return tuple(Expectation(metric=metric, from_s=from_s, to_s=to_s) for metric in named)
 
 
-def _uncompleted(task: Task) -> dict[str, Any]:
-    """Return the figures of a flight that had no end: that it has one is an invariant too."""
-    return {metric: 1.0 if metric == INVARIANTS else None for metric in task.study.measured}
-
-
 def _flown(task: Task) -> tuple[Summary, list[str]]:
     """Return a flight's summary, and which invariants it broke where that is measured."""
     scenario, judged = task.scenario(), INVARIANTS in task.study.measured
@@ -166,11 +164,6 @@ def _flown(task: Task) -> tuple[Summary, list[str]]:
         text = json.dumps(summary.to_dict(), ensure_ascii=False, allow_nan=False)
         (kept / SUMMARY).write_text(text + "\n", encoding="utf-8")
     return summary, wrong
-
-
-def _same_as(summary: Summary) -> str:
-    """Return what flights share whose followers flew the same to the last digit, whatever is measured of them."""
-    return hashlib.sha256(json.dumps(summary.figures["followers"]).encode()).hexdigest()[:16]
 
 
 def _digest(directory: Path) -> str:

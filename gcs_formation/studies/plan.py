@@ -173,9 +173,9 @@ def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric
 
 
 def seed_changes_nothing(study: Study, rows: Iterable[Row]) -> bool:
-    """Whether flights of several seeds are, with the same parameters, the same to the last digit: chance isn't in them.
+    """Whether flights with the same parameters but different seeds are the same to the last digit.
 
-    That a figure is the same in all of them doesn't say so: no flight may have broken a limit, each by another margin.
+    One figure that is the same in all of them doesn't show it: they may all have kept a limit, by different margins.
     """
     found = dict[str, list[str | None]]()
     for row in rows:

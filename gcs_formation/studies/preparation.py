@@ -66,7 +66,7 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
 
 
 def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield what an expectation asks of flights that there are none of."""
+    """Yield conditions (`where`) of expectations that no flight meets."""
     known, names = study.levels, [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
     for i, wanted in enumerate(study.expect):
         for name, value in wanted.where.items():

@@ -165,7 +165,7 @@ def _impairment(rng: np.random.Generator) -> Keys:
 def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outages: list[Keys]) -> list[Keys]:
     """Return changes of single links, the outages, and the end of Pareto's delays for all when trouble is over.
 
-    Those are now and then of seconds in which a link says nothing.
+    Pareto's delays are now and then seconds long, in which a link is silent.
     """
     changes = [
         {"at_s": _trouble_at(rng, severity), "vehicles": [_vehicle(rng, count)], **_impairment(rng)}
@@ -175,7 +175,7 @@ def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outa
 
 
 def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: list[Keys]) -> list[Keys]:
-    """Return an outage of a vehicle that its pilot doesn't take meanwhile: where it is then, nobody can know."""
+    """Return an outage of a vehicle that no pilot takes over meanwhile: with both, nobody could know where it is."""
     if rng.random() > severity.outage_share:
         return []
     begins_s, vehicle = _trouble_at(rng, severity), _vehicle(rng, count)

@@ -16,6 +16,7 @@ from multiprocessing import forkserver, resource_tracker
 from time import sleep
 from typing import Any, Self, TypeAlias
 
+from airlink.cli import SIGNALS
 from airlink.clock import Stopwatch
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies.flight import VERSION, Task, fly, lost
@@ -24,7 +25,6 @@ TRIES = 3
 """A flight with which this many workers died isn't flown again."""
 AHEAD = 2
 """Flights for each worker that are handed out: one flown, one waiting."""
-ENDING = (signal.SIGINT, signal.SIGTERM)
 ANSWER_S = 10.0
 """In which a scheduler must answer."""
 GONE_S = 60.0
@@ -92,9 +92,9 @@ def _uncut() -> Generator[None]:
         yield
         return
     held = list[int]()
-    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in ENDING}
+    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in SIGNALS}
     resource_tracker.ensure_running()  # it unblocks the signal for us
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # what is started inherits it
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # what is started inherits it
     try:
         yield
     finally:
@@ -218,5 +218,5 @@ class Cluster:
 Workers: TypeAlias = Processes | Cluster
 """Flies tasks, in whatever order; the caller may add some meanwhile. Left with an error, it gives up what isn't flown.
 
-`where` is known once they are started: where else one can see what they do, in words; "" for nowhere.
+`where`, known once they are started, says where else their work can be watched; "" for nowhere.
 """

@@ -19,7 +19,7 @@ from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from flight_model.energy import GRAVITY_MPS2
-from formation_scenario import SplinePath
+from flight_model.path import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 
 KNOT_S = 1.0

@@ -26,7 +26,6 @@ from flight_model.gain_design import (
     STEPS,
     Axis,
     DelayAndNoise,
-    Delays,
     consensus_gains,
     design,
     judged_channels,
@@ -82,7 +81,7 @@ def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
 
 def test_figures_of_a_first_order_loop_are_the_closed_forms():
     """kp/s has its crossover at kp, a phase margin of 90 degrees less the delay's."""
-    plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
+    plants = [lag_responses(1e-4, 1e-4, (1e-4, 1e-4))]
     gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
     found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, NOISY)
     for name in ("speed", "heading", "height"):
@@ -94,7 +93,7 @@ def test_figures_of_a_first_order_loop_are_the_closed_forms():
 def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
     """White noise of a position of 0.02 m and a velocity of 0.03 m/s, each of the difference of two vehicles."""
     plants, weights, gains = (
-        [lag_responses(FREQUENCIES, 4.0, 1.5, (1.0, 3.0))],
+        [lag_responses(4.0, 1.5, (1.0, 3.0))],
         {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0},
         (0.6, 0.05, 1.2),
     )
@@ -111,7 +110,7 @@ def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
 
 
 def test_a_loop_beyond_its_delay_margin_is_unstable():
-    plants = [lag_responses(FREQUENCIES, 1e-4, 1e-4, (1e-4, 1e-4))]
+    plants = [lag_responses(1e-4, 1e-4, (1e-4, 1e-4))]
     gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
     for delay_s, stable in ((3.0, True), (3.3, False)):
         late = DelayAndNoise(0.1, delay_s, 0.0, 0.0, 0.0)
@@ -120,7 +119,7 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
 
 
 @pytest.mark.parametrize(
-    "response", [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), lag_responses(FREQUENCIES, 4.0, 1.5, (1.0, 3.0))]
+    "response", [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), lag_responses(4.0, 1.5, (1.0, 3.0))]
 )
 @pytest.mark.parametrize("delay_s", [0.1, 0.7])
 def test_a_design_holds_its_bounds(response, delay_s):
@@ -182,7 +181,7 @@ def test_gains_for_equation_7_are_seen_to_be_unstable_around_an_aircraft():
 
 
 SPEED_MPS, TAU_V_S, TAU_PSI_S = 22.0, 2.0, 3.0
-SENSOR_M, SAMPLING_S, NEAR = 0.02, 0.1, Delays(0.1, 0.0)
+SENSOR_M, SAMPLING_S, NEAR = 0.02, 0.1, (0.1, 0.0)
 STAR_OF_4 = (0.0, 1.0, 1.0, 4.0)
 
 
@@ -191,7 +190,7 @@ def axes(responses):
 
 
 AXES = axes(airframe_responses(FREQUENCIES, AirframeParameters.of(EnergyAirframe().parameters()), SPEED_MPS))
-LAGS = axes(lag_responses(FREQUENCIES, TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
+LAGS = axes(lag_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
 
 
 def loop(gains, axis, mode):
@@ -202,7 +201,7 @@ def loop(gains, axis, mode):
 
 @pytest.mark.parametrize("links_s", [0.0, 0.6])
 def test_every_mode_around_the_aircraft_has_the_delay_margin_and_the_peak_that_a_pids_loops_have(links_s):
-    gains = consensus_gains([AXES], STAR_OF_4, SENSOR_M, Delays(SAMPLING_S, links_s))
+    gains = consensus_gains([AXES], STAR_OF_4, SENSOR_M, SAMPLING_S, links_s)
     for mode in (0.0, 1.0, 4.0):
         for axis in AXES:
             closed = loop(gains, axis, mode)
@@ -218,7 +217,7 @@ def test_the_papers_gains_are_unstable_around_an_aircraft_and_stable_around_its_
 
 def test_the_fastest_mode_is_as_fast_on_every_graph():
     (few, _, damping), (many, _, same) = (
-        consensus_gains([AXES], (0.0, 1.0, most), SENSOR_M, NEAR) for most in (4.0, 10.0)
+        consensus_gains([AXES], (0.0, 1.0, most), SENSOR_M, *NEAR) for most in (4.0, 10.0)
     )
     assert 4.0 * few == pytest.approx(10.0 * many)
     assert damping == same == 1.0 / TAU_V_S
@@ -226,14 +225,14 @@ def test_the_fastest_mode_is_as_fast_on_every_graph():
 
 def test_noise_of_positions_moves_setpoints_by_no_more_than_a_pids():
     noise_m = 0.2
-    k1, _, _ = consensus_gains([AXES], STAR_OF_4, noise_m, NEAR)
+    k1, _, _ = consensus_gains([AXES], STAR_OF_4, noise_m, *NEAR)
     assert TAU_V_S * 4.0 * k1 * PAIR * noise_m <= STEPS[0]
     assert TAU_PSI_S * 4.0 * k1 * PAIR * noise_m <= STEPS[1] * SPEED_MPS
-    assert 4.0 * k1 < 4.0 * consensus_gains([AXES], STAR_OF_4, SENSOR_M, NEAR)[0]
+    assert 4.0 * k1 < 4.0 * consensus_gains([AXES], STAR_OF_4, SENSOR_M, *NEAR)[0]
 
 
 def test_links_over_which_nothing_holds_leave_the_slowest_that_is_tried():
-    k1, _, _ = consensus_gains([AXES], STAR_OF_4, SENSOR_M, Delays(SAMPLING_S, math.inf))
+    k1, _, _ = consensus_gains([AXES], STAR_OF_4, SENSOR_M, SAMPLING_S, math.inf)
     assert 4.0 * k1 == pytest.approx(BANDWIDTHS[-1])
 
 

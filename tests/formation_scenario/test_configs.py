@@ -3,7 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formation_scenario import SplinePath, dump_scenario, load_scenario, slot_table
+from flight_model.path import SplinePath
+from formation_scenario import dump_scenario, load_scenario
+from formation_scenario.slot_assignment import slot_table
 from formation_scenario.source import read_text
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation_scenario import SplinePath
+from flight_model.path import SplinePath
 from formation_scenario.begin_and_end import path_end_s
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from formation_scenario import SplinePath, load_scenario
+from flight_model.path import SplinePath
+from formation_scenario import load_scenario
 from formation_scenario.begin_and_end import start_states
 from formation_scenario.source import read_text
 

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline, make_interp_spline
 
-from flight_model.path import PathError
-from formation_scenario import SplinePath
+from flight_model.path import PathError, SplinePath
 
 legs = st.tuples(st.floats(-1.2, 1.2), st.floats(30.0, 3000.0), st.floats(-30.0, 30.0))
 

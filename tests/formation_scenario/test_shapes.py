@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation_scenario import slot_schedule, slot_table
-from formation_scenario.slot_assignment import RINGS, slots
+from formation_scenario.slot_assignment import RINGS, slot_schedule, slot_table, slots
 
 SHAPES = (*RINGS, "circle")
 shapes = st.sampled_from(sorted(SHAPES))

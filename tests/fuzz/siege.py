@@ -202,7 +202,7 @@ def check(flown: Flown) -> None:
     assert np.nanmin(told[..., 0], initial=np.inf) >= min(model.speed_min_mps for model in models)
     assert np.nanmax(told[..., 0], initial=-np.inf) <= max(model.speed_max_mps for model in models)
     for payload in flown.notes.commands:
-        fields = KINDS[m.MAVLINK_MSG_ID_COMMAND_INT].read(payload)
+        fields = KINDS[m.MAVLINK_MSG_ID_COMMAND_INT].example.read(payload, 0, len(payload))
         assert isinstance(fields, CommandInt)
         if fields.target_system == FOREIGN_TARGET:
             continue  # thrown at the station, which records what it hears

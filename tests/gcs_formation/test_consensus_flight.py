@@ -14,7 +14,8 @@ import pytest
 from scipy.optimize import brentq
 
 import gcs_formation
-from formation_scenario import SplinePath, load_scenario
+from flight_model.path import SplinePath
+from formation_scenario import load_scenario
 from formation_scenario.model import graph_adjacency
 from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project

@@ -1,13 +1,13 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_formation.app.result_text import Group, line, table, wrapped
+from gcs_formation.app.result_text import ColumnGroup, line, table, wrapped
 
 PARTS = (("t 12 of 120 s", "t 12 s"), ("worst error 0.01 / 0.02 / 0.00 m", "error 0.02 m"), ("4 links",))
 GROUPS = (
-    Group(("vehicle", "max x"), [("2", "0.01"), ("1:254", "1234.56")], keep=3),
-    Group(("rms x",), [("0.00",), ("–",)], keep=1),
-    Group(("settled s",), [("3.1",), ("–",)], keep=2),
+    ColumnGroup(("vehicle", "max x"), [("2", "0.01"), ("1:254", "1234.56")], keep=3),
+    ColumnGroup(("rms x",), [("0.00",), ("–",)], keep=1),
+    ColumnGroup(("settled s",), [("3.1",), ("–",)], keep=2),
 )
 
 

@@ -11,7 +11,9 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from formation_scenario import Scenario, SplinePath, dump_scenario, load_scenario, slot_schedule
+from flight_model.path import SplinePath
+from formation_scenario import Scenario, dump_scenario, load_scenario
+from formation_scenario.slot_assignment import slot_schedule
 from gcs_formation.record.figures_of_merit import (
     axis_figures,
     effort,

@@ -9,11 +9,12 @@ from matplotlib.text import Text
 from PIL import Image
 
 from airlink.endpoint import VehicleId
-from formation_scenario import load_scenario, slot_schedule
+from formation_scenario import load_scenario
 from formation_scenario.gains import redesigned
+from formation_scenario.slot_assignment import slot_schedule
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.report import load_run
-from gcs_formation.report.error_figures import WIDTHS, errors, transient_end_s
+from gcs_formation.report.error_figures import WIDTHS, disturbance, errors, transient_end_s
 from gcs_formation.report.loop_figures import followed, gains, latency
 from gcs_formation.report.page import PLATES, embedded, write_figures
 from gcs_formation.report.plan_figures import snapshot, snapshot_ticks
@@ -22,7 +23,6 @@ from gcs_formation.report.style import (
     INK,
     Mark,
     axes_grid,
-    column_of,
     marks,
     new_figure,
     print_style,
@@ -69,8 +69,8 @@ def eventful(reported):
 def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
     run = load_run(make_run(scenario, **options))
     with print_style():
-        for plate in (plate for plate in PLATES if plate.has_something(run)):
-            figure = plate.draw(run)
+        for draw in (draw for draw, has_something in PLATES.items() if has_something(run)):
+            figure = draw(run)
             figure.savefig(BytesIO(), format="raw", dpi=30)
             assert figure.get_figwidth() * 2.54 == pytest.approx(16.0)
             for legend in figure.legends:
@@ -80,7 +80,7 @@ def test_every_kind_of_run_can_be_drawn(make_run, scenario, options):
 
 
 def left_out(run):
-    return {plate.name for plate in PLATES if not plate.has_something(run)}
+    return {draw.__name__ for draw, has_something in PLATES.items() if not has_something(run)}
 
 
 def test_a_figure_that_would_be_empty_is_left_out(make_run):
@@ -90,7 +90,7 @@ def test_a_figure_that_would_be_empty_is_left_out(make_run):
 
 
 def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs_formation.report.page.PLATES", [p for p in PLATES if p.name == "disturbance"])
+    monkeypatch.setattr("gcs_formation.report.page.PLATES", {disturbance: PLATES[disturbance]})
     (tmp_path / "disturbance.png").touch()
     assert list(write_figures(load_run(make_run(flown_s=5.0)), tmp_path)) == []
     assert list(tmp_path.iterdir()) == []
@@ -138,9 +138,9 @@ def test_matplotlibs_settings_are_left_as_they_were(reported):
     assert reported.settings_kept
 
 
-@pytest.mark.parametrize("plate", PLATES, ids=[plate.name for plate in PLATES])
-def test_every_figure_is_a_png_for_print(reported, plate):
-    with Image.open(reported.directory / "figures" / f"{plate.name}.png") as image:
+@pytest.mark.parametrize("name", [draw.__name__ for draw in PLATES])
+def test_every_figure_is_a_png_for_print(reported, name):
+    with Image.open(reported.directory / "figures" / f"{name}.png") as image:
         assert image.format == "PNG"
         assert image.width == pytest.approx(16.0 / 2.54 * 200, abs=1)
         assert 300 < image.height < 1800
@@ -151,8 +151,8 @@ def test_every_figure_is_a_png_for_print(reported, plate):
 @pytest.mark.slow
 def test_letters_are_at_least_8_points(eventful):
     with print_style():
-        for plate in PLATES:
-            texts = [text for text in plate.draw(eventful).findobj(Text) if text.get_text()]
+        for draw in PLATES:
+            texts = [text for text in draw(eventful).findobj(Text) if text.get_text()]
             assert texts
             assert min(float(text.get_fontsize()) for text in texts) >= 8.0
 
@@ -189,7 +189,7 @@ def test_names_of_marks_are_at_their_lines_and_none_lies_on_another():
         grid = axes_grid(figure, 3, 2, sharex="col", width_ratios=WIDTHS)
         for column, (begin_s, end_s) in enumerate([(0.0, 30.0), (30.0, 80.0)]):
             span(grid[0][column], (begin_s, end_s))
-        columns = [column_of(grid, column) for column in range(2)]
+        columns = list(zip(*grid, strict=True))
         draw_marks(columns, [Mark(*each) for each in happened.items()])
         figure.savefig(BytesIO(), format="raw")
     names = {text.get_text(): text.get_window_extent() for text in grid[0][0].texts if text.get_text()}

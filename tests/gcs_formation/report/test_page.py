@@ -69,7 +69,7 @@ def test_whatever_a_vehicle_says_stays_text(report):
 
 def test_every_figure_is_in_the_page_and_in_its_directory(report):
     directory, _, text = report
-    names = {plate.name for plate in PLATES}
+    names = {draw.__name__ for draw in PLATES}
     assert {path.stem for path in (directory / "figures").glob("*.png")} == names
     assert {f"figure-{name}" for name in names} <= Outline(text).ids
     assert text.count('src="data:image/png;base64,iVBOR') == len(names)

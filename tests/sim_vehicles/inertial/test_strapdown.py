@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
-from formation_scenario import SplinePath
+from flight_model.path import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.experiment import Array, Start, exact_start, navigate
 from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory, attitude, misalignment
