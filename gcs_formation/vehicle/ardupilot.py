@@ -234,13 +234,7 @@ class ArduPlane(ArduPilot):
         return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
 
     def _altitude(self, height_m: float) -> Command:
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_CHANGE_ALTITUDE,
-            param1=height_m + self.origin.alt_m,
-            param2=m.MAV_FRAME_GLOBAL,
-        )
+        return self._command(m.MAV_CMD_DO_CHANGE_ALTITUDE, height_m + self.origin.alt_m, m.MAV_FRAME_GLOBAL)
 
     def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
         return CommandInt(self.system, AUTOPILOT, ABOVE_SEA, command, 0, 0, param1, param2, param3, 0.0, 0, 0, z)

@@ -51,19 +51,15 @@ class Effect(NamedTuple):
     expected: int
 
 
-class MissingEffect(NamedTuple):
-    """A command that was acknowledged and not carried out."""
-
-    description: str
-    after_s: float
-
-
 class EffectWatch:
     """Watches the last command that a vehicle acknowledged until it takes effect, or somebody else's does."""
 
     def __init__(self) -> None:
         """Start with no command."""
-        self.missing: MissingEffect | None = None
+        self.missing: str | None = None
+        """What an acknowledged command should have led to and hasn't, in words; None where all is as it should be."""
+        self.missing_s = 0.0
+        """How long after the acknowledgement that was found, s."""
         self._effect: Effect | None = None
         self._since = Instant(0)
         self._before: int | None = None
@@ -89,8 +85,9 @@ class EffectWatch:
             self._effect = self.missing = None
             return
         waited_s = seconds_between(self._since, now)
-        if waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
-            self.missing = self.missing or MissingEffect(effect.description, waited_s)
+        missed = waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS
+        if missed and self.missing is None:
+            self.missing, self.missing_s = effect.description, waited_s
 
 
 def nothing(_: Telemetry) -> tuple[Command, ...]:
@@ -223,28 +220,15 @@ class Autopilot(ABC):
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE for one of the family's own modes."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_SET_MODE,
-            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            param2=mode,
-        )
+        return self._command(m.MAV_CMD_DO_SET_MODE, m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
 
     def set_message_interval(self, message_id: int, rate_hz: float) -> Command:
         """Return MAV_CMD_SET_MESSAGE_INTERVAL."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_SET_MESSAGE_INTERVAL,
-            param1=message_id,
-            param2=round(1e6 / rate_hz),
-        )
+        return self._command(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
     def home_request(self) -> Command:
         """Return the request for its home."""
-        home = m.MAVLINK_MSG_ID_HOME_POSITION
-        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_REQUEST_MESSAGE, param1=home)
+        return self._command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_HOME_POSITION)
 
     def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
         """Return the requests for those messages that don't come by themselves."""
@@ -336,7 +320,11 @@ class Autopilot(ABC):
         return (self._arm_or_disarm(arm=True),)
 
     def _arm_or_disarm(self, *, arm: bool) -> Command:
-        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
+        return self._command(m.MAV_CMD_COMPONENT_ARM_DISARM, float(arm))
+
+    def _command(self, command: int, *params: float) -> CommandLong:
+        """Return a command to its autopilot, with the first of its parameters."""
+        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, command, 0, *params)
 
     def leave(self, manner: End, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return the commands that end a flight: circle here or, for `rtl` and before `land`, at home."""

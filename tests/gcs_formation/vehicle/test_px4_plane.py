@@ -115,8 +115,7 @@ def test_a_mode_is_told_as_main_and_sub_mode_and_confirmed_by_the_heartbeat_alon
     for _ in range(3):
         telemetry.take(beat(HOLD, armed=True))
     effects.judge(telemetry, after(NOW, 3.5))
-    assert effects.missing is not None
-    assert effects.missing.description == "mode RTL"
+    assert effects.missing == "mode RTL"
 
 
 def test_armed_on_the_ground_it_is_active_and_not_airborne(px4):
