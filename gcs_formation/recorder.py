@@ -212,26 +212,3 @@ class Note(Protocol):
     ) -> None:
         """Record it."""
         ...
-
-
-class Reporter:
-    """Passes events to a recorder; each module of the station is given `event` as its `Note`."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        """Report to `recorder`."""
-        self._recorder = recorder
-
-    def event(
-        self,
-        now: Instant,
-        kind: str,
-        text: str,
-        vehicle: Vehicle | None = None,
-        details: Mapping[str, Detail] | None = None,
-    ) -> None:
-        """Report an event, of a vehicle or of the run."""
-        self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
-
-    def link(self, vehicle: Vehicle, now: Instant) -> None:
-        """Report the new state of a link."""
-        self.event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})
