@@ -26,24 +26,6 @@ GiveUp = Callable[[str, Instant], None]
 class VehicleLink:
     """The link to one vehicle at a tick."""
 
-    __slots__ = (
-        "airborne",
-        "circling",
-        "delay_s",
-        "disobeying",
-        "down_s",
-        "flew",
-        "flies_home_m",
-        "heard",
-        "jitter_s",
-        "lag_s",
-        "ready",
-        "speeds_mps",
-        "split_s",
-        "stands_after_s",
-        "up_s",
-    )
-
     def __init__(self, now: Instant) -> None:
         """Begin as that of a virtual leader: no delay, always heard."""
         self.ready = False
@@ -92,26 +74,6 @@ class Tick:
 
     The controller fills it in; nobody does afterwards.
     """
-
-    __slots__ = (
-        "active",
-        "age_s",
-        "decided",
-        "error_m",
-        "events",
-        "leader",
-        "links",
-        "margin_used",
-        "mission_time_s",
-        "now",
-        "phase",
-        "replaced",
-        "setpoints",
-        "slots_m",
-        "state",
-        "virtual_leader",
-        "yielding",
-    )
 
     def __init__(
         self,

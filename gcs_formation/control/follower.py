@@ -73,8 +73,6 @@ class LawParameters:
 class Pair:
     """A follower and its leader at the instant at which the follower's setpoint acts."""
 
-    __slots__ = ("bandwidth", "commanded", "leader", "model", "replaced", "slot", "state", "wind_variance")
-
     def __init__(
         self,
         leader: LeaderMotion,

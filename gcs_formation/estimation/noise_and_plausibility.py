@@ -62,8 +62,6 @@ STRAY_GAP_S: Final = 0.3
 class VehicleNoise:
     """The variances of one vehicle's telemetry."""
 
-    __slots__ = ("_before", "_declared", "_least", "_stated", "by_quantity", "samples", "values")
-
     def __init__(self, declared: Quantities, least: Quantities, *, stated: bool = True) -> None:
         """Start from what is declared.
 

@@ -80,28 +80,6 @@ class NonConformance(NamedTuple):
 class FlownSetpoints:
     """One vehicle: where it has been within the window, and how often it fell short."""
 
-    __slots__ = (
-        "air_variance",
-        "bad",
-        "broken",
-        "carried_m",
-        "climbed",
-        "good",
-        "highest_at",
-        "highest_m",
-        "least",
-        "missed",
-        "model",
-        "off_at",
-        "past",
-        "reach_m",
-        "since",
-        "sinks",
-        "stamps",
-        "stuck",
-        "vehicle",
-    )
-
     def __init__(
         self,
         vehicle: Vehicle,

@@ -35,8 +35,6 @@ atan: Final = math.atan
 class MotionRates:
     """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
 
-    __slots__ = ("place_mps", "turn_rps", "wind_mps2")
-
     def __init__(self, place_mps: tuple[float, float], turn_rps: float, wind_mps2: tuple[float, float]) -> None:
         """Take the changes of place, heading and wind; of place and wind north and east."""
         self.place_mps = place_mps
@@ -47,8 +45,6 @@ class MotionRates:
 @mypyc_attr(acyclic=True, free_list_len=1)
 class RouteHeading:
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
-
-    __slots__ = ("along_mps", "bend_rps2", "climb_mps", "heading_rad", "turn_rps")
 
     def __init__(
         self, heading_rad: float, turn_rps: float, bend_rps2: float, climb_mps: float, along_mps: float

@@ -54,8 +54,6 @@ def stays(_: float) -> Sequence[tuple[float, float]]:
 class Flier:
     """A vehicle in the air, at the end of a flight."""
 
-    __slots__ = ("band", "commanded_m", "place", "steered")
-
     def __init__(
         self, place: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
     ) -> None:
@@ -113,7 +111,8 @@ class Stack:
                 if self._taken:
                     self._taken.pop(identity, None)
             elif identity in self._taken:
-                self._taken[identity] = _hull(self._taken[identity], flier.band)
+                (low_m, high_m), (also_low_m, also_high_m) = self._taken[identity], flier.band
+                self._taken[identity] = min(low_m, also_low_m), max(high_m, also_high_m)
             else:
                 self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
         if not self._taken and all(identity in self.heights_m for identity in fliers):
@@ -330,7 +329,3 @@ def _climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:
     height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
     velocity = motion.north_mps, motion.east_mps, motion.climb_mps
     return ReportedMotion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
-
-
-def _hull(one: Band, other: Band) -> Band:
-    return min(one[0], other[0]), max(one[1], other[1])
