@@ -93,11 +93,9 @@ class VehicleNoise:
         return [sigma / declared if declared > finest else 1.0 for sigma, declared, finest in each]
 
     def learn(self, increments: Values, spread: Values) -> None:
-        """Take the increments of a sample's values that the model doesn't explain.
+        """Take the increments of a sample's values that the model doesn't explain, and the innovations' variances.
 
-        Args:
-            increments: innovation minus the residual of the sample before.
-            spread: variances of the innovations.
+        An increment is an innovation minus the residual of the sample before.
         """
         now, before, known, least = (
             _clipped(increments, spread, self.values),

@@ -139,12 +139,8 @@ class MarginWatch:
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
-        Only a mutual law closes a loop around the vehicle that leads.
-
-        Args:
-            now: the instant.
-            leader: who leads.
-            lags_off: (3, C) by what share each channel's lags seem to differ from those of the model in use.
+        Only a mutual law closes a loop around the vehicle that leads. `lags_off`: (3, C) by what share each channel's
+        lags seem to differ from those of the model in use.
         """
         self._lags_off = lags_off
         for identity, axes in self._axes.items():

@@ -278,11 +278,7 @@ class Abreast(NamedTuple):
     def rise(self, state: FlightState, commanded_m: float, model: AutopilotModel, speed_mps: float) -> Rise:
         """Return how a vehicle's height, climb, and the climb commanded of it differ from the path's.
 
-        Args:
-            state: the vehicle's.
-            commanded_m: the height that it follows; NaN where there is none.
-            model: the vehicle's.
-            speed_mps: along the path.
+        It flies at a speed along the path and follows `commanded_m`, a height; NaN where there is none.
         """
         climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
         most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))

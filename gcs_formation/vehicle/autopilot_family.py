@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from airlink import mavlink as m
-from airlink.clock import Instant, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
@@ -33,10 +32,6 @@ ASKED_S: Final = 30.0
 in four starts of a million."""
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
-SHOWN_WITHIN_S: Final = 2.0
-SHOWN_IN_HEARTBEATS: Final = 2
-"""A command has no effect when both this time and so many heartbeats have passed since its acknowledgement, and has had
-its effect, acknowledged or not, when heartbeats show it after so long."""
 Command = CommandLong | CommandInt
 Known = list[CommandInt | None]
 """What a vehicle has been told of airspeed, heading and height; None where it must be told again."""
@@ -49,45 +44,6 @@ class Effect(NamedTuple):
     shown: Callable[[Telemetry], int | None]
     """Reads from telemetry what the command changes: the mode, or whether the vehicle is armed."""
     expected: int
-
-
-class EffectWatch:
-    """Watches the last command that a vehicle acknowledged until it takes effect, or somebody else's does."""
-
-    def __init__(self) -> None:
-        """Start with no command."""
-        self.missing: str | None = None
-        """What an acknowledged command should have led to and hasn't, in words; None where all is as it should be."""
-        self.missing_s = 0.0
-        """How long after the acknowledgement that was found, s."""
-        self._effect: Effect | None = None
-        self._since = Instant(0)
-        self._before: int | None = None
-        self._heartbeats = 0
-
-    @property
-    def watching(self) -> bool:
-        """Whether there is a command whose effect hasn't been seen yet."""
-        return self._effect is not None
-
-    def acknowledged(self, effect: Effect, seen: Telemetry, now: Instant) -> None:
-        """Watch for the effect of a command that has just been acknowledged, instead of the one before it."""
-        self._effect, self._since = effect, now
-        self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
-
-    def judge(self, seen: Telemetry, now: Instant) -> None:
-        """Update `missing`. A state that is neither the expected one nor the one before is the pilot's choice."""
-        effect = self._effect
-        if effect is None:
-            return
-        shown = effect.shown(seen)
-        if shown in (effect.expected, None) or shown != self._before:
-            self._effect = self.missing = None
-            return
-        waited_s = seconds_between(self._since, now)
-        missed = waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS
-        if missed and self.missing is None:
-            self.missing, self.missing_s = effect.description, waited_s
 
 
 def nothing(_: Telemetry) -> tuple[Command, ...]:
@@ -241,9 +197,7 @@ class Autopilot(ABC):
     def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
         """Return the rate, Hz, of each message that we need, including those sent without a request.
 
-        Args:
-            telemetry_rate_hz: of those that carry its motion.
-            utc: whether its UTC is needed.
+        Those that carry its motion have `telemetry_rate_hz`; `utc`: its UTC is needed.
         """
         fast, slow = self.fast_messages, self.slow_messages
         rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
