@@ -77,7 +77,7 @@ class Traced(Station):
         begins = not self.done and self.files is None and self.flight.phase is Phase.FLYING
         if begins and any(map(_is_position, datagrams)):
             self.files = set()
-            sys.setprofile(self._note)
+            sys.setprofile(self._list)
         super().receive(datagrams, now)
 
     def tick(self, now: Instant) -> None:
@@ -86,7 +86,7 @@ class Traced(Station):
         sys.setprofile(None)
         self.done = self.files is not None
 
-    def _note(self, frame: FrameType, event: str, _: object) -> None:
+    def _list(self, frame: FrameType, event: str, _: object) -> None:
         if event == "call" and self.files is not None:
             self.files.add(frame.f_code.co_filename)
 

@@ -239,7 +239,8 @@ class FormationController:
         replaced = [AS_DECIDED] * self._columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same ones while they stand
-            self._placed, self._slots_m = commanded_slots, [_place_of(each) for each in commanded_slots]
+            self._placed = commanded_slots
+            self._slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
             self._slots_m[tick.leader] = UNKNOWN
         tick.slots_m = self._slots_m
         for each in self._law.decide(situation, self._dt_s):
@@ -364,10 +365,6 @@ class FormationController:
                 self._in_slots_s = 0.0
                 return
         self._in_slots_s += self._dt_s
-
-
-def _place_of(slot: Slot) -> Triple:
-    return slot.forward_m, slot.right_m, slot.up_m
 
 
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:

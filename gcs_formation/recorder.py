@@ -26,24 +26,6 @@ GiveUp = Callable[[str, Instant], None]
 class VehicleLink:
     """The link to one vehicle at a tick."""
 
-    __slots__ = (
-        "airborne",
-        "circling",
-        "delay_s",
-        "disobeying",
-        "down_s",
-        "flew",
-        "flies_home_m",
-        "heard",
-        "jitter_s",
-        "lag_s",
-        "ready",
-        "speeds_mps",
-        "split_s",
-        "stands_after_s",
-        "up_s",
-    )
-
     def __init__(self, now: Instant) -> None:
         """Begin as that of a virtual leader: no delay, always heard."""
         self.ready = False
@@ -92,26 +74,6 @@ class Tick:
 
     The controller fills it in; nobody does afterwards.
     """
-
-    __slots__ = (
-        "active",
-        "age_s",
-        "decided",
-        "error_m",
-        "events",
-        "leader",
-        "links",
-        "margin_used",
-        "mission_time_s",
-        "now",
-        "phase",
-        "replaced",
-        "setpoints",
-        "slots_m",
-        "state",
-        "virtual_leader",
-        "yielding",
-    )
 
     def __init__(
         self,
@@ -212,26 +174,3 @@ class Note(Protocol):
     ) -> None:
         """Record it."""
         ...
-
-
-class Reporter:
-    """Passes events to a recorder; each module of the station is given `event` as its `Note`."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        """Report to `recorder`."""
-        self._recorder = recorder
-
-    def event(
-        self,
-        now: Instant,
-        kind: str,
-        text: str,
-        vehicle: Vehicle | None = None,
-        details: Mapping[str, Detail] | None = None,
-    ) -> None:
-        """Report an event, of a vehicle or of the run."""
-        self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
-
-    def link(self, vehicle: Vehicle, now: Instant) -> None:
-        """Report the new state of a link."""
-        self.event(now, "link", vehicle.connection.state.value, vehicle, {"peer": str(vehicle.connection.peer)})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -19,7 +20,7 @@ from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.fleet.interval_watch import MessageIntervals
-from gcs_formation.fleet.margin_watch import AirspeedWatch, DesignWatch, MarginWatch, NoiseWatch
+from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, TelemetryWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.senders import Senders
 from gcs_formation.from_scenario import planned
@@ -29,7 +30,7 @@ from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
-from gcs_formation.recorder import Recorder, Reporter, Tick
+from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
@@ -63,35 +64,32 @@ class Station(Engine):
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
-        self._reporter = Reporter(recorder)
-        fleet = self.vehicles, self._reporter.event
+        note, fleet = self._note, (self.vehicles, self._note)
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.course = Course(
             scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
         )
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
-        self._senders = Senders(self.vehicles, self.networks, self.flight, self._reporter.event, self.course.fail)
-        self._noise, self._airspeeds = NoiseWatch(*fleet), AirspeedWatch(*fleet)
-        self.design = DesignWatch(
-            scenario, self.vehicles, (self.controller.retune, self.margins.retune), self._reporter.event
-        )
-        self._common_clock = CommonClock(self.vehicles, utc_at_0_s, self._reporter.event)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, self._reporter.event, self.course.fail)
-        self._takeover = Takeover(resumed, self.vehicles, self._reporter.event)
+        self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
+        self._telemetry = TelemetryWatch(*fleet)
+        self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
+        self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self.course.fail)
+        self._takeover = Takeover(resumed, *fleet)
         self._starting = Starting(
             self.vehicles,
             self._endpoints,
             self.flight,
             self.preflight,
             self._takeover,
-            self._reporter.event,
+            note,
             self.course.fail,
             together=scenario.hovers and not scenario.start.in_air and resumed is None,
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
-        self.orders = Orders(scenario, self.course, self._reconfiguration, self._reporter.event)
-        self._heartbeats = HeartbeatScheduler(self.vehicles, self._reporter.event)
-        self._message_intervals = MessageIntervals(self.vehicles, self._reporter.event)
+        self.orders = Orders(scenario, self.course, self._reconfiguration, note)
+        self._heartbeats = HeartbeatScheduler(*fleet)
+        self._message_intervals = MessageIntervals(*fleet)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
         # Restarts: how many of each vehicle's have been heeded.
@@ -162,8 +160,8 @@ class Station(Engine):
             if self.flight.phase in COMMANDED:
                 self.design.watch(now)
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
-            self._noise.watch(now, [each.noise for each in self.controller.estimator.filters])
-            self._airspeeds.watch(now)
+            self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
+            self._telemetry.watch_airspeeds(now)
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.heartbeats(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
@@ -232,14 +230,14 @@ class Station(Engine):
         for vehicle in self._each:
             link = vehicle.connection
             if not link.in_order(now) and link.check(now, vehicle.sequence.loss):
-                self._reporter.link(vehicle, now)
+                self._note_link(vehicle, now)
 
     def _start_vehicles(self, now: Instant) -> None:
         for place, vehicle in enumerate(self._each):
             if vehicle.restarts > self._restarts[place]:
                 self._restarts[place] = vehicle.restarts
                 self.controller.estimator.forget(vehicle.column)
-                self._reporter.event(now, "restarted", "its clock has begun anew", vehicle)
+                self._note(now, "restarted", "its clock has begun anew", vehicle)
         self._send_all(self.preflight.requests(now), now)
         self.preflight.watch()
         self._starting.advance(now)
@@ -332,12 +330,27 @@ class Station(Engine):
 
     # What happens, and what is said about it.
 
+    def _note(
+        self,
+        now: Instant,
+        kind: str,
+        text: str,
+        vehicle: Vehicle | None = None,
+        details: Mapping[str, Detail] | None = None,
+    ) -> None:
+        """Record an event, of a vehicle or of the run: the `Note` of all parts of the station."""
+        self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
+
+    def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
+        link = vehicle.connection
+        self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
+
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         message = frame.message
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
             self._take_word(vehicle, frame, now, timed)
         elif vehicle.take(frame, now, timed=timed):
-            self._reporter.link(vehicle, now)
+            self._note_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.preflight.take(vehicle, message, now)
 
@@ -346,11 +359,11 @@ class Station(Engine):
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
-            self._reporter.link(vehicle, now)
+            self._note_link(vehicle, now)
         if seen.custom_mode != mode:
-            self._reporter.event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
+            self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:
-            self._reporter.event(now, "statustext", seen.texts[-1], vehicle)
+            self._note(now, "statustext", seen.texts[-1], vehicle)
             self._membership.hear(vehicle, seen.texts[-1], now)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:

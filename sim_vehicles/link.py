@@ -27,8 +27,6 @@ _TIMESYNC: Final = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 class Peer:
     """A remote: what it sends, how frames to it are numbered, and when it was last heard."""
 
-    __slots__ = ("address", "heard", "parser", "writer")
-
     def __init__(self, address: Address, system: int) -> None:
         """Start with nothing heard from it; `system` is our own."""
         self.address = address

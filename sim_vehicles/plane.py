@@ -17,13 +17,14 @@ from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
 from flight_model.autopilot_model import wrap
 from flight_model.earth import GeodeticOrigin
+from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.mission_items import E7, Item
 from sim_vehicles.autopilot.missions import Missions
 from sim_vehicles.autopilot.modes_and_failsafe import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
-from sim_vehicles.autopilot.parameters import ParameterServer, planes
+from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import Pilot, Target
 from sim_vehicles.autopilot.telemetry import UNASKED
 from sim_vehicles.config import VehicleConfig
@@ -49,6 +50,9 @@ TIMED = frozenset({m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_NAV_TAKEOFF, m.MAV_CMD_NAV_
     m.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
 }
 """Commands that take time to fly; all others are completed at once."""
+WIDER_THAN_TIGHTEST = 1.3
+"""Radius of circles by that of the tightest turn, if that is more."""
+ROLL_LIMIT_DEG = 45.0
 JUMPS = frozenset({m.MAV_CMD_DO_JUMP, m.MAV_CMD_DO_JUMP_TAG})
 
 
@@ -217,7 +221,7 @@ class Plane(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(planes(config, self.fleet.config.cruise_mps))
+        return ParameterServer(plane_parameters(config, self.fleet.config.cruise_mps))
 
     @property
     def flies_mission(self) -> bool:
@@ -316,3 +320,29 @@ class Plane(Vehicle):
                 self.broadcast(MissionItemReached(seq))
             if self._mission_flight.ended:
                 self.enter(Mode.RTL)
+
+
+def plane_parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
+    """Return ArduPlane's parameters for a vehicle, by their names."""
+    model = config.model
+    bank_deg = math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
+    radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
+    return {
+        "AIRSPEED_CRUISE": floating(5, 1000, cruise_mps),
+        "AIRSPEED_MAX": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.ceil(model.speed_max_mps)),
+        "AIRSPEED_MIN": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.floor(model.speed_min_mps)),
+        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
+        "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 32767, 55),
+        "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 32767, 400),
+        "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
+        "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
+        "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
+        "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
+        "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(bank_deg))),
+        "RTL_ALTITUDE": floating(-1, 1e5, 100),
+        "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 0, 32767, 50),
+        "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, -32767, 32767, radius_m),
+        "WP_RADIUS": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
+    }

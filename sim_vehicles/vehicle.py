@@ -301,8 +301,10 @@ class Vehicle(ABC):
     def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; return each MAV_RESULT to acknowledge it with."""
         given = commands.received(message)
-        ignored = self.ignores and given.command in commands.ORDERS
-        return (commands.ACCEPTED if ignored else commands.execute(self, given),)
+        if self.ignores and given.command in commands.ORDERS:
+            return (commands.ACCEPTED,)
+        handler = self.handlers.get(given.command)
+        return (commands.UNSUPPORTED if handler is None else handler(self, given),)
 
     def take_other(self, frame: Frame) -> bool:  # noqa: ARG002 - of the family's own there is none
         """Take a message of the family's own; return whether it is one."""

@@ -27,7 +27,7 @@ from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import SCORED, Gathering, Truth, tables
+from gcs_formation.record.flight import Gathering, Truth, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
@@ -226,7 +226,7 @@ class Session:
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
-        rows, gathering = Spool(spool), Gathering(self.scenario, SCORED)
+        rows, gathering = Spool(spool), Gathering(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))
         if self.options.record in {"full", "series"}:

@@ -31,8 +31,6 @@ from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 class _Reference:
     """The motion that v_s is taken from, at one vehicle's instant."""
 
-    __slots__ = ("heading_rad", "leader")
-
     def __init__(self, leader: LeaderMotion, heading_rad: float) -> None:
         """Take a leader's motion, and the heading along which the slots lie.
 
@@ -44,8 +42,6 @@ class _Reference:
 
 class _Deviation:
     """Of a vehicle from its slot's motion, in m and m/s north and east; and that motion."""
-
-    __slots__ = ("east_m", "east_mps", "north_m", "north_mps", "target")
 
     def __init__(self, state: FlightState, place_m: tuple[float, float], target: Target) -> None:
         """Take the vehicle's state, its slot's place relative to the origin, and the slot's motion."""

@@ -73,8 +73,6 @@ class LawParameters:
 class Pair:
     """A follower and its leader at the instant at which the follower's setpoint acts."""
 
-    __slots__ = ("bandwidth", "commanded", "leader", "model", "replaced", "slot", "state", "wind_variance")
-
     def __init__(
         self,
         leader: LeaderMotion,
@@ -327,10 +325,7 @@ class FollowerController(Controller):
     def _closing(self, faster_mps: float, flown_mps: float, model: AutopilotModel) -> float:
         """Return a correction of speed that brings a vehicle no faster to its slot than it can brake from.
 
-        Args:
-            faster_mps: the correction that the controllers want.
-            flown_mps: by how much it is faster than its slot.
-            model: the vehicle's.
+        The controllers want `faster_mps`, and it is faster than its slot by `flown_mps`.
         """
         error_m = self.error_m[0]
         most_mps = LEAST_CLOSING_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * abs(error_m))

@@ -168,8 +168,6 @@ class ChannelConstants:
 class Pid:
     """One channel's controller, with what it remembers."""
 
-    __slots__ = ("_channel", "_gain_range", "_kept", "_kept_for_s", "_scheduler", "integral", "kd", "ki", "kp", "rate")
-
     def __init__(self, channel: ChannelConstants, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
         """Start at rest, with the integrator at trim (29); without a scheduler gains stay nominal."""
         self._channel = channel

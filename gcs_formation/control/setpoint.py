@@ -51,8 +51,6 @@ class Mixer:
 class Target:
     """The air-relative motion that keeps a follower in its slot without error in a steady turn."""
 
-    __slots__ = ("heading_rad", "speed_mps")
-
     def __init__(self, speed_mps: float, heading_rad: float) -> None:
         """Take airspeed and heading."""
         self.speed_mps = speed_mps
@@ -137,8 +135,6 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) ->
 class LeaderMotion:
     """How the leader flies."""
 
-    __slots__ = ("acceleration_mps2", "bend_rps2", "climb_change_mps2", "state", "turn_rps")
-
     def __init__(
         self,
         state: FlightState,
@@ -219,8 +215,6 @@ class TrailingSlot:
     a lag of x_rc / v, which changes as the slot moves.
     """
 
-    __slots__ = ("_crab_rad", "_off_rad")
-
     def __init__(self) -> None:
         """Start with a slot that has finished turning."""
         self._off_rad = math.nan
@@ -264,8 +258,6 @@ class Envelope:
     for a vehicle that flies elsewhere). Height stays so near the present height that the model needs no more than its
     climb limit to get there within its time constants.
     """
-
-    __slots__ = ("aside_max_rad", "height_m", "model", "own_heading_rad", "reach_m")
 
     def __init__(self, own_heading_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Take the limits of a vehicle in `state`, whose slot heads along `own_heading_rad`."""

@@ -20,8 +20,6 @@ from gcs_formation.guidance.tracking import RouteHeading
 class Lead:
     """What the guidance asks of the leader, and how the path continues there."""
 
-    __slots__ = ("at", "commanded", "leader", "path")
-
     def __init__(self, leader: int, at: Instant, commanded: list[LeaderCommand], path: RouteHeading) -> None:
         """Take what is asked for.
 
@@ -39,8 +37,6 @@ class Lead:
 
 class Situation:
     """Input of a law."""
-
-    __slots__ = ("active", "bandwidth", "commanded", "lead", "replaced", "slots", "states", "wind_variance")
 
     def __init__(
         self,
@@ -79,8 +75,6 @@ class Situation:
 @mypyc_attr(acyclic=True)
 class Decided:
     """What a law has decided for one vehicle, and the quantities that it came from."""
-
-    __slots__ = ("column", "error_m", "gains", "mixed", "setpoint", "state")
 
     def __init__(
         self, column: int, state: FlightState, setpoint: Triple, error_m: Triple, mixed: Triple, gains: Gains

@@ -63,17 +63,6 @@ LIMITS_STEP: Final = 0.005
 class AirspeedCheck:
     """Whether one aircraft's readings are believed, and its synthetic airspeed in the place of those that aren't."""
 
-    __slots__ = (
-        "_east_mps",
-        "_fastest_mps",
-        "_north_mps",
-        "_plausible_s",
-        "_slowest_mps",
-        "_stamp_s",
-        "believes",
-        "synthetic_mps",
-    )
-
     def __init__(self, slowest_mps: float, fastest_mps: float) -> None:
         """Believe readings; those that are told are between the two limits."""
         self._slowest_mps, self._fastest_mps = slowest_mps, fastest_mps

@@ -65,20 +65,6 @@ FORGOTTEN_S: Final = 5.0
 class Sample:
     """What a vehicle measured at one instant: ground velocity, and position north, east and up from the origin."""
 
-    __slots__ = (
-        "airspeed_mps",
-        "airspeed_ratio",
-        "by_course",
-        "climb_mps",
-        "east_m",
-        "east_mps",
-        "heading_rad",
-        "height_m",
-        "north_m",
-        "north_mps",
-        "stamp",
-    )
-
     def __init__(  # noqa: PLR0913, PLR0917 - a sample's values
         self,
         stamp: Instant,

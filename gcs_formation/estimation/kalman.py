@@ -38,8 +38,6 @@ SWAY_MEMORY_S: Final = 60.0
 class LevelCovariance:
     """Covariance of north, east, airspeed, heading, and the wind north and east: m, m/s and rad."""
 
-    __slots__ = ("east", "heading", "north", "speed", "wind_east", "wind_north")
-
     def __init__(self, variances: Level) -> None:
         """Begin with `variances` and no correlation."""
         self.north: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -115,8 +113,6 @@ class LevelCovariance:
 class VelocityJacobian:
     """The derivatives of the velocity over ground, north and east, by airspeed and heading, at a state."""
 
-    __slots__ = ("east_by_heading", "east_by_speed", "north_by_heading", "north_by_speed")
-
     def __init__(self) -> None:
         """Start without a state."""
         self.north_by_speed = self.north_by_heading = self.east_by_speed = self.east_by_heading = 0.0
@@ -142,8 +138,6 @@ class VelocityJacobian:
 class HeightCovariance:
     """Covariance of height and climb, m and m/s."""
 
-    __slots__ = ("climb", "cross", "height")
-
     def __init__(self, height: float, climb: float) -> None:
         """Begin with two variances and no correlation."""
         self.height = height
@@ -164,8 +158,6 @@ class HeightCovariance:
 
 class Updraught:
     """What carries one vehicle up, from how it climbs against model (7)."""
-
-    __slots__ = ("_felt_mps", "_followed", "_known_s", "sway_m2")
 
     def __init__(self, *, followed: bool) -> None:
         """Start in still air. `followed`: whether states have it."""

@@ -86,8 +86,6 @@ class Persistence:
     By von Neumann's ratio of the means of batch after batch: rho = 1 - steps / (2 size), of squares.
     """
 
-    __slots__ = ("_before", "_count", "_mean", "_size", "_steps")
-
     def __init__(self, resolution: float) -> None:
         """Begin with residuals that are independent, and no larger than a `resolution`."""
         self._before: float = math.nan

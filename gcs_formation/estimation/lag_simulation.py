@@ -29,8 +29,6 @@ Seen = tuple[float, float, float, float]
 class ResidualBatch:
     """A vehicle's residuals of one channel: of each of some samples, the K simulations minus telemetry, then 1."""
 
-    __slots__ = ("count", "rows")
-
     def __init__(self, simulations: int, samples: int) -> None:
         """Take K, and how many samples there may be."""
         self.count: i64 = 0
@@ -193,8 +191,6 @@ class SecondOrder:
 
 class Samples:
     """What a vehicle's telemetry had at the ticks of a batch; the first ended the batch before."""
-
-    __slots__ = ("count", "headings_rad", "heights_m", "speeds_mps", "stamps")
 
     def __init__(self, most: int) -> None:
         """Hold so many at most."""

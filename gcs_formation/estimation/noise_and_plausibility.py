@@ -62,8 +62,6 @@ STRAY_GAP_S: Final = 0.3
 class VehicleNoise:
     """The variances of one vehicle's telemetry."""
 
-    __slots__ = ("_before", "_declared", "_least", "_stated", "by_quantity", "samples", "values")
-
     def __init__(self, declared: Quantities, least: Quantities, *, stated: bool = True) -> None:
         """Start from what is declared.
 
@@ -95,11 +93,9 @@ class VehicleNoise:
         return [sigma / declared if declared > finest else 1.0 for sigma, declared, finest in each]
 
     def learn(self, increments: Values, spread: Values) -> None:
-        """Take the increments of a sample's values that the model doesn't explain.
+        """Take the increments of a sample's values that the model doesn't explain, and the innovations' variances.
 
-        Args:
-            increments: innovation minus the residual of the sample before.
-            spread: variances of the innovations.
+        An increment is an innovation minus the residual of the sample before.
         """
         now, before, known, least = (
             _clipped(increments, spread, self.values),

@@ -37,8 +37,6 @@ class States(ABC):
 class Measured(States):
     """What is known at a tick, vehicle by vehicle: every newest state, each at its own time stamp."""
 
-    __slots__ = ("active", "acts", "stamps", "states")
-
     def __init__(self, states: list[FlightState], stamps: list[int], active: list[bool], acts: list[int]) -> None:
         """Take the newest states, their time stamps, who is commanded, and when a setpoint sent now will act."""
         self.states = states
@@ -65,8 +63,6 @@ class Projection:
 
 class TickStates:
     """What was known of every vehicle at a tick."""
-
-    __slots__ = ("carried_east_m", "carried_north_m", "stamps", "states")
 
     def __init__(self, stamps: list[int], states: list[FlightState], before: TickStates | None) -> None:
         """Take the states at their stamps, in ns, and what the sample of the tick before knew."""

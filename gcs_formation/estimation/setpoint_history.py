@@ -26,8 +26,6 @@ RESPOND_NS: Final = 280_000_000
 class SentSetpoints:
     """One vehicle's setpoints of the last ticks, the newest at `end` - 1, and when each is expected to act, in ns."""
 
-    __slots__ = ("_headings_rad", "_heights_m", "_speeds_mps", "acts", "end", "first")
-
     def __init__(self, length: int) -> None:
         """Keep those of so many ticks; before the first acts, the vehicle flies straight on."""
         self.acts = vec[i64]([0] * (2 * length))

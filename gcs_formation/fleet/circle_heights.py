@@ -23,6 +23,8 @@ OPENING_RESERVE_S = 15.0
 AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle from where it was commanded."""
 SAMPLE_M = 10.0
+Band = tuple[float, float]
+"""The lowest and the highest of the heights at one of which a vehicle is that nobody can move, m."""
 
 
 class Top(NamedTuple):
@@ -94,13 +96,6 @@ class GroundFloor:
         return self.highest((north_m + north_by_m * step, east_m + east_by_m * step) for step in steps).height_m
 
 
-class Band(NamedTuple):
-    """Heights at one of which a vehicle is that nobody can move, m."""
-
-    low_m: float
-    high_m: float
-
-
 def loiter_heights(
     places: Mapping[VehicleId, ReportedMotion],
     floor_m: float = -math.inf,
@@ -116,7 +111,7 @@ def loiter_heights(
     """
     heights: dict[VehicleId, float] = {}
     for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
-        near = [Band(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
+        near = [(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
         heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
     return heights
 

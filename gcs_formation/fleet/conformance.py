@@ -173,20 +173,14 @@ class ConformanceMonitor:
                 continue
             before = vehicle.effects.missing
             vehicle.effects.judge(vehicle.telemetry, now)
-            missing = vehicle.effects.missing
-            if missing is not None and missing is not before:
-                mode = vehicle.autopilot.mode_name(vehicle.telemetry)
-                text = f"acknowledged {missing.description} {missing.after_s:.1f} s ago, and is still in {mode}"
-                armed = vehicle.telemetry.armed
-                details: dict[str, Detail] = {
-                    "order": missing.description,
-                    "after_s": missing.after_s,
-                    "mode": mode,
-                    "armed": armed,
-                }
+            missing, after_s = vehicle.effects.missing, vehicle.effects.missing_s
+            if missing is not None and before is None:
+                mode, armed = vehicle.autopilot.mode_name(vehicle.telemetry), vehicle.telemetry.armed
+                text = f"acknowledged {missing} {after_s:.1f} s ago, and is still in {mode}"
+                details: dict[str, Detail] = {"order": missing, "after_s": after_s, "mode": mode, "armed": armed}
                 self._note(now, "disobeys", text, vehicle, details)
             elif missing is None and before is not None:
-                self._note(now, "obeys", f"{before.description} is over", vehicle, {"order": before.description})
+                self._note(now, "obeys", f"{before} is over", vehicle, {"order": before})
 
     def stand_down(self) -> None:
         """Expect nothing of setpoints, which nobody is sent any more."""

@@ -50,12 +50,9 @@ class Dispatch:
         """Since when there has been no setpoint for a column that should get some."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
-        """Return the present state of the link to every column, and how long the leader's setpoints are held back.
+        """Return the present link to every column, and how long the setpoints of column `leader` are held back, s.
 
-        Args:
-            leader: the leading column.
-            disobeying: (C,) columns that don't seem to fly as they were commanded.
-            now: the tick's instant.
+        `disobeying`: (C,) which don't seem to fly as they were commanded.
         """
         links = [VehicleLink(now) for _ in range(self._count)]
         links[0].ready = self._virtual_leader

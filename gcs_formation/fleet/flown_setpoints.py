@@ -80,28 +80,6 @@ class NonConformance(NamedTuple):
 class FlownSetpoints:
     """One vehicle: where it has been within the window, and how often it fell short."""
 
-    __slots__ = (
-        "air_variance",
-        "bad",
-        "broken",
-        "carried_m",
-        "climbed",
-        "good",
-        "highest_at",
-        "highest_m",
-        "least",
-        "missed",
-        "model",
-        "off_at",
-        "past",
-        "reach_m",
-        "since",
-        "sinks",
-        "stamps",
-        "stuck",
-        "vehicle",
-    )
-
     def __init__(
         self,
         vehicle: Vehicle,
@@ -153,14 +131,7 @@ class FlownSetpoints:
         return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
 
     def look(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
-        """Compare its motion with where the setpoints of `history` led; return a channel that newly isn't followed.
-
-        Args:
-            stamp: when it was where it is seen.
-            seen: its newest state.
-            history: what was commanded.
-            now: the tick's instant.
-        """
+        """Compare its newest state, true at `stamp`, with where setpoints led; return what newly isn't followed."""
         commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS

@@ -37,8 +37,6 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 class Look:
     """Counts of what a vehicle has sent up to an instant."""
 
-    __slots__ = ("heard_s", "lost", "messages", "received")
-
     def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
         """Take the time during which it was heard at all, the frames, and the count of each requested message."""
         self.heard_s = heard_s

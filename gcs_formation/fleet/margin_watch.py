@@ -139,12 +139,8 @@ class MarginWatch:
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
 
-        Only a mutual law closes a loop around the vehicle that leads.
-
-        Args:
-            now: the instant.
-            leader: who leads.
-            lags_off: (3, C) by what share each channel's lags seem to differ from those of the model in use.
+        Only a mutual law closes a loop around the vehicle that leads. `lags_off`: (3, C) by what share each channel's
+        lags seem to differ from those of the model in use.
         """
         self._lags_off = lags_off
         for identity, axes in self._axes.items():
@@ -252,16 +248,16 @@ def _channels(axis: str) -> list[int]:
     return PLACES.get(axis, EVERY_PLACE)
 
 
-class NoiseWatch:
-    """Compares the noise that is seen with the declared one; the law goes by what is seen."""
+class TelemetryWatch:
+    """Says, once a second, whose noise isn't as declared, whose airspeed isn't believed, and that it is again."""
 
     def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Watch `vehicles`."""
         self._vehicles, self._note = vehicles, note
-        self._off: set[VehicleId] = set()
+        self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
 
-    def watch(self, now: Instant, noise: list[VehicleNoise]) -> None:
-        """Look once a second; of a vehicle whose noise is off, the quantity that is farthest off is named."""
+    def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
+        """Compare the noise that is seen, by which the law goes, with the declared one; name what is farthest off."""
         for identity, vehicle in self._vehicles.items():
             ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
             for place, each in enumerate(ratios):
@@ -277,17 +273,8 @@ class NoiseWatch:
                 details: dict[str, Detail] = {"ratio": ratios[worst]}
                 self._note(now, "noise", "is as noisy as declared again", vehicle, details)
 
-
-class AirspeedWatch:
-    """Says whose measured airspeed isn't believed, and that it is again."""
-
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Watch `vehicles`."""
-        self._vehicles, self._note = vehicles, note
-        self._unbelieved: set[VehicleId] = set()
-
-    def watch(self, now: Instant) -> None:
-        """Look once a second."""
+    def watch_airspeeds(self, now: Instant) -> None:
+        """Say which measured airspeeds aren't believed."""
         for identity, vehicle in self._vehicles.items():
             check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
             if check is None or check.believes == was_believed:

@@ -118,12 +118,8 @@ class Membership:
     ) -> None:
         """Decide which vehicles fly in the formation; once there has been a leader, none does without one.
 
-        Args:
-            leader: who leads, None for a virtual leader.
-            estimator: knows how old everyone's state is.
-            now: the tick's instant.
-            connecting: whether the station waits for its vehicles.
-            beyond: those whose loop's delay is beyond what keeps it stable.
+        `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: those whose
+        loop's delay is beyond what keeps it stable.
         """
         led = True
         if leader is not None:

@@ -14,7 +14,6 @@ from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages.system import Heartbeat
-from gcs_formation.link.source_binding import ADMITTED
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
@@ -59,12 +58,10 @@ class Senders:
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # that of a device that isn't an autopilot, such as a companion computer
-        ruling = vehicle.source_binding.judge(message, socket, datagram.peer, now)
-        if ruling is ADMITTED:
-            return vehicle
-        if ruling.finding is not None:
-            self._note_finding(vehicle, ruling.finding, datagram, now, admitted=ruling.admitted)
-        return vehicle if ruling.admitted else None
+        admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
+        if finding is not None:
+            self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
+        return vehicle if admitted else None
 
     def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
         self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})

@@ -151,8 +151,6 @@ def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) 
 class LeaderCommand:
     """What the leader flies by at some instant."""
 
-    __slots__ = ("heading_rad", "height_m", "speed_mps", "turn_rps")
-
     def __init__(self, speed_mps: float, heading_rad: float, height_m: float, turn_rps: float) -> None:
         """Take its setpoints, and how fast the commanded heading turns."""
         self.speed_mps = speed_mps
@@ -255,7 +253,7 @@ class LeaderGuidance:
         self.distance_m = project(self.route, state.north_m, state.east_m, self.distance_m)
         if not self.on_path and self.distance_m >= self.route.length_m:
             self._follow_path(state)
-        elif self.on_path and not self.started and not assembled and self._must_decide():
+        elif self.on_path and not assembled and -DECISION_S * self.speed_mps < self.distance_m < 0.0:
             self.rounds += 1
             self._join(state)
         self._point = self.route.at(self.distance_m)
@@ -291,9 +289,6 @@ class LeaderGuidance:
     def _here(self) -> PathPoint:
         assert self._point is not None, "nobody was steered yet"
         return self._point
-
-    def _must_decide(self) -> bool:
-        return self.distance_m > -DECISION_S * self.speed_mps
 
     def _set_out(self, state: FlightState) -> None:
         if self.amid_m is not None:

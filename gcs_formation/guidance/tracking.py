@@ -35,8 +35,6 @@ atan: Final = math.atan
 class MotionRates:
     """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
 
-    __slots__ = ("place_mps", "turn_rps", "wind_mps2")
-
     def __init__(self, place_mps: tuple[float, float], turn_rps: float, wind_mps2: tuple[float, float]) -> None:
         """Take the changes of place, heading and wind; of place and wind north and east."""
         self.place_mps = place_mps
@@ -47,8 +45,6 @@ class MotionRates:
 @mypyc_attr(acyclic=True, free_list_len=1)
 class RouteHeading:
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
-
-    __slots__ = ("along_mps", "bend_rps2", "climb_mps", "heading_rad", "turn_rps")
 
     def __init__(
         self, heading_rad: float, turn_rps: float, bend_rps2: float, climb_mps: float, along_mps: float
@@ -282,11 +278,7 @@ class Abreast(NamedTuple):
     def rise(self, state: FlightState, commanded_m: float, model: AutopilotModel, speed_mps: float) -> Rise:
         """Return how a vehicle's height, climb, and the climb commanded of it differ from the path's.
 
-        Args:
-            state: the vehicle's.
-            commanded_m: the height that it follows; NaN where there is none.
-            model: the vehicle's.
-            speed_mps: along the path.
+        It flies at a speed along the path and follows `commanded_m`, a height; NaN where there is none.
         """
         climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
         most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))

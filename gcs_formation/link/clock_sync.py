@@ -59,7 +59,8 @@ class ClockFilter:
         self.drift: float = 0.0
         """Rate of change of the offset."""
         self._believed_drift, self._offset_noise, self._drift_noise = believed_drift, offset_noise, drift_noise
-        self._reference = Instant(0)
+        self.reference = Instant(0)
+        """Of which instant its offset is."""
         self._p00: float = 1.0
         self._p01: float = 0.0
         self._p11: float = squared(believed_drift)
@@ -67,7 +68,7 @@ class ClockFilter:
 
     def predict(self, at: Instant) -> float:
         """Return the offset at an instant, s."""
-        return self.offset_s + self.drift * (at - self._reference) / NANOSECONDS
+        return self.offset_s + self.drift * (at - self.reference) / NANOSECONDS
 
     def begin(self, at: Instant, sample_s: float, variance: float) -> None:
         """Start with a clock of which this sample, of a variance in s², is the first."""
@@ -76,7 +77,7 @@ class ClockFilter:
 
     def step(self, at: Instant, sample_s: float, variance: float) -> None:
         """Follow a clock that has stepped: its rate is what it was."""
-        self.offset_s, self._reference = sample_s, at
+        self.offset_s, self.reference = sample_s, at
         self._p00, self._p01 = variance, 0.0
 
     def correct(self, at: Instant, sample_s: float, variance: float) -> float:
@@ -97,18 +98,13 @@ class ClockFilter:
 
     def to_instant(self, clock_s: float) -> Instant:
         """Return our instant at which the clock showed a time, s."""
-        at_reference_s = self._reference / NANOSECONDS + self.offset_s
-        return Instant(self._reference + nanoseconds((clock_s - at_reference_s) / (1 + self.drift)))
+        at_reference_s = self.reference / NANOSECONDS + self.offset_s
+        return Instant(self.reference + nanoseconds((clock_s - at_reference_s) / (1 + self.drift)))
 
     def age_s(self, clock_s: float, now: Instant) -> float:
         """Return how long before `now` the clock showed a time, s."""
-        since_s = (now - self._reference) / NANOSECONDS
-        return since_s - (clock_s - self._reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
-
-    @property
-    def reference(self) -> Instant:
-        """Of which instant its offset is."""
-        return self._reference
+        since_s = (now - self.reference) / NANOSECONDS
+        return since_s - (clock_s - self.reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
 
     @property
     def offset_variance(self) -> float:
@@ -122,11 +118,11 @@ class ClockFilter:
 
     def advance(self, to: Instant) -> None:
         """Let the clock run on to an instant; it never runs back."""
-        if to <= self._reference:
+        if to <= self.reference:
             return
-        elapsed_s = (to - self._reference) / NANOSECONDS
+        elapsed_s = (to - self.reference) / NANOSECONDS
         self.offset_s += self.drift * elapsed_s
-        self._reference = to
+        self.reference = to
         grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
         self._p00 = self._p00 + grown + squared(self._offset_noise) * elapsed_s
         self._p01 += elapsed_s * self._p11

@@ -41,8 +41,6 @@ def probable_run(loss: float, probability: float) -> float:
 class Mark:
     """What had been counted of a vehicle's frames by an instant."""
 
-    __slots__ = ("answers", "asked", "at", "received", "sent")
-
     def __init__(self, at: Instant, received: i64, sent: i64, answers: i64, asked: i64) -> None:
         """Take the instant, frames received and sent, answers among them, and how many of those were asked for."""
         self.at, self.received, self.sent, self.answers, self.asked = at, received, sent, answers, asked

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address
@@ -47,16 +47,9 @@ class Evidence(Enum):
     ANOTHERS = "its clock is another's"
 
 
-class Ruling(NamedTuple):
-    """Whether a frame is accepted as the vehicle's."""
-
-    admitted: bool
-    finding: str | None = None
-    """What to report: of an accepted frame that the vehicle has moved, of another that there is a second sender."""
-
-
-ADMITTED: Final = Ruling(True)
-REFUSED: Final = Ruling(False)
+Ruling = tuple[bool, str | None]
+"""Whether a frame is accepted as the vehicle's, and what to report: of an accepted one that the vehicle has moved, of
+another that there is a second sender."""
 NOTHING: Final = Evidence.NONE
 GOES_ON: Final = Evidence.GOES_ON
 ANOTHERS: Final = Evidence.ANOTHERS
@@ -103,10 +96,10 @@ class SourceBinding:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
         if evidence is ANOTHERS and message is not None:
             self.refused_stamp_s = message.boot_s()
-            return Ruling(False, self._another((socket, peer), evidence, now))
+            return False, self._another((socket, peer), evidence, now)
         if evidence is GOES_ON or not self._clock.samples:
             self._agreed = now
-        return ADMITTED
+        return True, None
 
     def believes(self, vehicle_time_s: float, now: Instant) -> bool:
         """Return whether to accept the clock in an answer to a probe as the vehicle's."""
@@ -136,12 +129,12 @@ class SourceBinding:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
         if state in TALKING or evidence is ANOTHERS:
-            return Ruling(False, self._another(remote, evidence, now))
+            return False, self._another(remote, evidence, now)
         refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
         if evidence is NOTHING and not clockless:
-            return REFUSED
-        return Ruling(True, self._move(remote, evidence, now))
+            return False, None
+        return True, self._move(remote, evidence, now)
 
     def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> str:
         connection = self._connection

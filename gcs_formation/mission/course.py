@@ -47,11 +47,9 @@ class Orders:
 
         What was planned for after the flight was cut short, by an order or by `--until`, isn't missed.
         """
-        missed = [] if self._course.cut_short else [*self._left(), *self._reconfiguration.left]
+        late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
+        missed = [] if self._course.cut_short else late + self._reconfiguration.left
         return self._refused + self._reconfiguration.unflown + missed
-
-    def _left(self) -> list[str]:
-        return [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
 
     def resume(self, mission_s: float) -> None:
         """Go on after a mission time; what was planned for before has been given."""
@@ -154,7 +152,8 @@ class Course:
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
-        if not self._may_command() or (cause is Cause.FAILURE and self._nobody_heard()):
+        unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
+        if not self._may_command() or (cause is Cause.FAILURE and unheard):
             cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
@@ -167,9 +166,6 @@ class Course:
             self._dispatch.clear()
             self._ending.leave(now)
         return True
-
-    def _nobody_heard(self) -> bool:
-        return all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
 
     def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
         """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""

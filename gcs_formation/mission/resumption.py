@@ -68,31 +68,24 @@ class Resumption:
         return self.distance_m - BEHIND_M, self.distance_m + BEYOND * self.speed_mps * gone_s + BEHIND_M
 
 
-@dataclass(frozen=True)
-class Found:
-    """How a vehicle is found."""
+def why_left(
+    known: Known, resumed: Resumption, mode: str, *, airborne: bool, guided: bool, homeward: bool
+) -> str | None:
+    """Return why a vehicle that is found in a mode is left as it is, in words; None if it is taken.
 
-    mode: str
-    airborne: bool
-    guided: bool
-    """Whether it follows setpoints."""
-    homeward: bool
-    """Whether it is in the mode of its failsafe."""
-
-
-def why_left(known: Known, found: Found, resumed: Resumption) -> str | None:
-    """Return why a vehicle is left as it is, in words; None if it is taken."""
-    if not found.airborne:
+    `guided`: it follows setpoints; `homeward`: it is in the mode of its failsafe.
+    """
+    if not airborne:
         return "on the ground"
-    as_left = found.mode == known.mode and not known.parted
-    if found.guided or (not resumed.ending and (as_left or (found.homeward and resumed.retake and not known.parted))):
+    as_left = mode == known.mode and not known.parted
+    if guided or (not resumed.ending and (as_left or (homeward and resumed.retake and not known.parted))):
         return None
     if resumed.ending:
-        return f"in {found.mode} at the flight's end"
+        return f"in {mode} at the flight's end"
     if known.parted:
-        return f"in {found.mode}, its pilot's or its failsafe's already before"
-    home = RETAKE if found.homeward else ""
-    return f"in {found.mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
+        return f"in {mode}, its pilot's or its failsafe's already before"
+    home = RETAKE if homeward else ""
+    return f"in {mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
 
 
 class Takeover:
@@ -120,18 +113,19 @@ class Takeover:
         if not (vehicle.start_up.asked_for_telemetry and seen.complete and seen.heartbeat):
             return False
         self._decided.add(vehicle.identity)
-        autopilot = vehicle.autopilot
-        found = Found(
-            mode=autopilot.mode_name(seen),
+        autopilot, mode = vehicle.autopilot, vehicle.autopilot.mode_name(seen)
+        reason = why_left(
+            resumed.vehicles[vehicle.identity],
+            resumed,
+            mode,
             airborne=autopilot.is_airborne(seen),
             guided=autopilot.takes_setpoints(seen),
             homeward=seen.custom_mode == autopilot.home_mode,
         )
-        reason = why_left(resumed.vehicles[vehicle.identity], found, resumed)
         if reason is not None:
             self._left[vehicle.identity] = reason
             vehicle.leave_to_pilot(now)
-        self._note(now, "takeover", f"left as it is: {reason}" if reason else f"taken over in {found.mode}", vehicle)
+        self._note(now, "takeover", f"left as it is: {reason}" if reason else f"taken over in {mode}", vehicle)
         return True
 
     def leader(self, now: Instant) -> VehicleId | None:

@@ -54,7 +54,8 @@ class PreFlight:
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
-        self._passed = self._confirmed and not caution.parameters
+        self.passed = self._confirmed and not caution.parameters
+        """Whether vehicles may be commanded."""
         self._readers: dict[VehicleId, ParameterReader] = {}
         if caution.parameters:
             for planned in scenario.vehicles:
@@ -66,14 +67,9 @@ class PreFlight:
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """What isn't as it should be, and doesn't keep anybody on the ground."""
 
-    @property
-    def passed(self) -> bool:
-        """Whether vehicles may be commanded."""
-        return self._passed
-
     def watch(self) -> None:
         """Let everybody begin, once for all, when all are connected, ready and checked, and the word is given."""
-        self._passed = self._passed or (self._confirmed and self._checked and self._ready)
+        self.passed = self.passed or (self._confirmed and self._checked and self._ready)
 
     @property
     def awaits_word(self) -> bool:

@@ -54,8 +54,6 @@ def stays(_: float) -> Sequence[tuple[float, float]]:
 class Flier:
     """A vehicle in the air, at the end of a flight."""
 
-    __slots__ = ("band", "commanded_m", "place", "steered")
-
     def __init__(
         self, place: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
     ) -> None:
@@ -113,7 +111,8 @@ class Stack:
                 if self._taken:
                     self._taken.pop(identity, None)
             elif identity in self._taken:
-                self._taken[identity] = _hull(self._taken[identity], flier.band)
+                (low_m, high_m), (also_low_m, also_high_m) = self._taken[identity], flier.band
+                self._taken[identity] = min(low_m, also_low_m), max(high_m, also_high_m)
             else:
                 self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
         if not self._taken and all(identity in self.heights_m for identity in fliers):
@@ -127,13 +126,13 @@ class Stack:
         }
         if moved:
             kept_m = [self.heights_m[identity] for identity in free if identity not in moved]
-            self._assign(moved, [*taken, *(Band(height_m, height_m) for height_m in kept_m)])
+            self._assign(moved, [*taken, *((height_m, height_m) for height_m in kept_m)])
         return bool(moved)
 
     def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
         """Give a height to those of the vehicles that have none; nobody else's changes."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
-        taken = [*self._taken.values(), *(Band(height_m, height_m) for height_m in self.heights_m.values())]
+        taken = [*self._taken.values(), *((height_m, height_m) for height_m in self.heights_m.values())]
         self._assign(new, taken)
 
     def lift(self, floor_m: float) -> bool:
@@ -175,8 +174,8 @@ class Stack:
         moves_on = False
         if self._taken:
             moves_on = name in self._taken or others_name in self._taken
-            low_m, high_m = self._taken.get(name, Band(low_m, high_m))
-            others_low_m, others_high_m = self._taken.get(others_name, Band(others_low_m, others_high_m))
+            low_m, high_m = self._taken.get(name, (low_m, high_m))
+            others_low_m, others_high_m = self._taken.get(others_name, (others_low_m, others_high_m))
         if max(low_m - others_high_m, others_low_m - high_m) >= self._gap_m:
             return True
         return not (moves_on or self._together or may_meet(one.place, other.place))
@@ -294,7 +293,7 @@ class Opening:
             return Flier(place, self._commanded_m(column), steered=True)
         orders_m = self._orders_m(vehicle, column, links, answers=answers)
         heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
-        return Flier(place, heights_m[-1], Band(min(heights_m), max(heights_m)))
+        return Flier(place, heights_m[-1], (min(heights_m), max(heights_m)))
 
     def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
         """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
@@ -330,7 +329,3 @@ def _climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:
     height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
     velocity = motion.north_mps, motion.east_mps, motion.climb_mps
     return ReportedMotion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)
-
-
-def _hull(one: Band, other: Band) -> Band:
-    return Band(min(one.low_m, other.low_m), max(one.high_m, other.high_m))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -183,16 +183,16 @@ def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
 class Gathering:
     """Takes columns of `tables` as they pass, to make a flight of them: what isn't taken needn't be held at once."""
 
-    def __init__(self, scenario: Scenario, names: Container[str]) -> None:
-        """Take the columns of these names."""
-        self._scenario, self._names = scenario, names
+    def __init__(self, scenario: Scenario) -> None:
+        """Take the columns of `SCORED`."""
+        self._scenario = scenario
         self._taken = dict[str, list[Array]]()
 
     def passing(self, tables: Iterable[Columns]) -> Iterator[Columns]:
         """Yield the tables (T, V), of ticks one after the other; the flight is whole when they have all passed."""
         for each in tables:
             for name, column in each.items():
-                if name in self._names:
+                if name in SCORED:
                     self._taken.setdefault(name, []).append(np.ascontiguousarray(column.T))
             yield each
 

@@ -58,7 +58,7 @@ def consensus_delay_margin(
     gains = _checked_gains(len(weights), k1, k2, k3, h)
     matrix = laplacian(weights)
     return min(
-        _component_margin(_restricted(matrix, part), part, _of_members(gains, part))
+        _component_margin(_restricted(matrix, part), part, gains._replace(damping=gains.damping[part.members]))
         for part in spanning_components(weights)
     )
 
@@ -158,10 +158,6 @@ def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike
 
 def _restricted(matrix: Array, part: Component) -> Array:
     return matrix[np.ix_(part.members, part.members)]
-
-
-def _of_members(gains: _Gains, part: Component) -> _Gains:
-    return gains._replace(damping=gains.damping[part.members])
 
 
 def _component_margin(matrix: Array, part: Component, gains: _Gains) -> float:

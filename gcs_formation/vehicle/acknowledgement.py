@@ -1,4 +1,4 @@
-"""What is sent to one vehicle until it acknowledges it: commands, each again until then, and setpoints.
+"""What is sent to one vehicle until it acknowledges it, commands and setpoints, and whether it then does as told.
 
 Source: MAVLink guide, "Command Protocol".
 """
@@ -13,7 +13,8 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, SHOWN_WITHIN_S, Command
+from gcs_formation.vehicle.autopilot_family import Command, Effect
+from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
 RETRY_REFUSED_S: Final = 3.0
@@ -37,6 +38,10 @@ PATIENCE: Final = 1.5
 """Shares of the usual round trip that the quickest answer takes, and the slowest."""
 LOOPS_S: Final = 0.15
 """For how long a setpoint and its answer may wait for the loops of either end."""
+SHOWN_WITHIN_S: Final = 2.0
+SHOWN_IN_HEARTBEATS: Final = 2
+"""A command has no effect when both this time and so many heartbeats have passed since its acknowledgement, and has had
+its effect, acknowledged or not, when heartbeats show it after so long."""
 
 
 class Outcome(Enum):
@@ -182,6 +187,45 @@ class CommandQueue:
         if late:
             self._late = command, count - 1, until
         return late
+
+
+class EffectWatch:
+    """Watches the last command that a vehicle acknowledged until it takes effect, or somebody else's does."""
+
+    def __init__(self) -> None:
+        """Start with no command."""
+        self.missing: str | None = None
+        """What an acknowledged command should have led to and hasn't, in words; None where all is as it should be."""
+        self.missing_s = 0.0
+        """How long after the acknowledgement that was found, s."""
+        self._effect: Effect | None = None
+        self._since = Instant(0)
+        self._before: int | None = None
+        self._heartbeats = 0
+
+    @property
+    def watching(self) -> bool:
+        """Whether there is a command whose effect hasn't been seen yet."""
+        return self._effect is not None
+
+    def acknowledged(self, effect: Effect, seen: Telemetry, now: Instant) -> None:
+        """Watch for the effect of a command that has just been acknowledged, instead of the one before it."""
+        self._effect, self._since = effect, now
+        self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
+
+    def judge(self, seen: Telemetry, now: Instant) -> None:
+        """Update `missing`. A state that is neither the expected one nor the one before is the pilot's choice."""
+        effect = self._effect
+        if effect is None:
+            return
+        shown = effect.shown(seen)
+        if shown in (effect.expected, None) or shown != self._before:
+            self._effect = self.missing = None
+            return
+        waited_s = seconds_between(self._since, now)
+        missed = waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS
+        if missed and self.missing is None:
+            self.missing, self.missing_s = effect.description, waited_s
 
 
 class SetpointChannel:

@@ -109,6 +109,12 @@ class ArduPilot(Autopilot, ABC):
             StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
         )
 
+    def _guided_step(self) -> StartUpStep:
+        guided = self.guided_mode
+        return StartUpStep(
+            "set mode GUIDED", lambda seen: seen.custom_mode == guided, lambda _: (self.set_mode(guided),)
+        )
+
     def _is_ready(self, seen: Telemetry) -> bool:
         healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
         on_ground = seen.heartbeat is not None and seen.ekf_flags & EKF_READY == EKF_READY and healthy
@@ -152,11 +158,7 @@ class ArduPlane(ArduPilot):
             StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
             StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=90.0),
-            StartUpStep(
-                "set mode GUIDED",
-                lambda seen: seen.custom_mode == self.guided_mode,
-                lambda _: (self.set_mode(self.guided_mode),),
-            ),
+            self._guided_step(),
         )
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
@@ -234,13 +236,7 @@ class ArduPlane(ArduPilot):
         return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
 
     def _altitude(self, height_m: float) -> Command:
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_CHANGE_ALTITUDE,
-            param1=height_m + self.origin.alt_m,
-            param2=m.MAV_FRAME_GLOBAL,
-        )
+        return self._command(m.MAV_CMD_DO_CHANGE_ALTITUDE, height_m + self.origin.alt_m, m.MAV_FRAME_GLOBAL)
 
     def _guided(self, command: int, param1: float, param2: float, param3: float, z: float = 0.0) -> CommandInt:
         return CommandInt(self.system, AUTOPILOT, ABOVE_SEA, command, 0, 0, param1, param2, param3, 0.0, 0, 0, z)
@@ -306,7 +302,7 @@ class ArduCopter(ArduPilot):
         """Return the steps: streams, ready, GUIDED, take-off. In the air, unnecessary ones are done at once."""
         return (
             *self._asked_and_ready(rates_hz),
-            StartUpStep("set mode GUIDED", self._is_guided, lambda _: (self.set_mode(self.guided_mode),)),
+            self._guided_step(),
             StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
             StartUpStep("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=60.0),
@@ -349,9 +345,6 @@ class ArduCopter(ArduPilot):
         """
         nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
         return (velocity_setpoint(self.system, setpoint, where, self._lead, nose_rad),)
-
-    def _is_guided(self, seen: Telemetry) -> bool:
-        return seen.custom_mode == self.guided_mode
 
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_NAV_TAKEOFF, param7=TAKE_OFF_TO_M),)

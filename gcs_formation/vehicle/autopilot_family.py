@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from airlink import mavlink as m
-from airlink.clock import Instant, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
@@ -33,10 +32,6 @@ ASKED_S: Final = 30.0
 in four starts of a million."""
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
-SHOWN_WITHIN_S: Final = 2.0
-SHOWN_IN_HEARTBEATS: Final = 2
-"""A command has no effect when both this time and so many heartbeats have passed since its acknowledgement, and has had
-its effect, acknowledged or not, when heartbeats show it after so long."""
 Command = CommandLong | CommandInt
 Known = list[CommandInt | None]
 """What a vehicle has been told of airspeed, heading and height; None where it must be told again."""
@@ -49,48 +44,6 @@ class Effect(NamedTuple):
     shown: Callable[[Telemetry], int | None]
     """Reads from telemetry what the command changes: the mode, or whether the vehicle is armed."""
     expected: int
-
-
-class MissingEffect(NamedTuple):
-    """A command that was acknowledged and not carried out."""
-
-    description: str
-    after_s: float
-
-
-class EffectWatch:
-    """Watches the last command that a vehicle acknowledged until it takes effect, or somebody else's does."""
-
-    def __init__(self) -> None:
-        """Start with no command."""
-        self.missing: MissingEffect | None = None
-        self._effect: Effect | None = None
-        self._since = Instant(0)
-        self._before: int | None = None
-        self._heartbeats = 0
-
-    @property
-    def watching(self) -> bool:
-        """Whether there is a command whose effect hasn't been seen yet."""
-        return self._effect is not None
-
-    def acknowledged(self, effect: Effect, seen: Telemetry, now: Instant) -> None:
-        """Watch for the effect of a command that has just been acknowledged, instead of the one before it."""
-        self._effect, self._since = effect, now
-        self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
-
-    def judge(self, seen: Telemetry, now: Instant) -> None:
-        """Update `missing`. A state that is neither the expected one nor the one before is the pilot's choice."""
-        effect = self._effect
-        if effect is None:
-            return
-        shown = effect.shown(seen)
-        if shown in (effect.expected, None) or shown != self._before:
-            self._effect = self.missing = None
-            return
-        waited_s = seconds_between(self._since, now)
-        if waited_s >= SHOWN_WITHIN_S and seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
-            self.missing = self.missing or MissingEffect(effect.description, waited_s)
 
 
 def nothing(_: Telemetry) -> tuple[Command, ...]:
@@ -223,28 +176,15 @@ class Autopilot(ABC):
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE for one of the family's own modes."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_SET_MODE,
-            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            param2=mode,
-        )
+        return self._command(m.MAV_CMD_DO_SET_MODE, m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
 
     def set_message_interval(self, message_id: int, rate_hz: float) -> Command:
         """Return MAV_CMD_SET_MESSAGE_INTERVAL."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_SET_MESSAGE_INTERVAL,
-            param1=message_id,
-            param2=round(1e6 / rate_hz),
-        )
+        return self._command(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
     def home_request(self) -> Command:
         """Return the request for its home."""
-        home = m.MAVLINK_MSG_ID_HOME_POSITION
-        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_REQUEST_MESSAGE, param1=home)
+        return self._command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_HOME_POSITION)
 
     def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
         """Return the requests for those messages that don't come by themselves."""
@@ -257,9 +197,7 @@ class Autopilot(ABC):
     def rates_hz(self, telemetry_rate_hz: float, *, utc: bool = False) -> Mapping[int, float]:
         """Return the rate, Hz, of each message that we need, including those sent without a request.
 
-        Args:
-            telemetry_rate_hz: of those that carry its motion.
-            utc: whether its UTC is needed.
+        Those that carry its motion have `telemetry_rate_hz`; `utc`: its UTC is needed.
         """
         fast, slow = self.fast_messages, self.slow_messages
         rates_hz = dict.fromkeys(fast, telemetry_rate_hz) | dict.fromkeys(slow, SLOW_RATE_HZ) | self.unasked_hz
@@ -336,7 +274,11 @@ class Autopilot(ABC):
         return (self._arm_or_disarm(arm=True),)
 
     def _arm_or_disarm(self, *, arm: bool) -> Command:
-        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, m.MAV_CMD_COMPONENT_ARM_DISARM, param1=float(arm))
+        return self._command(m.MAV_CMD_COMPONENT_ARM_DISARM, float(arm))
+
+    def _command(self, command: int, *params: float) -> CommandLong:
+        """Return a command to its autopilot, with the first of its parameters."""
+        return CommandLong(self.system, m.MAV_COMP_ID_AUTOPILOT1, command, 0, *params)
 
     def leave(self, manner: End, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return the commands that end a flight: circle here or, for `rtl` and before `land`, at home."""

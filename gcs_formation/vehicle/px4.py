@@ -20,7 +20,7 @@ from typing import ClassVar
 
 from airlink import mavlink as m
 from airlink.messages import Message
-from airlink.messages.command import CommandInt, CommandLong, ParamValue
+from airlink.messages.command import CommandInt, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
@@ -160,14 +160,8 @@ class Px4(Autopilot, ABC):
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE: the main mode and the sub mode in fields of their own."""
-        return CommandLong(
-            self.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_CMD_DO_SET_MODE,
-            param1=m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            param2=mode >> 16 & 0xFF,
-            param3=mode >> 24,
-        )
+        own = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return self._command(m.MAV_CMD_DO_SET_MODE, own, mode >> 16 & 0xFF, mode >> 24)
 
     def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
         """Return the requests, with that for each change of mode: a heartbeat comes once a second."""
@@ -176,17 +170,8 @@ class Px4(Autopilot, ABC):
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
         """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""
-        return (
-            CommandLong(
-                self.system,
-                m.MAV_COMP_ID_AUTOPILOT1,
-                m.MAV_CMD_NAV_TAKEOFF,
-                param4=UNCHANGED,
-                param5=UNCHANGED,
-                param6=UNCHANGED,
-                param7=self._home_above_sea_m(seen) + self.take_off_to_m,
-            ),
-        )
+        place = (UNCHANGED, UNCHANGED, UNCHANGED, self._home_above_sea_m(seen) + self.take_off_to_m)
+        return (self._command(m.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, *place),)
 
     def _home_above_sea_m(self, seen: Telemetry) -> float:
         motion = seen.motion

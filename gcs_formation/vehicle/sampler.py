@@ -35,11 +35,7 @@ class Sampler:
 
         The heading is carried over from its own message's stamp to the position's. A multirotor's airspeed and heading
         are how it moves over ground. What a sensor reads on the ground, of one that hasn't flown yet, teaches nothing.
-
-        Args:
-            now: the instant.
-            flew: whether it flies, or did when it was last heard.
-            leads: whether others' slots go by its motion.
+        `flew`: it flies, or did when it was last heard; `leads`: others' slots go by its motion.
         """
         seen = self._telemetry
         if seen.motion is None or seen.attitude is None or not seen.complete or not self._round_trips.clock.samples:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.acknowledgement import CommandQueue, Outcome
-from gcs_formation.vehicle.autopilot_family import SHOWN_IN_HEARTBEATS, StartUpStep
+from gcs_formation.vehicle.acknowledgement import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
+from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0

@@ -45,8 +45,6 @@ APART_LIMIT_S: Final = 2.0
 class ReportedMotion:
     """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
 
-    __slots__ = ("above_home_m", "climb_mps", "east_m", "east_mps", "height_m", "north_m", "north_mps", "stamp_s")
-
     def __init__(
         self,
         stamp_s: float,

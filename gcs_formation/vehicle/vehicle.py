@@ -23,13 +23,12 @@ from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import TURN_S, SourceBinding
-from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, Outcome, SetpointChannel
+from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, EffectWatch, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import (
     AIRBORNE_M,
     STATION_SYSTEM,
     Autopilot,
     Command,
-    EffectWatch,
     StartUpStep,
 )
 from gcs_formation.vehicle.sampler import Sampler
@@ -115,12 +114,9 @@ class Vehicle:
         return ready and self.autopilot.takes_setpoints(self.telemetry)
 
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
-        """Take a frame of this vehicle's autopilot; return whether the link's state changed.
+        """Take a frame of this vehicle's autopilot, read now; return whether the link's state changed.
 
-        Args:
-            frame: the frame.
-            now: when it was read.
-            timed: whether it also arrived then; a frame that waited for us says nothing about the link's delay.
+        `timed`: it also arrived now; a frame that waited for us says nothing about the link's delay.
         """
         message, sequence = frame.message, self.sequence
         if message is not None:

@@ -151,28 +151,6 @@ def _along(state: FlightState) -> tuple[float, float]:
 class Body:
     """A vehicle that flies by equation (7), or under total-energy control where its model has an airframe."""
 
-    __slots__ = (
-        "_energy",
-        "_filled",
-        "_full_throttle",
-        "_motion",
-        "_pitot",
-        "_prompt",
-        "_rest_mps",
-        "air_down_mps",
-        "air_east_mps",
-        "air_north_mps",
-        "disturbance_mps",
-        "drift_down_mps",
-        "heading_commanded_rad",
-        "height_commanded_m",
-        "model",
-        "speed_commanded_mps",
-        "state",
-        "steering",
-        "turn_rate_radps",
-    )
-
     def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
         """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
         start = config.start

@@ -41,23 +41,6 @@ AT_REST: Velocity = (0.0, 0.0, 0.0)
 class HoveringBody(Body):
     """A multirotor; its state's airspeed is that over ground, its heading the axis of slots behind it."""
 
-    __slots__ = (
-        "_accel",
-        "_air_mps",
-        "_climb_lag_s",
-        "_commanded",
-        "_integrated_mps",
-        "_jerk_mps3",
-        "_lag_s",
-        "_nose_aimed_rad",
-        "_nose_between_rad",
-        "_noses",
-        "_sink_aimed_mps",
-        "_sinks",
-        "velocity_mps",
-        "yaw_rad",
-    )
-
     def __init__(self, config: VehicleConfig, wind_mps: Velocity, seed: int) -> None:
         """Start as configured."""
         super().__init__(config, wind_mps, seed)

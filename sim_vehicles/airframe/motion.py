@@ -49,8 +49,6 @@ USUAL = InnovationRatios()
 class Estimate:
     """The estimate at one sample."""
 
-    __slots__ = ("bank_error_rad", "pitch_error_rad", "ratios", "received", "unknown")
-
     def __init__(
         self,
         received: Motion | None,
@@ -73,25 +71,6 @@ class Estimate:
 @mypyc_attr(acyclic=True, free_list_len=1)
 class Motion:
     """NED from the fleet's origin, heights upwards; airspeed and heading are air-relative; headings aren't wrapped."""
-
-    __slots__ = (
-        "airspeed_mps",
-        "airspeed_setpoint_mps",
-        "climb_mps",
-        "drift_down_mps",
-        "drift_east_mps",
-        "drift_north_mps",
-        "east_m",
-        "heading_rad",
-        "heading_setpoint_rad",
-        "height_m",
-        "height_setpoint_m",
-        "north_m",
-        "turn_rate_radps",
-        "velocity_down_mps",
-        "velocity_east_mps",
-        "velocity_north_mps",
-    )
 
     def __init__(  # noqa: PLR0913, PLR0917 - a state and its targets
         self,
@@ -161,23 +140,6 @@ def with_drift(sensed: Motion) -> Motion:
 
 class Steering:
     """One vehicle's targets. Its modes write them; every cycle of the main loop reads them."""
-
-    __slots__ = (
-        "accel_mps2",
-        "airborne",
-        "centre_east_m",
-        "centre_north_m",
-        "direction_rad",
-        "height_m",
-        "kind",
-        "lateral_mps2",
-        "radius_m",
-        "speed_mps",
-        "stopped",
-        "takes_off",
-        "velocity_mps",
-        "yaw_rad",
-    )
 
     def __init__(self) -> None:
         """Start at rest."""

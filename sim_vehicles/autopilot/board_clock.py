@@ -23,8 +23,6 @@ class BoardClock:
     vehicle's own clock alone. A fast clock, which the receiver would have to put back, is set at boot only.
     """
 
-    __slots__ = ("_ahead_ns", "_at_0_ns", "_error_s", "booted", "drift", "offset_s")
-
     def __init__(self, booted: Instant, offset_s: float, drift: float, utc_at_0_us: int, error_s: float | None) -> None:
         """Start at an instant.
 

@@ -64,8 +64,6 @@ AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
 class GivenCommand:
     """A command, whichever message brought it."""
 
-    __slots__ = ("command", "frame", "in_integers", "lat_rad", "lon_rad", "params", "z")
-
     def __init__(
         self,
         command: int,
@@ -99,12 +97,6 @@ def received(message: CommandInt | CommandLong) -> GivenCommand:
     place = math.radians(message.param5), math.radians(message.param6)
     frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
     return GivenCommand(message.command, frame, params, place[0], place[1], z, in_integers=False)
-
-
-def execute(vehicle: Vehicle, given: GivenCommand) -> int:
-    """Carry out a command; return its MAV_RESULT."""
-    handler = vehicle.handlers.get(given.command)
-    return UNSUPPORTED if handler is None else handler(vehicle, given)
 
 
 def height_of(vehicle: Vehicle, z: float, frame: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Parameters and how ground stations read and write them; ArduPlane's names and types among them.
+"""Parameters, and how ground stations read and write them.
 
 Source: MAVLink guide, "Parameter Protocol" and "File Transfer Protocol (FTP)"; ArduPilot documentation, "Complete
 Parameter List"; AP_Filesystem's notes on @PARAM/param.pck.
@@ -17,15 +17,11 @@ from airlink import mavlink as m
 from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
-from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.autopilot.missions import Sender
-from sim_vehicles.config import VehicleConfig
 
 UNINDEXED = 65535
 """Index in the answer to a request by name."""
-WIDER_THAN_TIGHTEST = 1.3
 LOITER_RADIUS_M = 60.0
-ROLL_LIMIT_DEG = 45.0
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
 FIXED = frozenset({"MAV_SYSID"})
@@ -66,31 +62,6 @@ def floating(least: float, most: float, initial: float) -> ParameterKind:
     return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
-def planes(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
-    """Return ArduPlane's parameters for a vehicle, by their names."""
-    model = config.model
-    radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
-    return {
-        "AIRSPEED_CRUISE": floating(5, 1000, cruise_mps),
-        "AIRSPEED_MAX": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.ceil(model.speed_max_mps)),
-        "AIRSPEED_MIN": ParameterKind(m.MAV_PARAM_TYPE_INT16, 5, 1000, math.floor(model.speed_min_mps)),
-        "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
-        "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 32767, 55),
-        "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 32767, 400),
-        "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
-        "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
-        "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
-        "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
-        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
-        "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
-        "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(_steepest_deg(config)))),
-        "RTL_ALTITUDE": floating(-1, 1e5, 100),
-        "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 0, 32767, 50),
-        "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, -32767, 32767, radius_m),
-        "WP_RADIUS": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),
-    }
-
-
 def _stored(kind: int, value: float) -> float:
     """Return a value as a parameter of a type holds it: integers are cut off, and saturate at their width alone."""
     if kind not in BITS:
@@ -102,12 +73,6 @@ def _stored(kind: int, value: float) -> float:
 def _within(kind: ParameterKind, value: float) -> float:
     """Return a value as it is used: within the range of a kind."""
     return min(max(value, kind.least), kind.most)
-
-
-def _steepest_deg(config: VehicleConfig) -> float:
-    """Return the bank of a model's tightest turn at its highest airspeed, degrees."""
-    model = config.model
-    return math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
 
 
 class ParameterServer:

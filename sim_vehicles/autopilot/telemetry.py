@@ -278,8 +278,6 @@ BUILDERS: Builders = {
 class Stream:
     """One message that is sent again and again."""
 
-    __slots__ = ("build", "interval_ns", "message_id")
-
     def __init__(self, message_id: int, build: Callable[[Any], Message], interval_ns: int) -> None:
         """Take its id, what makes it and its interval."""
         self.message_id = message_id

@@ -35,8 +35,7 @@ class Notes:
     def tick(self, tick: Tick) -> None:
         """Keep it; whoever still writes into its lists raises a TypeError (compiled, its fields are lists for good)."""
         self.ticks.append(tick)
-        for name in getattr(Tick, "__slots__", ()):
-            value = getattr(tick, name)
+        for name, value in getattr(tick, "__dict__", {}).items():
             if isinstance(value, list):
                 setattr(tick, name, tuple(value))
 

@@ -20,8 +20,8 @@ from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
+from gcs_formation.vehicle.acknowledgement import EffectWatch
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot_family import EffectWatch
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario

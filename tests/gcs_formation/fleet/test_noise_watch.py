@@ -8,7 +8,7 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.estimation.noise_and_plausibility import VehicleNoise
-from gcs_formation.fleet.margin_watch import NoiseWatch
+from gcs_formation.fleet.margin_watch import TelemetryWatch
 from tests.gcs_formation.noted import Noted
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]
@@ -20,7 +20,7 @@ def said(times, samples=400, stated=True):
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, notes = np.random.default_rng(1), Noted()
     vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
-    watch = NoiseWatch(vehicles, notes)
+    watch = TelemetryWatch(vehicles, notes)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
         before = np.zeros((8, 1))
@@ -30,7 +30,7 @@ def said(times, samples=400, stated=True):
             spread = 2.0 * (sigma * scale) ** 2
             noise.learn(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
             before = white
-            watch.watch(Instant(0), [noise])
+            watch.watch_noise(Instant(0), [noise])
     return notes.of("noise")
 
 

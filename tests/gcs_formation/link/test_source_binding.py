@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import pytest
 
 from airlink import mavlink as m
@@ -11,12 +13,19 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
-from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, TURN_S, Ruling, SourceBinding
+from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, TURN_S, SourceBinding
 
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)
 BEAT = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
 BOOTED_S = 500.0
 """The vehicle's time since boot at our 0 s."""
+
+
+class Ruling(NamedTuple):
+    """What is decided on a frame."""
+
+    admitted: bool
+    finding: str | None = None
 
 
 class Ground:
@@ -35,7 +44,7 @@ class Ground:
         """Take a heartbeat, or telemetry with a stamp, as the station does."""
         self.now = self.now if at_s is None else after(Instant(0), at_s)
         message = BEAT if stamp_s is None else Attitude(stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        ruling = self.source_binding.judge(message, 0, peer, self.now)
+        ruling = Ruling(*self.source_binding.judge(message, 0, peer, self.now))
         if ruling.admitted:
             self.connection.heard(self.now, heartbeat=stamp_s is None)
         return ruling
@@ -49,7 +58,7 @@ class Ground:
 def test_before_it_is_heard_the_first_address_counts_and_a_heartbeat_s_more() -> None:
     connection = Connection(0)
     source_binding = SourceBinding(connection, ClockSync())
-    assert source_binding.judge(None, 0, HERE, Instant(0)).admitted
+    assert source_binding.judge(None, 0, HERE, Instant(0)) == (True, None)
     assert connection.peer == HERE
     source_binding.judge(None, 0, THERE, Instant(0))
     assert connection.peer == HERE

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from airlink.clock import Instant
 from formation_scenario import load_scenario
 from formation_scenario.slot_assignment import first_arrangement
-from gcs_formation.mission.resumption import Found, Known, Resumption, why_left
+from gcs_formation.mission.resumption import Known, Resumption, why_left
 from tests.flights.conftest import scenario
 
 
@@ -28,8 +30,9 @@ def resumed(*, ending: bool = False, retake: bool = False) -> Resumption:
     )
 
 
-def found(mode: str, *, airborne: bool = True) -> Found:
-    return Found(mode, airborne, guided=mode == "GUIDED" and airborne, homeward=mode == "RTL")
+def found(mode: str, *, airborne: bool = True) -> dict[str, Any]:
+    guided = mode == "GUIDED" and airborne
+    return {"mode": mode, "airborne": airborne, "guided": guided, "homeward": mode == "RTL"}
 
 
 GUIDED, LOITER = Known("GUIDED", parted=False, flew=True), Known("LOITER", parted=False, flew=True)
@@ -61,9 +64,9 @@ PILOTS = Known("LOITER", parted=True, flew=True)
     ],
 )
 def test_only_who_flies_as_the_flight_had_left_it_is_taken(
-    known: Known, now: Found, flight: Resumption, left: str | None
+    known: Known, now: dict[str, Any], flight: Resumption, left: str | None
 ) -> None:
-    reason = why_left(known, now, flight)
+    reason = why_left(known, flight, **now)
     assert (reason is None) == (left is None)
     assert (reason or "").startswith(left or "")
 

@@ -26,7 +26,7 @@ def obeys(height_m: float, commanded_m: float = 100.0, north_m: float = 0.0) -> 
 
 
 def deaf(height_m: float, commanded_m: float) -> Flier:
-    return Flier(at(height_m), commanded_m, Band(min(height_m, commanded_m), max(height_m, commanded_m)))
+    return Flier(at(height_m), commanded_m, (min(height_m, commanded_m), max(height_m, commanded_m)))
 
 
 def named(*fliers: Flier) -> dict[VehicleId, Flier]:
@@ -122,7 +122,7 @@ def test_circles_at_one_place_are_all_apart() -> None:
 
 
 PLACES = st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 900.0))
-BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: Band(each[0], each[0] + each[1]))
+BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: (each[0], each[0] + each[1]))
 
 
 @given(st.lists(PLACES, min_size=1, max_size=8), st.lists(BANDS, max_size=4), st.floats(-50.0, 80.0))

@@ -142,7 +142,7 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
             asked = vehicle.round_trips.request(Instant(now - NANOSECONDS // 25))
             messages.append(Timesync(stamp_ms * 1_000_000, asked.ts1_ns))
         for each in messages:
-            assert vehicle.source_binding.judge(each, 0, HERE, now).admitted
+            assert vehicle.source_binding.judge(each, 0, HERE, now)[0]
             vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
         sample = vehicle.sampler.new(now, flew=vehicle.flew)
         if number > 0:  # before its first answer nobody knew how often they had
