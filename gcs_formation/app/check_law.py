@@ -87,7 +87,8 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     if most_m < LEAST_M:
         return None
     since = f" from {at_s:g} s on" if at_s else ""
-    age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since} (the delay down its link, and up to 1/telemetry.rate_hz)"
+    why = "the delay down its link and up to 1/telemetry.rate_hz"
+    age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since} ({why})"
     ahead = f"{least_m:.2g} to {most_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
     return (
         "law.delay_compensation: found false, with a virtual leader, whose place is of now; that of vehicle "
