@@ -100,11 +100,8 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
     states, safety = start_states(in_air), scenario.safety
     places = np.array([(each.north_m, each.east_m, each.height_m) for each in states])
     who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
-    apart_m = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
-    apart_m[np.tril_indices(len(places))] = np.inf
-    one, other = np.unravel_index(int(apart_m.argmin()), apart_m.shape)
-    if apart_m[one, other] < safety.separation_m * (1.0 - TOLERANCE):
-        found = f"{who[one]} and {who[other]} begin {apart_m[one, other]:.3g} m apart"
+    apart_m, found = _nearest(scenario, places)
+    if apart_m < safety.separation_m * (1.0 - TOLERANCE):
         yield OFFSET, found, f"{safety.separation_m:g} m or more (safety.separation_m)"
     over_m = places[:, 2] - np.nan_to_num(scenario.ground.height(places[:, 0], places[:, 1]), nan=-np.inf)
     lowest = int(over_m.argmin())
@@ -112,6 +109,24 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
         found = f"{who[lowest]} begins {over_m[lowest]:.1f} m above the ground"
         yield OFFSET, found, f"{safety.clearance_m:g} m or more (safety.clearance_m)"
     yield from _start_in_fence(safety.fence, places, who)
+
+
+def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
+    """Return who begins in the air with less than `room_m` of the separation left to errors; None if nobody does."""
+    if not any(scenario.start.offset_m) or not scenario.start.in_air:
+        return None
+    places = np.array([(each.north_m, each.east_m, each.height_m) for each in start_states(scenario)])
+    apart_m, found = _nearest(scenario, places)
+    return f"{'.'.join(OFFSET)}: {found}" if apart_m < scenario.safety.separation_m + room_m else None
+
+
+def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
+    """Return how far apart the nearest two of all vehicles (V, 3) begin, and who these are, in words."""
+    apart_m = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
+    apart_m[np.tril_indices(len(places))] = np.inf
+    one, other = np.unravel_index(int(apart_m.argmin()), apart_m.shape)
+    first, second = (scenario.vehicles[each].vehicle_id for each in (one, other))
+    return float(apart_m[one, other]), f"vehicle {first} and vehicle {second} begin {apart_m[one, other]:.3g} m apart"
 
 
 def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Iterator[Finding]:

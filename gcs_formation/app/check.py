@@ -15,8 +15,9 @@ from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.expectation import CHANNEL_UNITS, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
+from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns, planned_slots
-from gcs_formation.app import check_links, check_room
+from gcs_formation.app import check_law, check_links, check_room
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
@@ -169,8 +170,11 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
-    yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in slots_without_room(scenario, ROOM_M))
+    near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]
+    yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in near if found)
     for found in (
+        check_law.held_by_links,
+        check_law.ahead_of_virtual,
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,

@@ -231,9 +231,10 @@ class LagFit:
     def _judge(self) -> None:
         """Find by what common share the lags in use differ from those of what was flown last.
 
-        So many batches as stay alike tell no more of residuals than an independent one. Few of these, less a mean and a
-        share that were fitted to them, tell little of how large residuals are, and nothing where none are left. A share
-        beyond what simulations span is taken for theirs.
+        So many batches as stay alike tell no more of residuals than an independent one. Only those that show lags
+        count: a gust and the law's answer to it, in calm flight, are one event however long that flight was. Few of
+        them, less a mean and a share that were fitted to them, tell little of how large residuals are, and nothing
+        where none are left. A share beyond what simulations span is taken for theirs.
         """
         sums, last = self._shown, len(self._shown) - 1
         samples = max(sums[last][last] + self._calm_count, 1.0)
@@ -247,7 +248,7 @@ class LagFit:
         shown -= slopes * total / samples
         excitation = max(by_all - squared(slopes) / samples, 1e-12)
         size = sums[0][0] + self._calm_square - squared(total) / samples
-        free = samples / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED
+        free = sums[last][last] / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED
         if free <= 0.0:
             self.misfit = 0.0
             return

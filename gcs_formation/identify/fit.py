@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,20 +22,18 @@ from flight_model.frequency_response import airframe_responses
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
+from gcs_formation.identify.output_error import RESOLUTION, Search, simulated
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Of the predictions that equation (7) is fitted by: as long as what the law feeds forward takes to arrive."""
 STRIDE = 5
 """Points between the beginnings of predictions."""
-RESOLUTION = np.array([0.05, 0.005, 0.1])
-"""Residuals of airspeed (m/s), heading (rad) and height (m) are weighed by these."""
 CORRELATED_S = 2.0
 """Residuals this far apart count as independent in the search."""
-BLOCK_S = 20.0
-"""Stretches this long count as independent in the deviations: few predictions reach over a border."""
-WAIT_SIGMA_S = CYCLE_S / math.sqrt(12.0)
-"""How well it is known when setpoints acted: anywhere within a cycle of the vehicle's, and alike in a whole flight."""
+WAIT_SIGMA_S = CYCLE_S / 2.0
+"""How well it is known when setpoints acted: anywhere within a cycle of the vehicle's, and alike in a whole flight. As
+far as that is from its middle, so that the deviations hold for who always acts at its end."""
 UNKNOWN = 0.5
 """Standard deviation of a lag's logarithm before anything was flown."""
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
@@ -88,27 +87,15 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     _require_movement(recordings)
     names_fitted = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
     start = np.log([getattr(begin, name) for name in names_fitted])
-    windows = [_Windows.of(each) for each in recordings]
-
-    def errors_by(values: Array, later_s: float = 0.0) -> Array:
-        cut, aims = windows, values.size > len(LAGS)
-        if aims or later_s:
-            flown = [replace(each, commanded=_acting(each.commanded, later_s)) for each in recordings]
-            cut = [_Windows.of(_aimed(each, begin, *values[4:]) if aims else each) for each in flown]
-        return np.concatenate([each.errors(values[:4], begin) for each in cut], axis=2)
-
-    def errors_of(tried: Sequence[Array]) -> Array:
-        return np.stack([_weighed(errors_by(np.exp(each))) for each in tried])
-
-    repeated = HORIZON_S / STEP_S * CORRELATED_S / (STRIDE * STEP_S)
-    spreads = np.full(start.size, UNKNOWN)
-    logs = _nearest(start, errors_of, spreads, repeated)
-    late = _weighed(errors_by(np.exp(logs), WAIT_SIGMA_S))
-    covariance = _covariance(logs, errors_of, spreads, late, _blocks(windows))
-    lags = np.exp(logs)
+    known = [_known(each) for each in recordings]
+    search = Search(known, partial(_as_flown, recordings, begin), start, np.full(start.size, UNKNOWN))
+    search.find(CORRELATED_S)
+    covariance = search.covariance(partial(_as_flown, recordings, begin, later_s=WAIT_SIGMA_S))
+    lags = np.exp(search.logs)
     lags[2:4] = np.sort(lags[2:4])
     lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
-    errors = errors_by(lags)
+    windows = [_Windows.of(_with_rest(each, begin, lags)) for each in recordings]
+    errors = np.concatenate([each.errors(lags[:4], begin) for each in windows], axis=2)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
     rms = dict[str, float](zip(CHANNELS, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
@@ -118,6 +105,36 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
     return Fit(model, estimates, rms, dict[str, float](zip(CHANNELS, explained.tolist(), strict=True)))
+
+
+def _known(recording: Recording) -> Recording:
+    """Return a recording from where it is known what acts: setpoints act as late as the link makes them."""
+    late = math.ceil(recording.delay_s / STEP_S)
+    measured = tuple((at[at >= late] - late, value[at >= late]) for at, value in recording.measured())
+    seen, commanded = recording.seen[:, late:], recording.commanded[:, late:]
+    return replace(recording, seen=seen, commanded=commanded, samples=measured)
+
+
+def _as_flown(
+    recordings: Sequence[Recording], limits: VehicleModel, logs: Array, later_s: float = 0.0
+) -> tuple[list[Array], AutopilotModels]:
+    """Return what acts on each vehicle with these parameters, from where it is known, and the model that flies it."""
+    values, acting = np.exp(logs), list[Array]()
+    for each in recordings:
+        late = math.ceil(each.delay_s / STEP_S)
+        acting.append(_told(_with_rest(each, limits, values), later_s)[:, late:])
+    return acting, _columns(values[:4], limits, 1)
+
+
+def _told(recording: Recording, later_s: float = 0.0) -> Array:
+    """Return setpoints, and the lateral acceleration to turn with, (4, K), as they act."""
+    commanded = recording.commanded
+    turning = np.broadcast_to(recording.lateral_mps2, commanded[:1].shape)
+    return _acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
+
+
+def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
+    return recording if values.size == len(LAGS) else _aimed(recording, limits, *values[len(LAGS) :])
 
 
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
@@ -195,17 +212,6 @@ def _acting(commanded: Array, late_s: float) -> Array:
     return (1.0 - part) * commanded[:, newer] + part * commanded[:, older]
 
 
-def _blocks(windows: Sequence[_Windows]) -> Indices:
-    """Return the stretch of `BLOCK_S` that each weighed error of predictions is of, (M,)."""
-    points, block = round(HORIZON_S / STEP_S), round(BLOCK_S / (STRIDE * STEP_S))
-    found, first = list[Indices](), 0
-    for each in windows:
-        of = first + np.arange(each.commanded.shape[2], dtype=np.intp) // block
-        found.append(of)
-        first = int(of[-1]) + 1
-    return np.tile(np.concatenate(found), 3 * points)
-
-
 def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
     constants = np.array([*lags, *limits.autopilot().values()[len(LAGS) :]])
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
@@ -246,44 +252,12 @@ def _linear(logs: Array, errors_of: Callable[[Sequence[Array]], Array]) -> tuple
     return error, (errors[1:] - error) / NUDGE, 1.0 / np.maximum(np.abs(error), 1.0)
 
 
-def _covariance(
-    logs: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, late: Array, blocks: Indices
-) -> Array:
-    """Return the covariance (P, P) of the logarithms found.
-
-    Within a block errors are correlated as they like: what counts is the scatter of what blocks pull at (Liang and
-    Zeger, "Longitudinal data analysis using generalized linear models", 1986). By Huber's weights: the search's own
-    fall off so fast that large errors, which scatter most, would pull at nothing.
-
-    Args:
-        logs: (P,) where the search ended.
-        errors_of: as in the search.
-        spreads: (P,) standard deviations before anything was flown, beyond which nothing is uncertain.
-        late: (M,) the errors if setpoints acted one standard deviation of `WAIT_SIGMA_S` later.
-        blocks: (M,) the number of each error's block.
-    """
-    error, slopes, weights = _linear(logs, errors_of)
-    weighed, count = slopes * weights, int(blocks[-1]) + 1
-    inverse = np.linalg.inv(weighed @ slopes.T + LEAST_VARIANCE * np.diag(spreads**-2.0))
-    pulls = np.stack([np.bincount(blocks, each, count) for each in weighed * error])
-    moved = inverse @ (weighed @ (late - error))
-    found = count / max(count - 1, 1) * (inverse @ pulls @ pulls.T @ inverse) + np.outer(moved, moved)
-    known = np.linalg.inv(found + LEAST_VARIANCE * np.eye(len(logs))) + np.diag(spreads**-2.0)
-    return np.linalg.inv(known).astype(np.float64)
-
-
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
-    airspeed, heading, height, climb = recording.seen[:, :1]
-    none, step_s, acting = np.zeros(1), np.full(1, STEP_S), _acting(recording.commanded, recording.delay_s)
-    state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), list[Array]()
-    for point in range(recording.seen.shape[1]):
-        flown.append(np.array((state.airspeed_mps, state.heading_rad, state.height_m))[:, 0])
-        state = advance(state, acting[:, point, None], step_s, columns)
-    return np.array(flown).T
+    return simulated([_told(recording)], columns, recording.seen[:, :1].T)[0]
 
 
 def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps: float) -> tuple[EnergyAirframe, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,8 @@ DATAFLASH_FIELDS = {
 }
 """Of each kind of message: what it tells, in which field, and the field's unit."""
 SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
+FREELY_MPS2 = 1e3
+"""Lateral acceleration of who may turn as it can."""
 LABELS = {
     "airspeed": "airspeed, m/s",
     "speed seen": "ground speed, m/s",
@@ -77,6 +79,16 @@ class Recording:
     """Of the link, both ways: that much of what is late isn't the vehicle's."""
     names: tuple[str, ...] = SEEN
     """What `seen` is."""
+    lateral_mps2: Array = field(default_factory=lambda: np.array([FREELY_MPS2]))
+    """(K,) or (1,) lateral acceleration that it is commanded to turn with, m/s2: the faster, the more slowly."""
+
+    samples: tuple[tuple[Array, Array], ...] = ()
+    """Of each of the three channels when it was measured, in steps from the first point on, and what; none: at each."""
+
+    def measured(self) -> tuple[tuple[Array, Array], ...]:
+        """Return of each channel when it was measured, in steps from the first point on, and what."""
+        points: Array = np.arange(self.seen.shape[1], dtype=np.float64)
+        return self.samples or tuple((points, each) for each in self.seen[:3])
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -159,6 +171,8 @@ def _take(vehicles: defaultdict[int, _Samples], at_s: float, frame: Frame) -> No
         case CommandInt(target_system=system, command=command, param2=value, z=height_m) if command in COMMANDS:
             values = {"speed": value, "heading": math.radians(value), "height": height_m}
             vehicles[system].add(at_s, {COMMANDS[command]: values[COMMANDS[command]]})
+            if command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
+                vehicles[system].add(at_s, {"lateral": frame.message.param3})
         case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as place:
             _take_place(vehicles[place.target_system], at_s, place)
         case SetPositionTargetLocalNed() as velocity:
@@ -218,7 +232,17 @@ def _gridded(system: int, samples: _Samples, delay_s: float, wait_s: float) -> R
         return None
     commanded, seen = commanded[:, stretch], seen[:, stretch]
     commanded[1] += 2 * np.pi * np.round(np.median(seen[1] - commanded[1]) / (2 * np.pi))
-    return Recording(system, seen, commanded, delay_s, names)
+    turning = np.array(samples.of.get("lateral", [(begin, FREELY_MPS2)]))
+    lateral_mps2 = _held(turning, at_s - wait_s)[stretch]
+    measured = tuple(_within(every[name], at_s[stretch]) for name in names[:3])
+    return Recording(system, seen, commanded, delay_s, names, lateral_mps2, measured)
+
+
+def _within(samples: Array, at_s: Array) -> tuple[Array, Array]:
+    """Return when samples were taken within a grid of time, in its steps, and what they are."""
+    steps = (samples[:, 0] - at_s[0]) / STEP_S
+    inside = (steps >= 0.0) & (steps <= len(at_s) - 1.0)
+    return steps[inside], samples[inside, 1]
 
 
 def _newest_s(samples: Array, at_s: Array) -> Array:

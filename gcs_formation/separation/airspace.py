@@ -27,8 +27,30 @@ SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
 """Of the way to where a height setpoint is reached, at which the ground is looked at."""
 AROUND_M: Final = 500.0
 """How far around a vehicle the highest ground is looked for, once until it has flown as far."""
+AWAY: Final = "turned away"
 OVER_S: Final = 2.0
-"""A height that hasn't been held for so long isn't held any more: nobody is told of every tick at the limit."""
+"""What hasn't been held for so long isn't held any more: nobody is told of every tick at a limit."""
+
+
+class Held:
+    """Since when something was held last, by its key, of what is held: it is said once, until it is over."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._last = dict[tuple[str, int], Instant]()
+
+    def begins(self, key: tuple[str, int], now: Instant) -> bool:
+        """Take note that it is held; return whether it wasn't before."""
+        new = key not in self._last
+        self._last[key] = now
+        return new
+
+    def over(self, now: Instant) -> list[tuple[str, int]]:
+        """Return, once, what hasn't been held for `OVER_S`."""
+        found = [key for key, since in self._last.items() if seconds_between(since, now) > OVER_S]
+        for key in found:
+            del self._last[key]
+        return found
 
 
 class FenceLimits:
@@ -47,7 +69,7 @@ class FenceLimits:
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
         """-1, 1: to which side a column is being turned away."""
-        self._at_limit: Mask = np.zeros((2, self._is_vehicle.size), dtype=bool)
+        self._held = Held()
 
     def keep(self, tick: Tick) -> None:
         """Put setpoints inside in the place of a tick's that aren't."""
@@ -57,20 +79,20 @@ class FenceLimits:
         self._limit_heights(tick, active)
         if self._corners_m.size:
             self._turn_away(tick, active)
+        for what, column in self._held.over(tick.now):
+            self._report(
+                tick, column, f"no longer {what}" if what == AWAY else f"height no longer {what}", begins=False
+            )
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
         least_m, most_m = self._fence.heights_m
-        beyond: Mask = np.zeros((2, active.size), dtype=bool)
         for column in np.flatnonzero(active).tolist():
             speed_mps, heading_rad, height_m = tick.setpoints[column]
-            beyond[:, column] = height_m < least_m, height_m > most_m
             if height_m < least_m or height_m > most_m:
-                tick.replace(column, (speed_mps, heading_rad, min(max(height_m, least_m), most_m)))
-        for row, column in np.argwhere(beyond != self._at_limit).tolist():
-            limit_m, begins = (least_m, most_m)[row], bool(beyond[row, column])
-            text = f"height held at {limit_m:g} m" if begins else f"height no longer held at {limit_m:g} m"
-            self._report(tick, column, text, begins=begins)
-        self._at_limit = beyond
+                limit_m = least_m if height_m < least_m else most_m
+                tick.replace(column, (speed_mps, heading_rad, limit_m))
+                if self._held.begins((f"held at {limit_m:g} m", column), tick.now):
+                    self._report(tick, column, f"height held at {limit_m:g} m", begins=True)
 
     def _turn_away(self, tick: Tick, active: Mask) -> None:
         if not active.any():
@@ -104,14 +126,11 @@ class FenceLimits:
         return np.arctan2(rise[1], rise[0])
 
     def _note(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
-        sides = np.zeros(self._side.size)
-        sides[which] = side
-        distance_m = dict(zip(which.tolist(), inside.tolist(), strict=True))
-        for column in np.flatnonzero((sides != 0.0) != (self._side != 0.0)).tolist():
-            begins = bool(sides[column])
-            text = f"turned away, {distance_m[column]:.0f} m inside" if begins else "no longer turned away"
-            self._report(tick, column, text, begins=begins)
-        self._side = sides
+        self._side[:] = 0.0
+        self._side[which] = side
+        for column, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):
+            if away and self._held.begins((AWAY, column), tick.now):
+                self._report(tick, column, f"{AWAY}, {distance_m:.0f} m inside", begins=True)
 
     def _report(self, tick: Tick, column: int, text: str, *, begins: bool) -> None:
         tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": begins}))
@@ -134,8 +153,7 @@ class HeightFloor:
         """The first column that is a vehicle."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
         """Where each looked around last, north and east, and the height that is clear of all ground there."""
-        self._held: list[Instant | None] = [None] * len(models)
-        """When each was held last, of those that are."""
+        self._held = Held()
 
     def keep(self, tick: Tick) -> None:
         """Put heights clear of the ground in the place of a tick's that aren't."""
@@ -147,8 +165,9 @@ class HeightFloor:
                     speed_mps, heading_rad, _ = tick.setpoints[column]
                     tick.replace(column, (speed_mps, heading_rad, least_m))
                     self._begin(tick, column, least_m)
-            if self._held[column] is not None:
-                self._end(tick, column)
+        for _, column in self._held.over(tick.now):
+            text = "height no longer held above the ground"
+            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": False}))
 
     def _clear_m(self, column: int, state: FlightState) -> float:
         """Return a height that is clear of all ground that a vehicle may be over soon."""
@@ -174,17 +193,9 @@ class HeightFloor:
         return max(height_m, least_m)
 
     def _begin(self, tick: Tick, column: int, least_m: float) -> None:
-        if self._held[column] is None:
+        if self._held.begins(("held above the ground", column), tick.now):
             text = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
             tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
-        self._held[column] = tick.now
-
-    def _end(self, tick: Tick, column: int) -> None:
-        since = self._held[column]
-        if since is not None and seconds_between(since, tick.now) > OVER_S:
-            self._held[column] = None
-            text = "height no longer held above the ground"
-            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": False}))
 
 
 def _lag_s(model: AutopilotModel) -> float:

@@ -313,7 +313,7 @@ class Channel:
         excitation = np.maximum((slope * by_slope).sum(axis=1) - slope_mean**2 * count, 1e-12)
         shown = (weights * by_slope).sum(axis=1) - slope_mean * total
         misfit = np.einsum("ck,ckl,cl->c", weights, recent.second, weights) + calm.second[:, 0, 0] - total**2 / count
-        free = np.maximum(count / (self._independent * alike) - 2.0, 0.0)
+        free = np.maximum(recent.count / (self._independent * alike) - 2.0, 0.0)
         left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(free * self._independent, 1e-12)
         chance = np.sqrt((left + self._resolution**2) * self._independent / excitation)
         found = within(np.abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)

@@ -145,6 +145,21 @@ def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
     assert lags.misfit[2][0] < 0.1
 
 
+def test_a_gust_that_the_law_answers_is_not_taken_for_other_lags():
+    """It sinks by 6 m and is told to climb by as much: 1 before, as the calm flight around it was counted as shown."""
+
+    def share(time_s, lag_s):
+        rise, fall = 1.0 - np.exp(-(time_s - 40.0) / lag_s), np.exp(-(time_s - 55.0) / lag_s)
+        return 0.0 if time_s < 40.0 else rise if time_s < 55.0 else fall
+
+    lifted_m = [-6.0 * share(tick * TICK_S, 4.0) for tick in range(round(80 / TICK_S))]
+    kind = partial(Watched, 1 / TICK_S)
+    gone = flown(
+        np.ones((1, 4)), 80, lambda at_s: (22.0, 0.0, 100.0 + 6.0 * share(at_s, 6.0)), lifted_m=lifted_m, kind=kind
+    )
+    assert (gone.most < LAGS_NOTED).all()
+
+
 def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit_tells():
     lags = flown(((3.0, 3.0, 1.0, 1.0), (0.3, 0.3, 1.0, 1.0)))
     assert ratios_of(lags)[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))

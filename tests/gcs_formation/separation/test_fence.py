@@ -31,9 +31,9 @@ def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
     return planned.model_copy(update={"safety": safety})
 
 
-def tick(state: FlightStates, setpoints: Setpoints) -> Tick:
+def tick(state: FlightStates, setpoints: Setpoints, at_s: float = 0.0) -> Tick:
     """Return a tick in which everybody is commanded."""
-    now, count = Instant(0), setpoints.speed_mps.size
+    now, count = Instant(round(at_s * 1e9)), setpoints.speed_mps.size
     made = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * count, [0.0] * count, [0.0] * count, [True] * count)
     made.state, made.setpoints = tables.states(state), tables.setpoints(setpoints)
     return made
@@ -90,14 +90,41 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
     limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), from_scenario.autopilot_models(fenced()))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
-    for height_m in (150.0, 150.0, 100.0, 20.0):
-        now = tick(state, Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]])))
+    for at_s, height_m in (
+        (0.0, 150.0),
+        (0.1, 150.0),
+        (0.2, 100.0),
+        (0.3, 150.0),
+        (0.4, 100.0),
+        (2.4, 100.0),
+        (2.5, 20.0),
+    ):
+        setpoints = Setpoints.of(np.array([[22.0] * 3, [0.0] * 3, [height_m, 100.0, np.nan]]))
+        now = tick(state, setpoints, at_s)
         replaced = minimum(limits, now)
         words += [held.text for held in now.events]
         assert now.setpoints[0][2] == np.clip(height_m, 60.0, 120.0)
         assert replaced[:, 2].tolist() == [height_m != 100.0, False, False]
         assert np.isnan(now.setpoints[2][2])
     assert words == ["height held at 120 m", "height no longer held at 120 m", "height held at 60 m"]
+
+
+def test_one_that_flies_along_the_fence_is_said_to_be_turned_away_once() -> None:
+    """It is held where it has no more room and let go where it has: every few ticks, for as long as it is told out."""
+    planned = fenced(SQUARE, 1)
+    limits, model = (
+        FenceLimits(planned, from_scenario.autopilot_models(planned)),
+        from_scenario.autopilot_models(planned),
+    )
+    state, held, words = FlightStates(*np.array([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]])), [], []
+    for step in range(round(60.0 / TICK_S)):
+        now = tick(state, Setpoints.of(np.array([[22.0], [0.3], [100.0]])), step * TICK_S)
+        held.append(bool(minimum(limits, now)[0, 1]))
+        words += [each.text.partition(",")[0] for each in now.events]
+        table = Setpoints.from_each(now.setpoints).table
+        state = advance(state, table, np.full(1, TICK_S), AutopilotModels.from_each(model))
+    assert np.count_nonzero(np.diff(held)) > 10
+    assert words == ["turned away"]
 
 
 def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:

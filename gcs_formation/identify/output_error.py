@@ -1,0 +1,223 @@
+"""Output-error estimation of equation (7) from whole flights by their setpoints alone.
+
+Ljung, "System Identification", 2nd ed., 4.2; Jategaonkar, "Flight Vehicle System Identification", chapter 4. No
+measurement enters the simulation, so noise of the telemetry doesn't bias what is found: the states at a recording's
+beginning, and what a channel is constantly off its setpoint, are estimated with the parameters. Errors are taken where
+something was measured, not between: setpoints answer to what was measured before them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model.arrays import Array, Indices, Mask, wrap
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
+from gcs_formation.identify.recording import STEP_S, Recording
+
+RESOLUTION = np.array([0.05, 0.005, 0.1])
+"""Errors of airspeed (m/s), heading (rad) and height (m) count as no smaller."""
+BEGIN_NUDGES = np.array([0.1, 0.01, 0.3, 0.1])
+"""Of airspeed, heading, height and climb at the beginning, for their slopes."""
+BEGINS, CHANNELS = len(BEGIN_NUDGES), len(RESOLUTION)
+HUBER = 2.0
+"""Errors larger than so many standard deviations count by their size, not by its square."""
+ALIKE_S = 20.0
+"""Errors this far apart count as independent in the deviations."""
+ITERATIONS = 10
+NUDGE = 0.02
+"""Of a parameter's logarithm, for its slope."""
+STEP_MAX = 0.4
+CLOSE = 1e-5
+"""A change of all logarithms so small that the search is over."""
+TINY = 1e-9
+LEAST_SPEED_MPS = 1.0
+"""Below it nobody turns by a lateral acceleration."""
+
+Flown = Callable[[Array], tuple[Sequence[Array], AutopilotModels]]
+"""Of parameters' logarithms: what acts on each recording's vehicle, (4, K), and the model that flies it, one column."""
+
+
+class Point(NamedTuple):
+    """What the search knows at a set of parameters, of one recording: M errors in standard deviations, in one row."""
+
+    error: Array
+    """(M,) weighed, less what the beginning and the offsets explain."""
+    slopes: Array
+    """(P, M) by the parameters, likewise."""
+    begin: Array
+    """(7, M) by the beginning and the offsets, weighed."""
+    full: Array
+    """(M,) weighed errors as they are."""
+    full_slopes: Array
+    """(P, M)."""
+
+
+class Search:
+    """Gauss-Newton's search for the parameters of one kind of vehicle, whose flights were recorded."""
+
+    def __init__(self, recordings: Sequence[Recording], flown: Flown, start: Array, spreads: Array) -> None:
+        """Begin with logarithms `start` (P,), held by a normal prior of these standard deviations.
+
+        Recordings begin where it is known what acts.
+        """
+        self.logs = start
+        self._flown, self._start = flown, start
+        self._prior: Array = np.diag(spreads**-2.0)
+        self._measured = [_Measured.of(each) for each in recordings]
+        self._begins = [np.concatenate((each.seen[:, 0], np.zeros(CHANNELS))) for each in recordings]
+        self._durations_s = [each.duration_s for each in recordings]
+        self._scales = RESOLUTION
+
+    def find(self, alike_s: float) -> None:
+        """Search; errors `alike_s` apart count as independent against the prior."""
+        for _ in range(ITERATIONS):
+            points = self.points(self.logs)
+            count = sum(int(each.there.sum()) for each in self._measured)
+            square = sum(float(each.error @ each.error) for each in points) / count
+            worth = 1.0 / max(square * alike_s * count / (CHANNELS * sum(self._durations_s)), TINY)
+            information = worth * sum(each.slopes @ each.slopes.T for each in points) + self._prior
+            pull = worth * sum(each.slopes @ each.error for each in points) + self._prior @ (self.logs - self._start)
+            step = np.clip(np.linalg.solve(information, pull), -STEP_MAX, STEP_MAX)
+            self.logs = self.logs - step
+            for place, each in enumerate(points):
+                left = each.full - step @ each.full_slopes
+                self._begins[place] = self._begins[place] - np.linalg.lstsq(each.begin.T, left, rcond=None)[0]
+            if np.abs(step).max() < CLOSE:
+                return
+
+    def points(self, logs: Array, *, anew: bool = True) -> list[Point]:
+        """Return what is known of each recording at these logarithms; `anew`: by the scale of the errors there."""
+        tried = [logs, *(logs + NUDGE * each for each in np.eye(len(logs))), *[logs] * BEGINS]
+        nudged = np.vstack((np.zeros((1 + len(logs), BEGINS)), np.diag(BEGIN_NUDGES)))
+        errors = self._errors(tried, nudged)
+        by_begin = errors[1 + len(logs) :]
+        if anew:
+            each_sigma = [1.4826 * self._median(errors[0], channel) for channel in range(CHANNELS)]
+            self._scales = np.maximum(RESOLUTION, each_sigma)
+        found = list[Point]()
+        for place, seen in enumerate(errors[0]):
+            error = seen / self._scales[:, None]
+            weights = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
+            weigh = self._measured[place].there * weights / self._scales[:, None]
+            moved = [(each[place] - seen) / NUDGE for each in errors[1 : 1 + len(logs)]]
+            begun = [(each[place] - seen) / nudge for each, nudge in zip(by_begin, BEGIN_NUDGES.tolist(), strict=True)]
+            offsets = [np.repeat(each[:, None], seen.shape[1], axis=1) for each in np.eye(CHANNELS)]
+            slopes = np.stack([(each * weigh).ravel() for each in moved])
+            basis = np.stack([(each * weigh).ravel() for each in (*begun, *offsets)])
+            directions = np.linalg.qr(basis.T)[0]
+            full = (seen * weigh).ravel()
+            without = [each - (each @ directions) @ directions.T for each in (full, slopes)]
+            found.append(Point(without[0], without[1], basis, full, slopes))
+        return found
+
+    def covariance(self, late: Flown) -> Array:
+        """Return the covariance (P, P) of the logarithms found, by errors that stay alike for a while.
+
+        Morelli and Klein, "Accuracy of aerodynamic model parameters estimated from flight test data", Journal of
+        Guidance, Control, and Dynamics 20 (1997): each error pulls at the parameters as errors of such a spectrum do.
+
+        Args:
+            late: flown with setpoints that act one standard deviation later.
+        """
+        points = self.points(self.logs)
+        information = sum(each.slopes @ each.slopes.T for each in points) + TINY * self._prior
+        pulls = sum(_pulls(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True))
+        flown, self._flown = self._flown, late
+        later = self.points(self.logs, anew=False)
+        self._flown = flown
+        inverse = np.linalg.inv(information)
+        moved = inverse @ sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
+        found = inverse @ pulls @ inverse + np.outer(moved, moved)
+        known = np.linalg.inv(found + TINY * np.eye(len(self.logs))) + self._prior
+        return np.linalg.inv(known).astype(np.float64)
+
+    def _errors(self, tried: Sequence[Array], nudged: Array) -> list[list[Array]]:
+        """Return the errors (3, K) of each recording's flight with each set of logarithms, T of them.
+
+        Of a flight with its offsets, less measured. `nudged` (T, 4) is added to its beginning.
+        """
+        flown = [self._flown(logs) for logs in tried]
+        commanded = [each for of_all, _ in flown for each in of_all]
+        models = np.concatenate([np.repeat(model.table, len(self._begins), axis=1) for _, model in flown], axis=1)
+        begins = np.concatenate([np.array(self._begins)[:, :BEGINS] + more for more in nudged])
+        motions, found = simulated(commanded, AutopilotModels.of(models), begins), list[list[Array]]()
+        for first in range(0, len(motions), len(self._begins)):
+            each = zip(motions[first : first + len(self._begins)], self._measured, self._begins, strict=True)
+            found.append([measured.errors(motion, begin[BEGINS:]) for motion, measured, begin in each])
+        return found
+
+    def _median(self, errors: Sequence[Array], channel: int) -> float:
+        """Return the median of a channel's errors, without their signs."""
+        each = [error[channel, of.there[channel]] for error, of in zip(errors, self._measured, strict=True)]
+        return float(np.median(np.abs(np.concatenate(each))))
+
+
+class _Measured(NamedTuple):
+    """What was measured of each channel, (3, M), filled up where one has less."""
+
+    point: Indices
+    """Of the grid, before it."""
+    part: Array
+    """Of a step, after that point."""
+    value: Array
+    there: Mask
+    """Whether it was measured."""
+
+    @classmethod
+    def of(cls, recording: Recording) -> _Measured:
+        each, last = recording.measured(), recording.seen.shape[1] - 2
+        most = max(len(at) for at, _ in each)
+        steps = np.stack([np.pad(at, (0, most - len(at)), constant_values=-1.0) for at, _ in each])
+        value = np.stack([np.pad(value, (0, most - len(value))) for _, value in each])
+        point = np.clip(steps.astype(np.intp), 0, last)
+        return cls(point, steps - point, value, steps >= 0.0)
+
+    def errors(self, motion: Array, offsets: Array) -> Array:
+        """Return how far a motion (3, K) with these offsets is off (3, M); 0 where nothing was measured."""
+        before, after = (np.take_along_axis(motion, self.point + more, axis=1) for more in (0, 1))
+        error = (1.0 - self.part) * before + self.part * after + offsets[:, None] - self.value
+        error[1] = wrap(error[1])
+        return np.where(self.there, error, 0.0)
+
+
+def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array) -> list[Array]:
+    """Return airspeed, heading and height (3, K) of N flights by setpoints (4, K) alone, K as each has.
+
+    Args:
+        commanded: setpoints of speed, heading and height as they act, `STEP_S` apart, and the lateral acceleration to
+            turn with.
+        models: (N,) columns, whose turn rates are changed.
+        begins: (N, 4) airspeed, heading, height and climb at the beginning.
+    """
+    count, most = len(commanded), max(each.shape[1] for each in commanded)
+    held = np.stack([np.pad(each, ((0, 0), (0, most - each.shape[1])), mode="edge") for each in commanded], axis=2)
+    airspeed, heading, height, climb = begins.T
+    none, step_s, turn_rate_max_rps = np.zeros(count), np.full(count, STEP_S), models.turn_rate_max_rps.copy()
+    state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), np.empty((3, most, count))
+    for point in range(most):
+        flown[:, point] = state.airspeed_mps, state.heading_rad, state.height_m
+        lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
+        models.turn_rate_max_rps[:] = np.minimum(turn_rate_max_rps, lateral_rps)
+        state = advance(state, held[:3, point], step_s, models)
+    return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]
+
+
+def _pulls(point: Point, duration_s: float) -> Array:
+    """Return the covariance (P, P) of what one recording's errors pull at, by their spectrum in each channel."""
+    errors, slopes = point.error.reshape(CHANNELS, -1), point.slopes.reshape(len(point.slopes), CHANNELS, -1)
+    points = errors.shape[1]
+    lags = min(round(ALIKE_S / duration_s * points), points - 1)
+    taper = 1.0 - np.arange(lags + 1) / (lags + 1)
+    size, found = 2 * points, np.zeros((len(point.slopes), len(point.slopes)))
+    for channel, error in enumerate(errors):
+        power = np.abs(np.fft.rfft(error, size)) ** 2
+        alike = np.fft.irfft(power, size)[: lags + 1] / points * taper
+        spectrum = np.fft.rfft(np.concatenate((alike, np.zeros(size - 2 * lags - 1), alike[:0:-1]))).real
+        turned = np.fft.rfft(slopes[:, channel], size)
+        twice = np.full(turned.shape[1], 2.0)
+        twice[0] = twice[-1] = 1.0
+        found += ((turned * (np.maximum(spectrum, 0.0) * twice)) @ turned.conj().T).real / size
+    return found

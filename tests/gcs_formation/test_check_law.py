@@ -1,0 +1,72 @@
+"""What `check` says of what the law makes of links, and of starts, against what is flown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from formation_scenario import load_scenario
+from formation_scenario.ground_and_fence import starts_without_room
+from gcs_formation.app.check import check_report
+from gcs_formation.app.check_law import ahead_of_virtual, held_by_links
+from tests.flights.conftest import scenario as flight
+
+FOUR = [{"id": each} for each in range(1, 5)]
+
+
+def held(**keys: Any) -> str | None:
+    """Return what is said of a formation that is held for its links."""
+    law = {"on_delay": "hold"} | keys.pop("law", {})
+    return held_by_links(load_scenario(flight(law=law, links={"default": keys})))
+
+
+def test_jitter_for_which_followers_are_held_again_and_again_is_named_with_what_would_be_enough() -> None:
+    said = held(delay_ms=300, jitter_ms=60)
+    assert said is not None
+    assert "round trips scatter by 85 ms" in said
+    assert "again and again" in said
+    enough_ms = float(said.partition("about")[2].partition("others; ")[2].partition(" ms")[0])
+    assert held(delay_ms=300, jitter_ms=1.05 * enough_ms / 2**0.5) is not None
+    assert held(delay_ms=300, jitter_ms=0.7 * enough_ms / 2**0.5) is None
+    assert held(delay_ms=300, jitter_ms=60, law={"on_delay": "warn"}) is None
+
+
+def test_a_delay_for_which_followers_are_held_without_prediction_is_named() -> None:
+    said = held(delay_ms=500, law={"delay_compensation": False})
+    assert said is not None
+    assert "the loop's delay is 1.100 s" in said
+    assert "law.delay_compensation predicts over it" in said
+
+
+def test_jitter_that_comes_in_flight_holds_too() -> None:
+    change = {"at_s": 30, "jitter_ms": 120}
+    keys = {"law": {"on_delay": "hold"}, "links": {"default": {"delay_ms": 400}, "changes": [change]}}
+    said = held_by_links(load_scenario(flight(**keys)))
+    assert said is not None
+    assert "from 30 s on" in said
+
+
+def test_followers_of_a_virtual_leader_fly_ahead_by_what_is_foretold_where_nothing_is_predicted() -> None:
+    keys = {"vehicles": FOUR, "law": {"delay_compensation": False}, "links": {"default": {"delay_ms": 200}}}
+    planned = load_scenario(flight(**keys))
+    said = ahead_of_virtual(planned)
+    assert said is not None
+    assert said in check_report(planned)["warnings"]
+    least_m, most_m = (22.0 * each for each in (0.2, 0.3))
+    assert f"{least_m:.2g} to {most_m:.2g} m ahead" in said
+    assert ahead_of_virtual(load_scenario(flight(**keys | {"law": {"delay_compensation": True}}))) is None
+    assert ahead_of_virtual(load_scenario(flight(law={"delay_compensation": False}))) is None
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "said"), [([23.0, 0.0, 0.0], True), ([12.0, 0.0, 0.0], False), ([0, 0, 0], False)]
+)
+def test_starts_that_leave_no_room_beyond_the_separation_are_named(offset_m: list[float], said: bool) -> None:
+    shape = {"shape": "follower", "spacing_m": 28.5}
+    planned = load_scenario(flight(formation=shape, start={"in_air": True, "run_in_s": 30, "offset_m": offset_m}))
+    found = starts_without_room(planned, 1.0)
+    assert (found is not None) == said
+    if found:
+        assert found == "start.offset_m: vehicle 1 and vehicle 2 begin 5.5 m apart"
+        assert any(each.startswith(found) for each in check_report(planned)["warnings"])
