@@ -110,22 +110,24 @@ class FirstLook:
         its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
         assert its is not None
         spot.slot_m = slot_m
-        its_mps, model = its.airspeed_mps, spot.model
+        model = spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
-        along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
+        north_mps, east_mps = self._frame_north_mps - state.wind_north_mps, self._frame_east_mps - state.wind_east_mps
+        with_it_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps)
+        along_mps = within(with_it_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
             slow_mps = _apart_mps(state, along_mps, its.heading_rad)
             step_mps, turn_rad = _apart_mps(state, speed_mps, heading_rad), 0.0
             off_rad = 0.0
         else:
-            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its.heading_rad - state.heading_rad))
+            slow_mps = abs(along_mps - state.airspeed_mps)
+            off_rad = abs(wrap(math.atan2(east_mps, north_mps) - state.heading_rad))
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
-        north_mps, east_mps = state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps
-        drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - its_mps)
+        drift_mps = abs(along_mps - with_it_mps)
         spot.north_m = state.north_m + self._frame_north_mps * early_s
         spot.east_m = state.east_m + self._frame_east_mps * early_s
         spot.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
