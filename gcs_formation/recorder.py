@@ -35,6 +35,7 @@ class VehicleLink:
         "flew",
         "flies_home_m",
         "heard",
+        "home_m",
         "jitter_s",
         "lag_s",
         "ready",
@@ -66,7 +67,8 @@ class VehicleLink:
         self.circling = False
         """Whether it isn't commanded and circles, or is about to turn onto its circle."""
         self.flies_home_m: tuple[float, float] | None = None
-        """Where it flies, north and east, if it isn't commanded and its mode brings it home."""
+        self.home_m: tuple[float, float] | None = None
+        """Its home, north and east: if it isn't commanded and its mode brings it there, and as far as it is known."""
         self.heard: int = now
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False
