@@ -208,7 +208,7 @@ class ConflictResolver:
             vehicles += [members[at] for at in circling]
         wandering = self._wandering.about(tick, members, measured)
         if wandering:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
+            traffic = traffic.beside(self._wandering.traffic(wandering, members, measured, together))
             setpoints += [setpoint for _, setpoint in wandering]
             vehicles += [members[at] for at, _ in wandering]
         commanded += [False] * (len(vehicles) - len(members))

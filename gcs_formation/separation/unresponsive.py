@@ -23,7 +23,7 @@ SEEMS_AFTER_S: Final = 0.5
 """Over which the acceleration of a multirotor is averaged that nobody commands."""
 SEEMS_FOR_S: Final = 2.0
 """For how long it may go on with it."""
-ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
+ASTRAY_MPS, ASTRAY_MPS2 = 0.8, 1.0
 """A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
@@ -179,7 +179,18 @@ class Wandering:
             return []
         free = [at for at, each in enumerate(members) if self.astray[each] or not tick.active[each]]
         found = [(at, self._seems_about(members[at], measured)) for at in free]
+        found += [(at, STANDS) for at in free if self._slows(members[at], measured)]
         return found + [(at, home) for at in free if (home := self._homewards(tick, members[at], measured))]
+
+    def traffic(self, about: list[tuple[int, Triple]], members: list[int], measured: Measured, at: int) -> Traffic:
+        """Return vehicles as they are at the instant `at` if they have been about that since they were seen."""
+        states, columns = list[FlightState](), [members[place] for place, _ in about]
+        for column, (_, (speed_mps, heading_rad, height_m)) in zip(columns, about, strict=True):
+            state, elapsed_s = measured.states[column].copy(), (at - measured.stamps[column]) / NANOSECONDS
+            advance(state, self._models[column], speed_mps, heading_rad, height_m, max(elapsed_s, 0.0))
+            states.append(state)
+        models, still = AutopilotModels.from_each(self._models[column] for column in columns), np.zeros(len(about))
+        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)
 
     def _watch_velocity(
         self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
@@ -210,6 +221,11 @@ class Wandering:
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
         north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
+
+    def _slows(self, column: int, measured: Measured) -> bool:
+        """Return whether a multirotor loses speed: it may be about to stop."""
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
+        return north_mps * north_mps2 + east_mps * east_mps2 < -ASTRAY_MPS2 * math.hypot(north_mps, east_mps)
 
     def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
         """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""

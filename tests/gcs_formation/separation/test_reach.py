@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -111,6 +112,18 @@ def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_
     for own in range(3):
         come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], minimum, made.times_s)
         assert near[come.deficit_m_s > 1e-9].all()
+
+
+@pytest.mark.parametrize("gust_mps", [0.0, 2.5])
+def test_along_with_the_leader_is_along_its_velocity_over_ground_whatever_wind_carries_each(gust_mps: float) -> None:
+    """In 2.5 m/s more from aside one that held the leader's heading was reckoned to drift 30 m in 12 s."""
+    vehicles = Vehicles([[0, 0, 100, 22, 0.3, 0], [0, 30, 100, 22, 0.3, 0]])
+    winds = FlightStates(*vehicles.state.table[:6], np.array((1.0, 1.0)), np.array((0.0, -gust_mps)))
+    made = picture(vehicles, winds, wanted(vehicles, 0.0))
+    speed_mps, heading_rad = made.along
+    north_mps, east_mps = speed_mps * np.array((np.cos(heading_rad), np.sin(heading_rad))) + winds.wind_mps
+    assert np.allclose((north_mps[1], east_mps[1]), made.reference_mps[:, 0])
+    assert possible_pairs(made)[0].size == 0
 
 
 def test_a_formation_in_its_slots_needs_no_ways() -> None:

@@ -42,6 +42,7 @@ class Crossing:
         """As they fly, where there is none."""
         self.circling, self.flew = False, True
         self.stands_after_s = math.inf
+        self.home_m: tuple[float, float] | None = None
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
 
@@ -51,7 +52,7 @@ class Crossing:
         now = after(Instant(0), at_s)
         links = [VehicleLink(now), VehicleLink(now)]
         links[1].circling, links[1].flew = self.circling, self.flew
-        links[1].stands_after_s = self.stands_after_s
+        links[1].stands_after_s, links[1].home_m = self.stands_after_s, self.home_m
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
@@ -299,6 +300,19 @@ def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
     assert column.keep(at_s=10.1 + silent_s).yielding[0] is gives
 
 
+@pytest.mark.parametrize(("home_m", "gives"), [(None, False), ((400.0, 0.0), False), ((-400.0, 0.0), True)])
+def test_one_that_hears_nothing_any_more_may_have_set_off_for_home(
+    home_m: tuple[float, float] | None, gives: bool
+) -> None:
+    """A PX4 does 1 s after its last setpoint, and nobody hears of it: it came back through those behind at 2.1 m."""
+    column = column_of_copters()
+    column.stands_after_s, column.home_m, column.told_mps, column.speed[:] = 1.0, home_m, 0.0, 0.0
+    for at_s in (10.0, 10.1):
+        column.keep(at_s=at_s)
+    column.heard_s = 10.1
+    assert column.keep(at_s=12.1).yielding[0] is gives
+
+
 def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
     column, gives = column_of_copters(), list[bool]()
     for tick in range(60):
@@ -308,8 +322,8 @@ def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_u
             column.speed[1] = min(column.speed[1] + 0.25, 8.0)
         column.told_mps = 8.0
         gives.append(column.keep(at_s=10.0 + 0.1 * tick).yielding[0])
-    assert not any(gives[:24])
-    assert all(gives[30:40])
+    assert not any(gives[:23])
+    assert all(gives[23:40])
 
 
 def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) -> float:
