@@ -93,8 +93,8 @@ class Impairment(Keys):
     outage: Flag = key(False, "whether everything is lost")
     trace_file: Text | None = key(
         None,
-        "recorded delays, ms, a number a line, added to delay_ms instead of jitter, one after the other "
-        "and over again; a path from the scenario's file",
+        "file of recorded delays (ms, one a line) that are added to delay_ms in place of jitter, in their order, "
+        "then from the beginning again; relative to the scenario's file",
         "lte.txt",
     )
 

@@ -132,8 +132,8 @@ class VehicleModel(Keys):
     )
     prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = key(
         1.0,
-        "of what hovers, and of a PX4: share of a change of the speed told that it flies with tau_v_s; the "
-        "rest comes as its integrator makes up for drag",
+        "vehicles that hover, and PX4s: share of a change of told speed that is flown with the lag tau_v_s; the "
+        "rest follows as the integrator makes up for drag",
         0.7,
     )
     rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
@@ -199,13 +199,13 @@ class VehicleCommon(Keys):
     )
     true_model: Model | None = key(
         None,
-        "emulators only: what the vehicle flies by where that differs from `model`, which the station believes",
+        "emulators only: its lags and limits in truth, where they differ from `model`, which the station believes",
         derived="the keys of `model`",
     )
     navigation: Navigation = key(TrueNavigation(), "how well its telemetry knows its state")
     true_navigation: Navigation | None = key(
         None,
-        "emulators only: how well it does where that differs from `navigation`, which the station believes",
+        "emulators only: its true errors of telemetry, where they differ from `navigation`, which the station believes",
         derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()

@@ -1,4 +1,4 @@
-"""What each fault leads to, and within what time: the rows of docs/safety.md, under the virtual clock."""
+"""What each fault leads to, and within what time: the rows of docs/safety-figures.md, under the virtual clock."""
 
 from __future__ import annotations
 
