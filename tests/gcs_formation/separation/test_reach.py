@@ -118,7 +118,7 @@ def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_
 def test_along_with_the_leader_is_along_its_velocity_over_ground_whatever_wind_carries_each(gust_mps: float) -> None:
     """In 2.5 m/s more from aside one that held the leader's heading was reckoned to drift 30 m in 12 s."""
     vehicles = Vehicles([[0, 0, 100, 22, 0.3, 0], [0, 30, 100, 22, 0.3, 0]])
-    winds = FlightStates(*vehicles.state.table[:6], np.array((1.0, 1.0)), np.array((0.0, -gust_mps)))
+    winds = FlightStates.of(np.vstack((vehicles.state.table[:6], ((1.0, 1.0), (0.0, -gust_mps)))))
     made = picture(vehicles, winds, wanted(vehicles, 0.0))
     speed_mps, heading_rad = made.along
     north_mps, east_mps = speed_mps * np.array((np.cos(heading_rad), np.sin(heading_rad))) + winds.wind_mps
