@@ -117,7 +117,7 @@ def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
         return None
     places = np.array([(each.north_m, each.east_m, each.height_m) for each in start_states(scenario)])
     apart_m, found = _nearest(scenario, places)
-    return f"{'.'.join(OFFSET)}: {found}" if apart_m < scenario.safety.separation_m + room_m else None
+    return f"{'.'.join(map(str, OFFSET))}: {found}" if apart_m < scenario.safety.separation_m + room_m else None
 
 
 def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:

@@ -89,7 +89,7 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     start = np.log([getattr(begin, name) for name in names_fitted])
     known = [_known(each) for each in recordings]
     search = Search(known, partial(_as_flown, recordings, begin), start, np.full(start.size, UNKNOWN))
-    search.find(CORRELATED_S)
+    search.find()
     covariance = search.covariance(partial(_as_flown, recordings, begin, later_s=WAIT_SIGMA_S))
     lags = np.exp(search.logs)
     lags[2:4] = np.sort(lags[2:4])

@@ -26,7 +26,7 @@ HUBER = 2.0
 """Errors larger than so many standard deviations count by their size, not by its square."""
 ALIKE_S = 20.0
 """Errors this far apart count as independent in the deviations."""
-ITERATIONS = 10
+ITERATIONS = 15
 NUDGE = 0.02
 """Of a parameter's logarithm, for its slope."""
 STEP_MAX = 0.4
@@ -71,13 +71,15 @@ class Search:
         self._durations_s = [each.duration_s for each in recordings]
         self._scales = RESOLUTION
 
-    def find(self, alike_s: float) -> None:
-        """Search; errors `alike_s` apart count as independent against the prior."""
+    def find(self) -> None:
+        """Search; against the prior errors count as seldom as they are repeated."""
         for _ in range(ITERATIONS):
             points = self.points(self.logs)
             count = sum(int(each.there.sum()) for each in self._measured)
-            square = sum(float(each.error @ each.error) for each in points) / count
-            worth = 1.0 / max(square * alike_s * count / (CHANNELS * sum(self._durations_s)), TINY)
+            lasting = sum(
+                _lasting(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True)
+            )
+            worth = 1.0 / max(lasting / count, TINY)
             information = worth * sum(each.slopes @ each.slopes.T for each in points) + self._prior
             pull = worth * sum(each.slopes @ each.error for each in points) + self._prior @ (self.logs - self._start)
             step = np.clip(np.linalg.solve(information, pull), -STEP_MAX, STEP_MAX)
@@ -205,17 +207,27 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
     return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]
 
 
-def _pulls(point: Point, duration_s: float) -> Array:
-    """Return the covariance (P, P) of what one recording's errors pull at, by their spectrum in each channel."""
-    errors, slopes = point.error.reshape(CHANNELS, -1), point.slopes.reshape(len(point.slopes), CHANNELS, -1)
+def _alike(point: Point, duration_s: float) -> Array:
+    """Return how errors of each channel are correlated over the following ones, (3, L), by Bartlett's window."""
+    errors = point.error.reshape(CHANNELS, -1)
     points = errors.shape[1]
     lags = min(round(ALIKE_S / duration_s * points), points - 1)
-    taper = 1.0 - np.arange(lags + 1) / (lags + 1)
-    size, found = 2 * points, np.zeros((len(point.slopes), len(point.slopes)))
-    for channel, error in enumerate(errors):
-        power = np.abs(np.fft.rfft(error, size)) ** 2
-        alike = np.fft.irfft(power, size)[: lags + 1] / points * taper
-        spectrum = np.fft.rfft(np.concatenate((alike, np.zeros(size - 2 * lags - 1), alike[:0:-1]))).real
+    power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
+    return np.fft.irfft(power, 2 * points)[:, : lags + 1] / points * (1.0 - np.arange(lags + 1) / (lags + 1))
+
+
+def _lasting(point: Point, duration_s: float) -> float:
+    """Return the variance of one recording's errors if each counts as often as it is repeated, summed over them."""
+    alike = _alike(point, duration_s)
+    return float((2.0 * alike.sum(axis=1) - alike[:, 0]).sum()) * point.error.size / CHANNELS
+
+
+def _pulls(point: Point, duration_s: float) -> Array:
+    """Return the covariance (P, P) of what one recording's errors pull at, by their spectrum in each channel."""
+    slopes, alike = point.slopes.reshape(len(point.slopes), CHANNELS, -1), _alike(point, duration_s)
+    size, lags, found = 2 * slopes.shape[2], alike.shape[1] - 1, np.zeros((len(point.slopes), len(point.slopes)))
+    for channel, each in enumerate(alike):
+        spectrum = np.fft.rfft(np.concatenate((each, np.zeros(size - 2 * lags - 1), each[:0:-1]))).real
         turned = np.fft.rfft(slopes[:, channel], size)
         twice = np.full(turned.shape[1], 2.0)
         twice[0] = twice[-1] = 1.0

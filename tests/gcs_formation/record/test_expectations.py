@@ -175,3 +175,18 @@ def test_no_delay_is_less_than_none_in_summary_and_verdict():
     scenario = load_scenario(KEYS | {"expect": expect, "duration_s": FLOWN_S})
     (found,) = judge(scenario, flown(), PARTS, {scenario.vehicles[1].vehicle_id: link}, False)
     assert found.value == 0.0
+
+
+@pytest.mark.parametrize(("metric", "frames"), [("jitter_ms.p99", 3), ("measured_loss", 0), ("frames_bad", 0)])
+def test_a_link_that_nothing_came_over_meets_no_bound(metric: str, frames: int) -> None:
+    """The jitter that was estimated last stays in the table however long nobody has answered."""
+    link = LinkFigures(np.zeros((3, 3)), np.arange(3.0) - 10.0, 0.0, frames, 3, 0)
+    scenario = load_scenario(
+        KEYS | {"expect": [{"metric": metric, "followers": [2], "below": 0.9}], "duration_s": FLOWN_S}
+    )
+    parts = PARTS | {
+        "links": {str(each.vehicle_id): {"measured_loss": 0.0, "frames_bad": 0} for each in scenario.vehicles}
+    }
+    (found,) = judge(scenario, flown(), parts, {scenario.vehicles[1].vehicle_id: link}, False)
+    assert found.value is None
+    assert found.held is False
