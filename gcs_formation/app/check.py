@@ -139,6 +139,12 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
+def longest_round_trip_s(scenario: Scenario) -> float:
+    """Return the longest delay of a link up and down, s, at any time of the run."""
+    ways = (check_links.ways_s(step) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
+    return max((up_s + down_s for up_s, down_s in ways), default=0.0)
+
+
 def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
@@ -169,6 +175,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)
+    yield from check_room.no_room_to_stop(scenario, longest_round_trip_s(scenario))
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in near if found)

@@ -41,6 +41,8 @@ GUST_SIGMAS = 2.0
 LIGHT_MPS = 3.0
 """Wind 6 m above ground in whose turbulence every formation should keep its slots."""
 PLENTY = (math.inf, "")
+SEEN_S = 0.9
+"""After this, and a round trip, one brakes that flies behind a multirotor that brakes against its orders."""
 STEP_S = 0.5
 SHORT_M = 0.5
 """A lack of clearance that isn't worth a warning."""
@@ -69,6 +71,27 @@ def little_left(scenario: Scenario) -> Iterator[str]:
             if left_mps < wanted_mps:
                 left = f"{left_mps:.2g} m/s is left" if left_mps > 0.0 else "nothing is left"
                 yield f"{key}: found {speed:g}; {found}: {left}, {wanted_mps:.2g} should be to hold it against gusts"
+
+
+def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
+    """Yield where multirotors fly too near behind each other for one to stop behind another that stops unasked.
+
+    It goes on at its speed until it is told to, and then brakes as hard; aside and upwards it gets no more than 2 m.
+    """
+    least_m, kept = scenario.safety.separation_m, scenario.safety.avoidance.enabled
+    if not scenario.hovers or not kept:
+        return
+    told_mps = [parse_order(each.order).speed_mps or 0.0 for each in scenario.orders]
+    speed_mps, first = max(scenario.path.speed_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
+    enough_m = least_m + speed_mps * (round_trip_s + SEEN_S)
+    for step in slot_schedule(scenario):
+        forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
+        behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)
+        nearest_m = float(forward_m[behind].min(initial=math.inf))
+        if nearest_m < enough_m:
+            found = f"formation: found slots {nearest_m:.3g} m behind each other in {step.shape}"
+            why = f"for one to stop behind another that stops unasked, {least_m:g} m from it"
+            yield f"{found}; at {speed_mps:g} m/s {enough_m:.3g} m should be {why}"
 
 
 def gusts_mps(scenario: Scenario) -> float:

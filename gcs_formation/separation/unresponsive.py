@@ -27,7 +27,7 @@ ASTRAY_MPS, ASTRAY_MPS2 = 0.8, 1.0
 """A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-STANDS: Final = (0.0, 0.0, math.nan)
+STANDS: Triple = (0.0, 0.0, math.nan)
 """What one does that stands, or stops."""
 SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
 """When one that may stand may have set off for home: shares of the time since. It may fly slower, too."""
