@@ -89,9 +89,8 @@ def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
         behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)
         nearest_m = float(forward_m[behind].min(initial=math.inf))
         if nearest_m < enough_m:
-            found = f"formation: found slots {nearest_m:.3g} m behind each other in {step.shape}"
-            why = f"for one to stop behind another that stops unasked, {least_m:g} m from it"
-            yield f"{found}; at {speed_mps:g} m/s {enough_m:.3g} m should be {why}"
+            found = f"formation: found slots {nearest_m:.3g} m behind each other ({step.shape}) at {speed_mps:g} m/s"
+            yield f"{found}; {enough_m:.3g} m or more leave {least_m:g} m behind one that stops without being told"
 
 
 def gusts_mps(scenario: Scenario) -> float:
