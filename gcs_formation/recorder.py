@@ -48,8 +48,7 @@ class VehicleLink:
         self.circling = False
         """Whether it isn't commanded and circles, or is about to turn onto its circle."""
         self.flies_home_m: tuple[float, float] | None = None
-        self.home_m: tuple[float, float] | None = None
-        """Its home, north and east: if it isn't commanded and its mode brings it there, and as far as it is known."""
+        """Where it flies, north and east, if it isn't commanded and its mode brings it home."""
         self.heard: int = now
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False

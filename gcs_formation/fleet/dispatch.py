@@ -70,7 +70,7 @@ class Dispatch:
             link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
             link.speeds_mps = vehicle.autopilot.speeds_mps
-            link.stands_after_s, link.home_m = vehicle.autopilot.stands_after_s, vehicle.telemetry.home_m
+            link.stands_after_s = vehicle.autopilot.stands_after_s
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s

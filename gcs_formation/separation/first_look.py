@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
 from gcs_formation.separation.approach import COARSE_S
@@ -23,30 +22,22 @@ doesn't fight the formation."""
 class Kept:
     """The distance that two commanded vehicles keep: less where their slots are near each other."""
 
-    __slots__ = ("each_m", "most_m", "rows")
+    __slots__ = ("least_m", "most_m")
 
-    def __init__(self, most_m: float, each_m: Array | None = None, first: int = 0) -> None:
-        """Take the most, and what each two keep whose slots are on their way.
-
-        Args:
-            most_m: kept by those whose slots are far apart, or that come to them from afar.
-            each_m: (C, C); None where slots rest: then they tell.
-            first: the first column that is a vehicle.
-        """
+    def __init__(self, most_m: float, least_m: float = 0.0) -> None:
+        """Take the most, and the least to which slots may lower it, m."""
         self.most_m = most_m
-        self.each_m = each_m
-        self.rows: list[list[float]] = [] if each_m is None else each_m[first:, first:].tolist()
-        """The same, for the first look."""
+        self.least_m = least_m
 
 
 class Spot:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
-    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "place", "slot_m", "timing_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "slot_m", "timing_s")
 
-    def __init__(self, place: int, model: AutopilotModel) -> None:
-        """Begin with one that hasn't been seen; `place` among all of them."""
-        self.place, self.model = place, model
+    def __init__(self, model: AutopilotModel) -> None:
+        """Begin with one that hasn't been seen."""
+        self.model = model
         self.north_m = self.east_m = 0.0
         self.along_m = 0.0
         """Its place along the axis on which all are farthest apart."""
@@ -72,7 +63,7 @@ class FirstLook:
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
-        self._spots = [Spot(place, model) for place, model in enumerate(models)]
+        self._spots = [Spot(model) for model in models]
         self._order = list(self._spots)
         """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
         self._first_s, self._horizon_s = first_s, horizon_s
@@ -110,24 +101,22 @@ class FirstLook:
         its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
         assert its is not None
         spot.slot_m = slot_m
-        model = spot.model
+        its_mps, model = its.airspeed_mps, spot.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
-        north_mps, east_mps = self._frame_north_mps - state.wind_north_mps, self._frame_east_mps - state.wind_east_mps
-        with_it_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps)
-        along_mps = within(with_it_mps, model.speed_min_mps, model.speed_max_mps)
+        along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
             slow_mps = _apart_mps(state, along_mps, its.heading_rad)
             step_mps, turn_rad = _apart_mps(state, speed_mps, heading_rad), 0.0
             off_rad = 0.0
         else:
-            slow_mps = abs(along_mps - state.airspeed_mps)
-            off_rad = abs(wrap(math.atan2(east_mps, north_mps) - state.heading_rad))
+            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its.heading_rad - state.heading_rad))
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
-        drift_mps = abs(along_mps - with_it_mps)
+        north_mps, east_mps = state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps
+        drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - its_mps)
         spot.north_m = state.north_m + self._frame_north_mps * early_s
         spot.east_m = state.east_m + self._frame_east_mps * early_s
         spot.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
@@ -152,7 +141,7 @@ class FirstLook:
                 ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
                 apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.most_m + room_m
                 if not apart_m2 >= needed_m * needed_m:
-                    needed_m = _kept_m(kept, one, other) + room_m
+                    needed_m = _kept_m(kept, one.slot_m, other.slot_m) + room_m
                     if not apart_m2 >= needed_m * needed_m:
                         return False
         return True
@@ -176,14 +165,11 @@ class FirstLook:
             order[to] = spot
 
 
-def _kept_m(kept: Kept, one: Spot, other: Spot) -> float:
-    """Return the distance that two keep; the most where the slot of one of them isn't known."""
-    first, second = one.slot_m, other.slot_m
-    forward_m, right_m, up_m = first[0] - second[0], first[1] - second[1], first[2] - second[2]
+def _kept_m(kept: Kept, one: Triple, other: Triple) -> float:
+    """Return the distance that two keep whose slots these are; the most where one of them isn't known."""
+    forward_m, right_m, up_m = one[0] - other[0], one[1] - other[1], one[2] - other[2]
     kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
-    if kept.rows and not math.isnan(kept_m):
-        kept_m = kept.rows[one.place][other.place]
-    return kept_m if kept_m < kept.most_m else kept.most_m
+    return max(kept_m, kept.least_m) if kept_m < kept.most_m else kept.most_m
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:

@@ -82,19 +82,10 @@ class TrafficPicture:
         return np.array([[speed_mps * math.cos(heading_rad)], [speed_mps * math.sin(heading_rad)]])
 
     @cached_property
-    def along_with(self) -> tuple[Array, Array]:
-        """Airspeed and heading that take each along the reference's velocity over ground in its own air, (N,)."""
-        speed, heading = (np.full(self.commanded.size, each) for each in self.reference)
-        wind_mps = self.traffic.state.wind_mps
-        north_mps, east_mps = wind_mps[:, [REFERENCE]] - wind_mps
-        ahead, aside = np.cos(heading), np.sin(heading)
-        along_mps, across_mps = speed + ahead * north_mps + aside * east_mps, ahead * east_mps - aside * north_mps
-        return np.hypot(along_mps, across_mps), heading + np.arctan2(across_mps, along_mps)
-
-    @cached_property
     def along(self) -> tuple[Array, Array]:
-        """The same as each can fly it; those not commanded go on."""
-        model, on, (speed, heading) = self.traffic.model, self.setpoints, self.along_with
+        """Airspeed and heading of the reference as each can fly them, (N,); those not commanded go on."""
+        model, on = self.traffic.model, self.setpoints
+        speed, heading = (np.full(self.commanded.size, each) for each in self.reference)
         speed = within(speed, model.speed_min_mps, model.speed_max_mps)
         return np.where(self.commanded, speed, on.speed_mps), np.where(self.commanded, heading, on.heading_rad)
 
@@ -114,10 +105,7 @@ class TrafficPicture:
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
         slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
-        kept_m, each_m = SLOT_SHARE * slots_m, self.kept.each_m
-        if each_m is not None:
-            kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
-        kept_m = np.fmin(kept_m, self.kept.most_m)
+        kept_m = np.fmin(np.maximum(SLOT_SHARE * slots_m, self.kept.least_m), self.kept.most_m)
         distance_m: Array = np.where(both, kept_m, self.kept_from_others_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
@@ -230,7 +218,7 @@ def bound(picture: TrafficPicture) -> Reach:
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)
-    drift_mps = np.abs(along[0] - picture.along_with[0])
+    drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(along[0] - picture.reference[0])
     first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
     if traffic.hovers:
         aimed = [velocity_aimed_at(state, each, traffic.model) for each in (along, setpoints.air_motion)]

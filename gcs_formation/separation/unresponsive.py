@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -23,39 +23,24 @@ SEEMS_AFTER_S: Final = 0.5
 """Over which the acceleration of a multirotor is averaged that nobody commands."""
 SEEMS_FOR_S: Final = 2.0
 """For how long it may go on with it."""
-ASTRAY_MPS, ASTRAY_MPS2 = 0.8, 1.0
+ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
 """A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-STANDS: Triple = (0.0, 0.0, math.nan)
-"""What one does that stands, or stops."""
-SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
-"""When one that may stand may have set off for home: shares of the time since. It may fly slower, too."""
-
-
-class Place(NamedTuple):
-    """Where one may be that may not respond."""
-
-    column: int
-    stands: int | None
-    """Since when it stands; None: it flies on."""
-    sets_off: float = math.nan
-    """For which share of the time since then it has stood, if it then has set off for home; NaN: it still stands."""
-    home_m: tuple[float, float] = (math.nan, math.nan)
+Place = tuple[int, int | None]
+"""The column of one that may not respond, and since when it stands there; None: it flies on."""
 
 
 class Unresponsive:
     """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard.
 
-    Or multirotors stand some time after the last setpoint, which was the one that they surely heard, or the last that
-    was sent; or a failsafe takes them home from there.
+    Or they stand: an ArduCopter does some time after the last setpoint, which was the one that it surely heard, or the
+    last that was sent.
     """
 
-    def __init__(
-        self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
-    ) -> None:
-        """Take the setpoints that were sent from `history`, the (C,) `models`, and how far ahead ways are looked at."""
-        self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
+    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], *, hovers: bool) -> None:
+        """Take the setpoints that were sent from `history`, and the (C,) `models`."""
+        self._history, self._models, self._hovers = history, models, hovers
         self._held: list[Triple | None] = [None] * len(models)
         """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
         self._disobeying = [False] * len(models)
@@ -88,51 +73,35 @@ class Unresponsive:
         return False
 
     def places(self, members: list[int], now: Instant, links: list[VehicleLink]) -> list[Place]:
-        """Return where those of the columns `members` may be that may not respond."""
-        found = [Place(each, None) for each in members if self._disobeying[each] or self._held[each]]
+        """Return where those of the columns `members` may be that may not respond: each in up to three places."""
+        found: list[Place] = [(each, None) for each in members if self._disobeying[each] or self._held[each]]
         for column in members:
-            after_s, left, home_m = links[column].stands_after_s, self._left[column], links[column].home_m
+            after_s, left = links[column].stands_after_s, self._left[column]
             if self._held[column] is None or math.isinf(after_s):
                 continue
-            after_ns = round(after_s * NANOSECONDS)
-            since = links[column].heard + after_ns
+            since = links[column].heard + round(after_s * NANOSECONDS)
             if now >= since - SOON_NS:
-                for stands in (since,) if left is None else (since, left + after_ns):
-                    found.append(Place(column, stands))
-                    if home_m is not None:
-                        found += [Place(column, stands, share, home_m) for share in SET_OFF]
+                found.append((column, since))
+                if left is not None:
+                    found.append((column, left + round(after_s * NANOSECONDS)))
         return found
 
-    def traffic(self, places: list[Place], measured: Measured, at: int) -> tuple[Traffic, list[Triple]]:
-        """Return vehicles as they are at the instant `at` at places, and what they are about there."""
-        states, about = list[FlightState](), list[Triple]()
-        for place in places:
-            state = measured.states[place.column].copy()
-            about.append(self._flies(state, place, measured.stamps[place.column], at))
+    def traffic(self, places: list[Place], measured: Measured, at: int) -> Traffic:
+        """Return vehicles as they are at the instant `at` at places."""
+        states: list[FlightState] = []
+        for column, stands in places:
+            state, begin, model = measured.states[column].copy(), measured.stamps[column], self._models[column]
+            end = at if stands is None else min(stands, at)
+            speed_mps, heading_rad, height_m = self._held[column] or UNKNOWN
+            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+            advance(state, model, speed_mps, heading_rad, height_m, max(end - begin, 0) / NANOSECONDS)
+            stood_s = (at - max(end, begin)) / NANOSECONDS
+            if stood_s > 0.0:
+                advance(state, model, 0.0, heading_rad, height_m, stood_s)
             states.append(state)
         still = np.zeros(len(places))
-        models = AutopilotModels.from_each(self._models[place.column] for place in places)
-        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers), about
-
-    def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> Triple:
-        """Fly a state on from an instant to another as at a place, and return what it is about then."""
-        model, stands = self._models[place.column], at if place.stands is None else min(place.stands, at)
-        speed_mps, heading_rad, height_m = self._held[place.column] or UNKNOWN
-        speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-        advance(state, model, speed_mps, heading_rad, height_m, max(stands - begin, 0) / NANOSECONDS)
-        if place.stands is None:
-            return UNKNOWN
-        stood_s = flown_s = (at - max(stands, begin)) / NANOSECONDS
-        if not math.isnan(place.sets_off):
-            stood_s *= place.sets_off
-        if stood_s > 0.0:
-            advance(state, model, 0.0, heading_rad, height_m, stood_s)
-        if math.isnan(place.sets_off):
-            return STANDS
-        speed_mps, heading_rad, _ = homewards(state, place.home_m, model, self._horizon_s)
-        if flown_s > stood_s:
-            advance(state, model, speed_mps, heading_rad, height_m, min(flown_s - stood_s, self._horizon_s))
-        return homewards(state, place.home_m, model, self._horizon_s)
+        models = AutopilotModels.from_each(self._models[column] for column, _ in places)
+        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)
 
 
 class Wandering:
@@ -179,18 +148,7 @@ class Wandering:
             return []
         free = [at for at, each in enumerate(members) if self.astray[each] or not tick.active[each]]
         found = [(at, self._seems_about(members[at], measured)) for at in free]
-        found += [(at, STANDS) for at in free if self._slows(members[at], measured)]
         return found + [(at, home) for at in free if (home := self._homewards(tick, members[at], measured))]
-
-    def traffic(self, about: list[tuple[int, Triple]], members: list[int], measured: Measured, at: int) -> Traffic:
-        """Return vehicles as they are at the instant `at` if they have been about that since they were seen."""
-        states, columns = list[FlightState](), [members[place] for place, _ in about]
-        for column, (_, (speed_mps, heading_rad, height_m)) in zip(columns, about, strict=True):
-            state, elapsed_s = measured.states[column].copy(), (at - measured.stamps[column]) / NANOSECONDS
-            advance(state, self._models[column], speed_mps, heading_rad, height_m, max(elapsed_s, 0.0))
-            states.append(state)
-        models, still = AutopilotModels.from_each(self._models[column] for column in columns), np.zeros(len(about))
-        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)
 
     def _watch_velocity(
         self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
@@ -222,21 +180,11 @@ class Wandering:
         north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
-    def _slows(self, column: int, measured: Measured) -> bool:
-        """Return whether a multirotor loses speed: it may be about to stop."""
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
-        return north_mps * north_mps2 + east_mps * east_mps2 < -ASTRAY_MPS2 * math.hypot(north_mps, east_mps)
-
     def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
         """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""
-        home_m = tick.links[column].flies_home_m
+        home_m, state = tick.links[column].flies_home_m, measured.states[column]
         if home_m is None:
             return None
-        return homewards(measured.states[column], home_m, self._models[column], self._horizon_s)
-
-
-def homewards(state: FlightState, home_m: tuple[float, float], model: AutopilotModel, within_s: float) -> Triple:
-    """Return the velocity, as speed and heading, at which a multirotor flies home, no sooner than in `within_s`."""
-    to_north_m, to_east_m = home_m[0] - state.north_m, home_m[1] - state.east_m
-    speed_mps = min(model.speed_max_mps, math.hypot(to_north_m, to_east_m) / within_s)
-    return speed_mps, math.atan2(to_east_m, to_north_m), math.nan
+        to_north_m, to_east_m = home_m[0] - state.north_m, home_m[1] - state.east_m
+        speed_mps = min(self._models[column].speed_max_mps, math.hypot(to_north_m, to_east_m) / self._horizon_s)
+        return speed_mps, math.atan2(to_east_m, to_north_m), math.nan

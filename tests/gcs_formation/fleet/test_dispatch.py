@@ -31,7 +31,6 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         jitter=SimpleNamespace(jitter_s=0.0),
         round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None),
         autopilot=SimpleNamespace(speeds_mps=None, stands_after_s=math.inf),
-        telemetry=SimpleNamespace(home_m=None),
         new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
         forget_setpoints=lambda: None,
     )
