@@ -28,7 +28,7 @@ python_version = {}.{}
 ignore_missing_imports = True
 follow_imports = silent
 """
-"""What a module imports and isn't compiled is trusted: its types are pyright's to check."""
+"""What a module imports and isn't compiled is trusted: a push checks its types, by the rules of pyproject.toml."""
 
 
 class CompilingHook(BuildHookInterface[Any]):

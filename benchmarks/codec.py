@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sized
-from typing import Any
 
 os.environ["MAVLINK20"] = "1"
 
@@ -17,8 +16,6 @@ from gcs_formation.studies.dataset import markdown
 
 FRAMES = 20_000
 ROUNDS = 5
-PEER: Any = peer
-"""Without types: pyright takes ten seconds to find out what its parser returns."""
 
 
 def frames() -> list[bytes]:
@@ -31,12 +28,12 @@ def frames() -> list[bytes]:
 
 def pymavlink_encode() -> None:
     """Encode the same with pymavlink."""
-    link = PEER.MAVLink(None, 1, 1)
+    link = peer.MAVLink(None, 1, 1)
     for number in range(FRAMES):
         if number % 2:
-            message = PEER.MAVLink_attitude_message(12500, 0.1, 0.02, 0.14, 0.0, 0.01, 0.03)
+            message = peer.MAVLink_attitude_message(12500, 0.1, 0.02, 0.14, 0.0, 0.01, 0.03)
         else:
-            message = PEER.MAVLink_global_position_int_message(
+            message = peer.MAVLink_global_position_int_message(
                 12500, 349504254, 1249047995, 130000, 130000, 2100, 300, -40, 802
             )
         message.pack(link)
@@ -67,7 +64,7 @@ def main() -> None:
         "encode": (rate(frames), rate(pymavlink_encode)),
         "decode": (
             rate(lambda: decode(raw, StreamParser().feed)),
-            rate(lambda: decode(raw, PEER.MAVLink(None).parse_buffer)),
+            rate(lambda: decode(raw, peer.MAVLink(None).parse_buffer)),
         ),
     }
     rows = [

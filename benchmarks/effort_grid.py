@@ -23,6 +23,7 @@ import numpy as np
 
 from benchmarks import PAPER, both_ways, flown, parser
 from flight_model.arrays import Array
+from flight_model.gain_design import UNMODELLED
 from flight_model.slot import Triple
 from formation_scenario import Scenario
 from gcs_formation.control import follower, laws
@@ -71,7 +72,7 @@ class Point(NamedTuple):
     def in_force(self) -> Generator[None]:
         """Fly by this point within the context."""
         law = Differences if self.differences else follower.FollowerController
-        walk = tuple(self.walk * each for each in estimator.UNMODELLED)
+        walk = tuple(self.walk * each for each in UNMODELLED)
         with (
             mock.patch.multiple(laws, law_parameters=self._law_parameters, FollowerController=law),
             mock.patch.object(estimator, "UNMODELLED", walk),

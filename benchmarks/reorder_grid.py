@@ -6,13 +6,13 @@ import numpy as np
 
 from airlink.clock import Instant, after
 from airlink.impaired_link import Channel
-from airlink.impairment_settings import Impairment
+from airlink.impairment_settings import Distribution, Impairment
 from gcs_formation.studies.dataset import markdown
 
 DELAY_S = 0.150
 JITTERS_S = (0.005, 0.020, 0.050)
 RATES_HZ = (4.0, 40.0, 200.0)
-DISTRIBUTIONS = ("normal", "uniform", "pareto")
+DISTRIBUTIONS: tuple[Distribution, ...] = ("normal", "uniform", "pareto")
 DURATION_S = 1000.0
 
 

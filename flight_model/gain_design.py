@@ -248,7 +248,7 @@ def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndN
 def _controller(gains: Gains) -> Complex:
     kp, ki, kd = gains
     s = 1j * FREQUENCIES
-    return kp + ki / s + kd * s / (DERIVATIVE_FILTER_S * s + 1.0)
+    return np.asarray(kp + ki / s + kd * s / (DERIVATIVE_FILTER_S * s + 1.0))
 
 
 def left_by_filter(

@@ -234,8 +234,8 @@ def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) 
     """Return quintics (m, 3 axes, 6 powers of the distance into the piece) that match both ends."""
     scale = lengths[:, None]
     begins, ends = ((values[at], first[at] * scale, second[at] * scale**2) for at in (slice(-1), slice(1, None)))
-    ends = np.stack((*begins, *ends), axis=-1)
-    return np.asarray(ends @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
+    both = np.stack((*begins, *ends), axis=-1)
+    return np.asarray(both @ _HERMITE.T / (scale[..., None] ** np.arange(6)))
 
 
 def _quintics(c: Array, t: Array) -> tuple[Array, Array, Array, Array]:

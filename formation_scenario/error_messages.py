@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, cast, get_args, get_origin
+from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
@@ -162,8 +162,8 @@ def describe(annotation: object, constraints: Sequence[object] = ()) -> str:
         return ", ".join(str(choice) for choice in get_args(annotation))
     if is_group(annotation):
         return "a mapping with " + ", ".join(_keys(annotation))
-    origins = {tuple: "a list", Mapping: "a mapping of vehicle ids to [forward, right, up]"}
-    return origins.get(cast("type", get_origin(annotation)), "text")
+    origins: dict[object, str] = {tuple: "a list", Mapping: "a mapping of vehicle ids to [forward, right, up]"}
+    return origins.get(get_origin(annotation), "text")
 
 
 def _range(constraints: Sequence[object]) -> str:

@@ -187,7 +187,7 @@ def _counted(vehicles: Plain) -> Plain:
         return vehicles
     shared = {name: value for name, value in vehicles.items() if name != "count"}
     roles = ("leader", *("follower",) * (count - 1))
-    return [{"id": number, "role": role} | shared for number, role in enumerate(roles, 1)]
+    return [{"id": number, "role": role, **shared} for number, role in enumerate(roles, 1)]
 
 
 class VehicleFile(Keys):

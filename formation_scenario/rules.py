@@ -179,9 +179,9 @@ def references(scenario: Scenario) -> Iterator[Finding]:
     for path, entries in groups:
         for index, entry in enumerate(entries):
             yield from _unknown(entry.vehicles, scenario.vehicles, (*path, index, "vehicles"))
-    for index, entry in enumerate(scenario.expect):
-        chosen = scenario.vehicles if entry.metric in LINK_METRICS else scenario.followers
-        yield from _unknown(entry.followers, chosen, ("expect", index, "followers"))
+    for index, bound in enumerate(scenario.expect):
+        chosen = scenario.vehicles if bound.metric in LINK_METRICS else scenario.followers
+        yield from _unknown(bound.followers, chosen, ("expect", index, "followers"))
 
 
 def _unknown(selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: KeyPath) -> Iterator[Finding]:

@@ -218,7 +218,7 @@ class _Reader:
             raise yaml.MarkedYAMLError(problem=found, problem_mark=node.start_mark)
         self._within.append(node)
         if isinstance(node, yaml.MappingNode):
-            value = self._mapping(loader, node, path)
+            value: Plain = self._mapping(loader, node, path)
         else:
             value = self._list(loader, cast("yaml.SequenceNode", node), path)
         self._within.pop()

@@ -215,8 +215,8 @@ class LiftedPath(SplinePath):
     def at(self, s: float | Array) -> PathPoint | PathPoints:
         """Return the lifted path at an arc length in m, or at an array of them."""
         if not isinstance(s, np.ndarray):
-            lift_m, *changes = self.lift.at_one(min(max(s, 0.0), self.length_m))
-            return super().at(s).lifted(lift_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
+            up_m, *changes = self.lift.at_one(min(max(s, 0.0), self.length_m))
+            return super().at(s).lifted(up_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
         inside, points = np.clip(s, 0.0, self.length_m), super().at(s)
         lift_m, slope, curvature = self.lift.at(inside)
         on_path = s == inside

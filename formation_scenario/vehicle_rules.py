@@ -155,7 +155,7 @@ def changes(scenario: Scenario) -> Iterator[Finding]:
             if scenario.leader is None:
                 found = f"found {change.leader}, but a virtual leader flies the path"
                 yield (*path, "leader"), found, "none, or a vehicle with role: leader at the start"
-        if change.shape is change.spacing_m is change.slots_m is change.leader is None:
+        if all(each is None for each in (change.shape, change.spacing_m, change.slots_m, change.leader)):
             yield path, "found no change", "shape, spacing_m, slots_m or leader"
 
 

@@ -26,7 +26,7 @@ def test_what_was_compiled_is_there_until_it_is_in_the_wheel_and_not_after(hook,
         return {"a.so": place / "a.so"}
 
     monkeypatch.setattr(hatch_build, "compiled", compiled)
-    data = {"force_include": {}}
+    data: dict[str, dict[str, str]] = {"force_include": {}}
     hook.initialize("standard", data)
     (path,) = data["force_include"]
     assert (data["force_include"][path], Path(path).read_text()) == ("a.so", "compiled")

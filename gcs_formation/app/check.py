@@ -160,9 +160,9 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
             yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
         elif held_s > NEAR * margin_s:
-            share = f"{held_s:.3g} s on average, {held_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+            held = f"{held_s:.3g} s on average, {held_s / margin_s:.0%} of its margin {margin_s:.3f} s"
             enough_hz = f"law.rate_hz of {math.ceil(50.0 / (NEAR * margin_s)) / 100.0:g} or more"
-            yield f"loop {loop}: setpoints are held for {share}; no prediction makes up for that, {enough_hz} does"
+            yield f"loop {loop}: setpoints are held for {held}; no prediction makes up for that, {enough_hz} does"
     for loop, share in lags_off.items():
         if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
             stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"

@@ -37,7 +37,7 @@ from gcs_formation.mission.resumption import Resumption
 from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
-from gcs_formation.recorder import Event
+from gcs_formation.recorder import Detail, Event
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -205,7 +205,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         resolve_peers(session)
         with UdpDriver(session.engine, clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
-                details = {"endpoint": endpoint, "port": port}
+                details: dict[str, Detail] = {"endpoint": endpoint, "port": port}
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
             driver.run(session.attend)
     except PortError as error:
@@ -297,8 +297,10 @@ def _messages(vehicle: Vehicle, setpoint: Setpoint, where: FlightState) -> Itera
         if step.acts(seen) and not step.done(seen):
             yield from (_commanded("start", command, autopilot) for command in step.commands(seen))
     for message in autopilot.setpoint(setpoint, where):
-        command = isinstance(message, CommandLong | CommandInt)
-        yield _commanded(SETPOINTS, message, autopilot) if command else _sent(message)
+        if isinstance(message, CommandLong | CommandInt):
+            yield _commanded(SETPOINTS, message, autopilot)
+        else:
+            yield _sent(message)
     yield from (_commanded("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
 
 

@@ -16,7 +16,8 @@ from airlink.frame import Frame
 from airlink.messages.system import Heartbeat
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import Vehicle
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID

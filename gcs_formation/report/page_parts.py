@@ -301,8 +301,10 @@ def _step(run: RunData) -> StepDisturbance | None:
 
 def _conditions(run: RunData, step: StepDisturbance) -> str:
     """Return who is disturbed, the frame of the errors and the delay of the links, in this run and in the paper."""
-    everybody = step.vehicles == "all" or run.leader in step.vehicles
-    whom = "every vehicle" if everybody else "followers only, a relative disturbance"
+    moved = [vehicle.vehicle_id for vehicle in run.scenario.selected(step.vehicles)]
+    whom = "every vehicle" if len(moved) == len(run.scenario.vehicles) else "followers only, a relative disturbance"
+    if run.leader in moved and len(moved) < len(run.scenario.vehicles):
+        whom = f"vehicles {', '.join(map(str, moved))} only, the leader among them"
     delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
     known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
     links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"

@@ -218,8 +218,8 @@ def _planned(run: RunData) -> Iterator[Mark]:
         leader = f"leader {change.leader}" if change.leader is not None else ""
         spacing = f"spacing {change.spacing_m:g} m" if change.shape is None and change.spacing_m is not None else ""
         yield Mark(change.at_s, ", ".join(filter(None, (change.shape, spacing, leader))) or "slots")
-    for change in scenario.links.changes:
-        yield Mark(change.at_s, f"{_link(change)}{_of(change.vehicles)}")
+    for change_of_links in scenario.links.changes:
+        yield Mark(change_of_links.at_s, f"{_link(change_of_links)}{_of(change_of_links.vehicles)}")
 
 
 def _happened(run: RunData) -> Iterator[Mark]:

@@ -14,16 +14,15 @@ from flight_model.frequency_response import FREQUENCIES, airframe_responses, lag
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
-from gcs_formation.control.setpoint import TRAIL_S
+from gcs_formation.control.setpoint import TRAIL_S, Mixer
 from gcs_formation.stability.consensus_margins import consensus_delay_margin, ground_consensus_loops
 from gcs_formation.stability.mismatch import LoopDelay, Usage
 from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
     AircraftResponse,
     Loop,
-    Mixer,
-    PidGains,
     Plant,
     forward_plant,
     height_plant,

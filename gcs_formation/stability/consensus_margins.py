@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex, Indices
-from gcs_formation.stability.pid_margins import Loop, PidGains, Plant
+from gcs_formation.control.fuzzy_pid import PidGains
+from gcs_formation.stability.pid_margins import Loop, Plant
 
 _GRID = 400
 _MARGINAL = 1e-10

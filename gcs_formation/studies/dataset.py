@@ -211,7 +211,8 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
 
 def table(study: Study, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows as a table; parameters that are no numbers are text, in YAML."""
-    kinds = {"flight": pa.int64(), "seed": pa.int64()} | dict.fromkeys(study.measured, pa.float64())
+    kinds: dict[str, pa.DataType] = {"flight": pa.int64(), "seed": pa.int64()}
+    kinds |= dict.fromkeys(study.measured, pa.float64())
     kinds |= {"exit": pa.int64(), "wall_s": pa.float64(), "cpu_s": pa.float64()}
     kinds |= {"version": pa.string(), "words": pa.string()}
     columns = {name: pa.array([row[name] for row in rows], kind) for name, kind in kinds.items()}

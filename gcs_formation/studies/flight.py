@@ -17,14 +17,14 @@ from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.load import settings
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.expectations import figure_of, figure_of_run
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.summary import Summary
-from gcs_formation.studies import INVARIANTS, Record, Study
+from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.invariants import broken, read_record
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw

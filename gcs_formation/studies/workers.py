@@ -11,6 +11,7 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.metadata import version
 from multiprocessing import forkserver, resource_tracker
 from time import sleep
@@ -101,8 +102,8 @@ def _uncut() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for number, handler in before.items():
             signal.signal(number, handler)
-    for number in held[:1]:
-        signal.raise_signal(number)
+    for first in held[:1]:
+        signal.raise_signal(first)
 
 
 def _begin() -> None:
@@ -140,11 +141,11 @@ class Cluster:
     def __enter__(self) -> Self:
         """Connect; RunAbortedError: `distributed` isn't installed, or no scheduler answers."""
         try:
-            from distributed import Client  # noqa: PLC0415 - an extra
+            connect: Any = import_module("distributed").Client
         except ImportError as error:
             raise RunAbortedError("--scheduler needs Dask: pip install 'gcs-formation[study]'") from error
         try:
-            self._client: Any = Client(self._address, timeout=ANSWER_S)
+            self._client = connect(self._address, timeout=ANSWER_S)
         except (OSError, TimeoutError, ValueError) as error:
             raise RunAbortedError(f"no Dask scheduler answers at {self._address}: {error}") from error
         self._client._timeout = GONE_S  # for which it tries to connect again
@@ -164,13 +165,12 @@ class Cluster:
         Raises:
             RunAbortedError: workers of another version; or the scheduler, or its last worker, is gone for good.
         """
-        from distributed import as_completed  # noqa: PLC0415 - an extra
-        from distributed.client import FutureCancelledError  # noqa: PLC0415
+        from distributed.client import FutureCancelledError  # noqa: PLC0415 - an extra
         from distributed.scheduler import KilledWorker  # noqa: PLC0415
 
         self._check_versions()
         flying, deaths = dict[Any, Task](), Counter[int]()
-        ended: Any = as_completed(with_results=False, raise_errors=False)
+        ended = import_module("distributed").as_completed(with_results=False, raise_errors=False)
         while tasks or flying:
             while tasks and len(flying) < AHEAD * self._threads():
                 task = tasks.popleft()
@@ -180,7 +180,7 @@ class Cluster:
             if not ended.has_ready():
                 self._wait_a_little()
                 continue
-            future: Any = next(ended)
+            future = next(ended)
             task = flying.pop(future)
             try:
                 yield future.result()

@@ -276,7 +276,9 @@ class Plan:
         """Cut the link of one vehicle, several, or all for a while: both ways, to the vehicle, or from it."""
         if not from_s < to_s:
             raise ValueError(f"found an outage from {from_s:g} s to {to_s:g} s; allowed: one that ends after it begins")
-        begins, ends = ({"outage": lost} if way == "both" else {way: {"outage": lost}} for lost in (True, False))
+        begins, ends = (
+            dict[str, Any]({"outage": lost} if way == "both" else {way: {"outage": lost}}) for lost in (True, False)
+        )
         return self.with_link(vehicle, from_s=from_s, **begins).with_link(vehicle, from_s=to_s, **ends)
 
     def against(self, opponent: Against) -> Plan:

@@ -102,7 +102,7 @@ def test_of_too_many_remotes_the_one_silent_longest_is_forgotten(listen, monkeyp
 
 def test_lines_are_read_to_their_end_and_no_further(listen):
     reading, writing = socket.socketpair()
-    taken = []
+    taken = list[bytes]()
     with reading, writing, Proxy(listen, Endpoint("udpout", Address("127.0.0.1", 9)), Relay(1)) as proxy:
         proxy.watch(reading.fileno(), taken.append)
         writing.sendall(b"loss 1\n")

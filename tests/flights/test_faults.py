@@ -239,11 +239,13 @@ def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> N
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named() -> None:
+def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     world = World(duration_s=60)
     world.fly_to(2.0)
-    world.vehicle(3).enter = lambda mode: None
-    world.fleet.vehicles[2].answer = lambda message: None
+    monkeypatch.setattr(world.vehicle(3), "enter", lambda mode: None)
+    monkeypatch.setattr(world.fleet.vehicles[2], "answer", lambda message: None)
     world.station.course.stop(world.clock.now())
     world.run()
     (named_s,), (loitering_s,) = world.times_s("unacknowledged", 3), world.times_s("phase", text="loitering")
@@ -300,7 +302,7 @@ def test_a_full_disk_ends_the_run_with_vehicles_loitering(tmp_path: Path, monkey
         if frames >= 2000 > frames - len(raws):
             assert self._tlog is not None
             self._tlog._file.close()
-            self._tlog._file = Full()  # type: ignore[assignment] - a file that is full, which no type of file is
+            monkeypatch.setattr(self._tlog, "_file", Full())
         record(self, now, raws)
 
     monkeypatch.setattr(RunDirectory, "frames", full)

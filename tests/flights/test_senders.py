@@ -13,7 +13,8 @@ from airlink.messages.system import Heartbeat, Statustext
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import STATION_COMPONENT
 from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario

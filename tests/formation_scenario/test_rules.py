@@ -204,8 +204,8 @@ def test_a_graph_in_which_nobody_is_heard_by_all_is_refused(load, refusal):
     ]
     two_heard = [[0, 0, 0, 0], [0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0]]
     assert refusal(f"law.consensus.graph={two_heard}")
-    joined = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0.1, 0, 1], [0, 0, 1, 0]]
-    assert load(f"law.consensus.graph={joined}").law.consensus.graph == tuple(map(tuple, joined))
+    joined: list[list[float]] = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0.1, 0, 1], [0, 0, 1, 0]]
+    assert load(f"law.consensus.graph={joined}").law.consensus.graph == tuple(tuple(row) for row in joined)
     chain = [[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]
     assert load(f"law.consensus.graph={chain}").law.consensus.graph == tuple(map(tuple, chain))
 

@@ -22,7 +22,8 @@ from mypy_extensions import i64
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import STATION_COMPONENT
 from sim_vehicles.autopilot.commands import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight

@@ -16,16 +16,17 @@ from airlink import mavlink as m
 from airlink.clock import Instant, VirtualClock, after
 from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram, Engine, MemoryNetwork
-from airlink.frame import HEADER_V2, MARKER_V2
+from airlink.frame import HEADER_V2
 from airlink.messages import KINDS
 from airlink.messages.command import CommandInt
+from airlink.messages.payload import MARKER_V2
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.link_injection import impair
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from gcs_formation.vehicle.vehicle import STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario

@@ -9,7 +9,8 @@ import pytest
 from airlink import mavlink as m
 from airlink.frame import FrameWriter
 from airlink.messages.command import RequestDataStream, SetMode
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT, STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import STATION_COMPONENT
 from sim_vehicles.autopilot.commands import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight

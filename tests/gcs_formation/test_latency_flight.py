@@ -144,7 +144,7 @@ def test_the_measured_loss_is_the_realised_one(plan, mean_burst):
 BOTH, DOWN = {"outage": True}, {"downlink": {"outage": True}}
 
 
-OUTAGES = {2: (BOTH, 6), 3: (BOTH, 20), 4: (DOWN, 6), 5: (DOWN, 20)}
+OUTAGES: dict[int, tuple[dict[str, Any], int]] = {2: (BOTH, 6), 3: (BOTH, 20), 4: (DOWN, 6), 5: (DOWN, 20)}
 """Followers' links: which way they are out from 5 s on, and for how long."""
 
 
@@ -231,7 +231,8 @@ def test_a_change_on_one_link_leaves_the_other_links_delays_alone(plan):
     jittery = plan(duration_s=6, start={"in_air": True, "run_in_s": 6}).with_link(delay_ms=50, jitter_ms=20)
     before = jittery.fly().series(2)
     after = jittery.with_link(3, from_s=3, delay_ms=400, loss=0.3).fly().series(2)
-    assert np.array_equal(*(each["delay_s"][flying(each)] for each in (before, after)), equal_nan=True)
+    expected, found = (each["delay_s"][flying(each)] for each in (before, after))
+    assert np.array_equal(expected, found, equal_nan=True)
 
 
 @pytest.fixture(scope="module", params=ONE_FAST)

@@ -8,12 +8,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import pytest
 
 from airlink.cli import OBJECTS
 from gcs_formation.app import run as run_module
+from gcs_formation.app.operator import RunOptions
 from gcs_formation.errors import RunAbortedError
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
@@ -88,8 +89,7 @@ def _thresholds() -> Iterator[None]:
 @pytest.mark.parametrize(("before", "within"), [(700, OBJECTS), (2 * OBJECTS, 2 * OBJECTS), (0, 0)])
 def test_a_flight_looks_for_garbage_seldom(before: int, within: int, monkeypatch: pytest.MonkeyPatch) -> None:
     gc.set_threshold(before, 11, 12)
-    options: Any = run_module.RunOptions(Path("unused"), "virtual")
-    nothing: Any = None
+    options, nothing = RunOptions(Path("unused"), "virtual"), cast("Any", None)
     monkeypatch.setattr(run_module, "_run_virtual", lambda *_: gc.get_threshold())
     assert run_module.run(nothing, options, nothing, nothing) == (within, 11, 12)
     assert gc.get_threshold() == (before, 11, 12)

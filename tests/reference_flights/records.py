@@ -71,8 +71,8 @@ def _frame_text(record: tuple[int, bytes] | None) -> str:
 def _series(base: Path, head: Path) -> str | None:
     before, now = pq.read_table(base), pq.read_table(head)
     if before.schema != now.schema:
-        changed = set(map(str, before.schema)) ^ set(map(str, now.schema))
-        return f"columns differ: {', '.join(sorted(changed)) or 'in their order'}"
+        columns = set(map(str, before.schema)) ^ set(map(str, now.schema))
+        return f"columns differ: {', '.join(sorted(columns)) or 'in their order'}"
     if before.num_rows != now.num_rows:
         return f"{before.num_rows} rows, now {now.num_rows}"
     changed = [(row, name) for name in before.column_names if (row := _first(before[name], now[name])) is not None]

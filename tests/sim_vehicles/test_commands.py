@@ -347,8 +347,8 @@ def test_version_and_home_are_sent_on_request(flying):
         assert len(flying.ground.of(name)) == before + 1
     assert flying.ground.of("AUTOPILOT_VERSION")[0].flight_sw_version >> 24 == 4
     assert flying.ground.of("AUTOPILOT_VERSION")[0].capabilities == 62319
-    for command, params in ((410, ()), (REQUEST, (242,))):
-        assert flying.command_long(command, *params) == ACCEPTED
+    for asked in ((410,), (REQUEST, 242)):
+        assert flying.command_long(*asked) == ACCEPTED
     home = flying.ground.of("HOME_POSITION")
     assert len(home) == 2
     assert (home[0].latitude, home[0].longitude, home[0].altitude) == (350000000, 1250000000, 0)

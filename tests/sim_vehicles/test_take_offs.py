@@ -15,7 +15,7 @@ TO_100_M = {4: 3.1, 5: 20.1, 6: 36.5, 7: 50.9, 8: 64.2, 10: 89.6, 12: 109.3, 14:
 """Height, m, by time, s: mode TAKEOFF, TKOFF_ALT 100."""
 GUIDED_FROM_45_M = {4: 2.9, 5: 18.8, 6: 35.0, 7: 48.0, 8: 57.6, 10: 64.5, 12: 63.4, 14: 67.4, 18: 83.9, 22: 96.0}
 """The same with TKOFF_ALT 50 and GUIDED at 45 m, told 100 m and 22 m/s."""
-REACHED_S = {1: 3.9, 10: 4.5, 45: 6.8, 50: 7.2, 90: 19.5, 98: 23.7}
+REACHED_S: dict[int, float] = {1: 3.9, 10: 4.5, 45: 6.8, 50: 7.2, 90: 19.5, 98: 23.7}
 """When it passed heights, m, in that flight."""
 
 
@@ -86,8 +86,8 @@ def test_an_arduplane_that_is_guided_from_45_m_on_comes_to_100_m_when_a_real_one
     flight.fly(30.0)
     for time_s, height_m in GUIDED_FROM_45_M.items():
         assert flight.at(time_s).height_m == pytest.approx(height_m, abs=5.0)
-    for height_m, time_s in REACHED_S.items():
-        assert flight.reached_s(height_m) == pytest.approx(time_s, abs=1.2)
+    for reached_m, reached_s in REACHED_S.items():
+        assert flight.reached_s(reached_m) == pytest.approx(reached_s, abs=1.2)
 
 
 def test_where_the_climb_ends_height_climb_and_airspeed_go_on(armed):

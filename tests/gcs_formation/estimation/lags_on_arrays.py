@@ -395,8 +395,8 @@ class LagsOnArrays:
         learning: Mask = self._learning & self.lagging & self._bank.flying
         learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
         if (learning & (stamps[-1] > stamps[0])).any():
-            simulated, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
-            learning = learning & free
+            flown, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
+            simulated, learning = [*flown], learning & free
         else:
             simulated = [np.zeros((*stamps[1:].shape, len(channel.nodes.at))) for channel in self.channels]
             learning = np.tile(learning, (len(simulated), 1))

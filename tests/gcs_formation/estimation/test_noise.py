@@ -70,7 +70,7 @@ def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma
     """How far positions (n, 2) stray by what is learnt of them, m in a square root of a second, at each sample."""
     place, rate = sigma**2, sigma_mps**2
     stray, noise = PlaceStray(), (place, place, place, rate, rate, rate, rate, rate)
-    found = []
+    found = list[float]()
     for (north, east), (north_mps, east_mps) in zip(places.tolist(), velocities.tolist(), strict=True):
         stray.learn((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
         found.append(math.sqrt(stray.variance))

@@ -132,5 +132,5 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> 
     model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     later = advance(state, np.array([22.0, 0.0, 101.0])[:, None], np.array([2.0]), model)
-    assert later.height_m == pytest.approx([101 - 2 / np.e], abs=1e-8)
-    assert later.climb_mps == pytest.approx([0.5 / np.e], abs=1e-8)
+    assert later.height_m == pytest.approx([101 - 2 / math.e], abs=1e-8)
+    assert later.climb_mps == pytest.approx([0.5 / math.e], abs=1e-8)

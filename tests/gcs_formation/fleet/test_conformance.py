@@ -39,8 +39,9 @@ class Ground:
     def __init__(self) -> None:
         self.vehicles = {VehicleId(1, number): vehicle(number) for number in NUMBERS}
         self.notes, self.airspeed_mps = Noted(), 22.0
-        self.controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
-        self.monitor = ConformanceMonitor(load_scenario(scenario()), self.controller, self.vehicles, self.notes)
+        controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
+        self.controller = controller
+        self.monitor = ConformanceMonitor(load_scenario(scenario()), controller, self.vehicles, self.notes)
 
     def second(self) -> Vehicle:
         return self.vehicles[VehicleId(1, 2)]

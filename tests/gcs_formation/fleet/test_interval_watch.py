@@ -49,7 +49,8 @@ class Sender:
         self.asked: list[tuple[float, int, float]] = []
         """When each message was asked for, its id, and its interval in s."""
         self._due, self._random = Counter[int](), np.random.default_rng(1)
-        self._watch = MessageIntervals({self.vehicle.identity: self.vehicle}, self.notes)
+        vehicles: dict[Any, Any] = {self.vehicle.identity: self.vehicle}
+        self._watch = MessageIntervals(vehicles, self.notes)
 
     def run(self, seconds: float, *, silent: bool = False) -> None:
         for _ in range(round(seconds / STEP_S)):

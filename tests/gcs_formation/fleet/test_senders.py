@@ -19,7 +19,8 @@ from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.vehicle import STATION_SYSTEM, Vehicle
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)

@@ -83,11 +83,11 @@ def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punct
 @pytest.mark.parametrize(("flights", "rounds"), [(3, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
 def test_the_deviations_cover_errors_that_last(flights, rounds):
     """It aims 5 cm/s beside its setpoint for 3 s or so, which each prediction that begins meanwhile finds again."""
-    kept, misses, commanded = math.exp(-STEP_S / 3.0), [], np.tile(stepped(), rounds)
+    kept, misses, commanded = math.exp(-STEP_S / 3.0), list[float](), np.tile(stepped(), rounds)
     for seed in range(flights):
-        noise, aimed = np.random.default_rng(seed).standard_normal(commanded.shape[1]), commanded.copy()
+        noise, aimed = np.random.default_rng(seed).standard_normal((commanded.shape[1],)), commanded.copy()
         beside = 0.0
-        for point, each in enumerate(noise.tolist()):
+        for point, each in enumerate(noise):
             beside = kept * beside + math.sqrt(1.0 - kept**2) * 0.05 * each
             aimed[0, point] += beside
         found = fit([recording(flown(TRUE, aimed).seen, commanded)], TRUE).estimates["tau_v_s"]

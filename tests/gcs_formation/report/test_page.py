@@ -157,6 +157,21 @@ def test_the_papers_figures_stand_beside_ours_only_after_its_own_disturbance(mak
         assert beside_the_paper(load_run(make_run(straight(3, 100, disturbances=[other])))) == ""
 
 
+@pytest.mark.parametrize(
+    ("vehicles", "whom"),
+    [
+        ("all", "every vehicle"),
+        ([1, "1:2", 3], "every vehicle"),
+        ([2, 3], "followers only, a relative disturbance"),
+        ([1, 3], "vehicles 1, 3 only, the leader among them"),
+    ],
+)
+def test_whom_a_step_moves_is_said_as_the_scenario_names_them(make_run, vehicles, whom):
+    step = {"at_s": 30, "velocity_mps": [0.6, 0.6, 0.0], "vehicles": vehicles}
+    run = load_run(make_run(straight(3, 100, disturbances=[step])))
+    assert f"the step acts on {whom}, from 30 s on" in beside_the_paper(run)
+
+
 def test_a_run_that_never_settled_says_so(make_run):
     text = cards(load_run(make_run(flown_s=3.0)))
     assert "0 of 3" in text

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability.mismatch import (
     MOST,
@@ -16,7 +17,7 @@ from gcs_formation.stability.mismatch import (
     predicted_are_stable,
     predicted_mismatch_margin,
 )
-from gcs_formation.stability.pid_margins import Loop, PidGains, forward_plant, height_plant, right_plant
+from gcs_formation.stability.pid_margins import Loop, forward_plant, height_plant, right_plant
 
 MIXER, MODEL = Mixer(k_v=0.1, k_x=1.0, k_psi=0.1, k_y=0.05, k_z=1.0), VehicleModel()
 X = Loop(PidGains(3.0, 1.04, 6.5), forward_plant(MIXER, MODEL))

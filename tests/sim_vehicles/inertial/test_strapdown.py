@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from flight_model.path import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
-from sim_vehicles.inertial.experiment import Array, Start, exact_start, navigate
+from sim_vehicles.inertial.experiment import Start, exact_start, navigate
 from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory, attitude, misalignment
 from sim_vehicles.inertial.strapdown import Strapdown, displaced, to_matrix, to_quaternion
 from tests.sim_vehicles.inertial.angles import angles
