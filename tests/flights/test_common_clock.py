@@ -124,7 +124,8 @@ def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_ro
 def test_a_fast_clock_that_has_been_up_for_hours_is_mapped_by_round_trips_and_said_so_once():
     """By UTC, 18 h at a drift known to 1 ppm or worse had its vehicle metres off its slot for two minutes."""
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "clock": {"offset_s": 65_000, "drift_ppm": 100}}]
-    world = World(duration_s=20, vehicles=vehicles, telemetry=GNSS, links={"default": {"delay_ms": 200}})
+    start = {"in_air": True, "run_in_s": 15}
+    world = World(duration_s=20, vehicles=vehicles, telemetry=GNSS, start=start, links={"default": {"delay_ms": 200}})
     world.run()
     (said,) = [event.text for event in world.notes.events if event.kind == "clock" and str(event.vehicle) == "2"]
     assert said.startswith("UTC isn't used: its clock's drift isn't known well enough")

@@ -233,7 +233,7 @@ def test_a_column_without_a_leader_keeps_its_slots_through_bends(fly: Fly) -> No
     bend = [[0, 0, 100], [200, 0, 100], [400, 40, 100], [560, 200, 100], [600, 400, 100]]
     summary, _ = fly(
         duration_s=25,
-        start={"in_air": True, "run_in_s": 3},
+        start={"in_air": True, "run_in_s": 10},
         vehicles=[{"id": 1}, {"id": 2}, {"id": 3}],
         formation={"shape": "follower"},
         path={"waypoints_m": bend},

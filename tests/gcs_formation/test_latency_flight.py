@@ -118,7 +118,9 @@ def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
 
 def test_the_loss_on_the_way_up_is_told_and_bounded_by_itself(plan):
     wanted = [{"metric": name, "followers": [2], "below": 0.1} for name in ("injected_loss_up", "injected_loss")]
-    flown = plan(duration_s=15, vehicles={"count": 2}, expect=wanted).with_link(2, uplink={"loss": 0.3}).fly()
+    start = {"in_air": True, "timeout_s": 1}
+    planned = plan(duration_s=15, vehicles={"count": 2}, start=start, expect=wanted)
+    flown = planned.with_link(2, uplink={"loss": 0.3}).fly()
     link = flown.link(2)
     assert link["injected_loss_up"] == pytest.approx(0.3, abs=0.06)
     assert (link["injected_loss"], flown.link(1)["injected_loss_up"]) == (0.0, 0.0)
@@ -217,7 +219,7 @@ RECORD = ("flight.tlog", "timeseries.parquet", "events.jsonl")
 
 
 def test_the_same_seed_gives_the_same_bytes_over_impaired_links(plan):
-    impaired = plan(duration_s=3, vehicles={"count": 2}, start={"in_air": True}).with_link(
+    impaired = plan(duration_s=3, vehicles={"count": 2}, start={"in_air": True, "run_in_s": 20}).with_link(
         delay_ms=80, jitter_ms=40, distribution="pareto", loss=0.1, mean_burst=3, duplicate=0.1, rate_kbps=500
     )
     one, again, other = impaired.fly(), impaired.fly(), impaired.with_keys(seed=2).fly()
