@@ -15,7 +15,7 @@ import click
 from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say, tell
 from formation_scenario import Scenario, ScenarioError
 from gcs_formation.app.check import never_reached
-from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
+from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text, unjudged
 from gcs_formation.app.run import fly as fly_scenario
@@ -45,6 +45,7 @@ IDENTIFY_EXAMPLES = examples(
     "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
 )
 
+CLOCKS = click.Choice(["real", "virtual"])
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
 Fly = Callable[[Scenario, RunOptions, Progress, Interrupts], Result]
@@ -55,6 +56,9 @@ def _options(command: Command) -> Command:
     """Add what `run` and `fly` have in common."""
     for option in reversed(
         (
+            click.option(
+                "--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable; `run` only."
+            ),
             click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Real clock: X times faster."),
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
@@ -72,12 +76,9 @@ def _options(command: Command) -> Command:
 @click.command(epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @_options
-@click.option(
-    "--clock", type=click.Choice(["real", "virtual"]), default="real", help="virtual: as fast as possible, repeatable."
-)
-def run(clock: ClockName, **given: Any) -> None:
+def run(**given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
-    sys.exit(_done(run_scenario, _conclude, clock=clock, **given))
+    sys.exit(_done(run_scenario, _conclude, **given))
 
 
 @click.command(epilog=FLY_EXAMPLES)
@@ -90,6 +91,10 @@ def run(clock: ClockName, **given: Any) -> None:
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
     _resume(given)
+    if given["clock"] == "virtual":
+        fail(
+            "--clock: found virtual; allowed: real, which vehicles that are up already go by; emulated ones: see `run`"
+        )
     if given["confirm"] and given["dry_run"]:
         fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
     if given["confirm"] and not (sys.stdin is not None and sys.stdin.isatty()):

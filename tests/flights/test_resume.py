@@ -378,6 +378,11 @@ def test_what_can_not_be_resumed_is_refused_in_words(tmp_path: Path) -> None:
     ):
         done = CliRunner().invoke(main, ["fly", "--resume", str(path), *arguments])
         assert (done.exit_code, words in done.stderr) == (2, True), done.stderr
-    for arguments, words in (([], "found no SCENARIO"), (["x.yaml", "--retake"], "--retake: found without --resume")):
+    for arguments, words in (
+        ([], "found no SCENARIO"),
+        (["x.yaml", "--retake"], "--retake: found without --resume"),
+        (["x.yaml", "--clock", "virtual"], "--clock: found virtual"),
+        (["x.yaml", "--clock", "real"], "x.yaml"),
+    ):
         done = CliRunner().invoke(main, ["fly", *arguments])
         assert (done.exit_code, words in done.stderr) == (2, True), done.stderr
