@@ -195,9 +195,10 @@ class FileError(Exception):
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the choice nearest to a word, "" when none is near.
 
-    A choice that is the word with a unit (`speed_mps` for `speed`) takes precedence.
+    A choice that is the word with a unit (`speed_mps` for `speed`), or of the same parts, takes precedence.
     """
     known = [choice for choice in choices if choice != word]  # a number, where the word is a text of its digits
-    with_unit = [choice for choice in known if choice.startswith(f"{word}_")]
-    near = with_unit or difflib.get_close_matches(word, known, n=1)
+    parts = sorted(word.split("_"))
+    same = [choice for choice in known if choice.startswith(f"{word}_") or sorted(choice.split("_")) == parts]
+    near = same or difflib.get_close_matches(word, known, n=1)
     return f" (did you mean '{near[0]}'?)" if near else ""

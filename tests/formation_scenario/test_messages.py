@@ -127,6 +127,7 @@ def test_the_ids_of_everyone_and_of_the_ground_station_are_no_vehicles(refusal, 
 
 def test_a_key_without_its_unit_is_offered_the_key_with_it():
     assert did_you_mean("speed", ["seed", "spaced", "speed_mps"]) == " (did you mean 'speed_mps'?)"
+    assert did_you_mean("max_height_m", ["height_min_m", "height_max_m"]) == " (did you mean 'height_max_m'?)"
     assert did_you_mean("zzz", ["speed_mps"]) == ""
 
 
