@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
-from flight_model.autopilot_model import FlightState, Setpoint, finite
+from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note, Tick, VehicleLink
@@ -76,17 +76,12 @@ class Dispatch:
         return links, hold_s
 
     def look_on(self, tick: Tick, now: Instant) -> None:
-        """Fill in a blank tick at which nobody is commanded: the newest positions as told, and their ages."""
+        """Fill in a blank tick at which nobody is commanded: where everyone is by its newest position, and its age."""
         tick.active = [False] * len(tick.active)
         for vehicle in self._vehicles:
-            column, seen = vehicle.column, vehicle.telemetry
-            if seen.motion is None:
-                continue
-            motion, heading_rad = seen.motion, seen.attitude.yaw_rad if seen.attitude else math.nan
-            place = motion.north_m, motion.east_m, motion.height_m, motion.climb_mps
-            tick.state[column] = FlightState(*place, vehicle.sampler.airspeed_mps, heading_rad, math.nan, math.nan)
-            if vehicle.clock.samples:
-                tick.age_s[column] = seconds_between(vehicle.clock.to_instant(motion.stamp_s), now)
+            found = vehicle.sampler.carried_on(now)
+            if found is not None:
+                tick.state[vehicle.column], tick.age_s[vehicle.column] = found
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

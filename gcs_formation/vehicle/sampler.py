@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
+from flight_model.autopilot_model import FlightState
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
@@ -12,6 +14,9 @@ from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBi
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
+
+CARRIED_ON_S: Final = 2.0
+"""A place that was told longer ago than this isn't carried on: nobody knows where its vehicle is."""
 
 
 class Sampler:
@@ -65,6 +70,35 @@ class Sampler:
             by_course=self._autopilot.flies_courses,
             airspeed_ratio=self._autopilot.true_airspeed(1.0),
         )
+
+    def carried_on(self, now: Instant) -> tuple[FlightState, float] | None:
+        """Return where it is by its newest position, and how old that is, s; None before it or its clock is known.
+
+        Its velocity is taken to last, and an aircraft's turn. The place is NaN where that would be for over
+        `CARRIED_ON_S`; the wind is NaN.
+        """
+        motion, attitude = self._telemetry.motion, self._telemetry.attitude
+        if motion is None or not self._round_trips.clock.samples:
+            return None
+        age_s = seconds_between(self._round_trips.clock.to_instant(motion.stamp_s), now)
+        for_s = age_s if age_s <= CARRIED_ON_S else math.nan
+        turn_radps = attitude.yawspeed_radps if attitude is not None else 0.0
+        heading_rad = attitude.yaw_rad + turn_radps * for_s if attitude is not None else math.nan
+        half_rad = 0.0 if self._telemetry.stands else turn_radps * for_s / 2.0
+        # The chord of an arc lies half of its turn aside, and is shorter by the half turn's sine over the half turn.
+        cos, sin = math.cos(half_rad), math.sin(half_rad)
+        chord_s = for_s * sin / half_rad if half_rad else for_s
+        state = FlightState(
+            motion.north_m + chord_s * (motion.north_mps * cos - motion.east_mps * sin),
+            motion.east_m + chord_s * (motion.north_mps * sin + motion.east_mps * cos),
+            motion.height_m + for_s * motion.climb_mps,
+            motion.climb_mps,
+            self.airspeed_mps,
+            heading_rad,
+            math.nan,
+            math.nan,
+        )
+        return state, age_s
 
     def why_unknown(self, now: Instant) -> str | None:
         """Return why nothing that it tells becomes a state of now, in words; None if it does, or nothing has come."""
