@@ -27,7 +27,7 @@ from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
-from gcs_formation.mission.resumption import Resumption, Takeover
+from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
 from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
@@ -253,15 +253,18 @@ class Station(Engine):
             leads = self._starting.leader_ready(self.scenario.leader)
         else:
             leader = takeover.leader(now)
-            leads = leader is not None and not resumed.ending
-            if leader is not None and leads:
+            leads = leader is not None
+            if leader is not None:
                 self._reconfiguration.lead(leader, now)
-        reason = takeover.failure(now)
+        reason, leads = takeover.failure(now), leads and self.preflight.passed
         if reason is not None:
             self.course.fail(reason, now, begun=takeover.took_any)
-        elif resumed is not None and resumed.ending and takeover.settled(now):
-            self.course.stop(now)
-        elif leads and self.preflight.passed and self.course.move(Cause.LEADER_READY, now):
+        elif resumed is not None and resumed.ending:
+            if takeover.settled(now) and (leads or takeover.waited(now, 2.0 * WAIT_S)):
+                if leads:
+                    self.course.move(Cause.LEADER_READY, now)
+                self.course.stop(now)
+        elif leads and self.course.move(Cause.LEADER_READY, now):
             self.design.watch(now, begins=True)
 
     def _send_commands(self, now: Instant) -> None:

@@ -133,7 +133,7 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
     for text in () if quiet else _said(outcome, out):
         click.echo(text)
     for verdict in outcome.verdicts:
-        if quiet and not verdict.held:
+        if not verdict.held:
             click.echo(str(verdict), err=True)
     count = outcome.figures["flights"]
     for failed, what in (

@@ -101,7 +101,7 @@ class Takeover:
         """Return the vehicles that haven't been heard and are waited for; None if a start waits for all of them."""
         if self.resumed is None:
             return None
-        late = seconds_between(self.resumed.at, now) > WAIT_S
+        late = self.waited(now)
         flew = {identity for identity, known in self.resumed.vehicles.items() if known.flew} or self._vehicles.keys()
         return [] if late else [each for identity, each in self._silent() if identity in flew]
 
@@ -133,9 +133,12 @@ class Takeover:
         resumed = self.resumed
         if resumed is None or not resumed.near:
             return None
-        waited = seconds_between(resumed.at, now) > WAIT_S
-        fit: Iterable[VehicleId] = resumed.near if waited else resumed.near[:1]
+        fit: Iterable[VehicleId] = resumed.near if self.waited(now) else resumed.near[:1]
         return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
+
+    def waited(self, now: Instant, for_s: float = WAIT_S) -> bool:
+        """Return whether a flight was taken up longer ago than this."""
+        return self.resumed is not None and seconds_between(self.resumed.at, now) > for_s
 
     def settled(self, now: Instant) -> bool:
         """Return whether it is decided of everybody who is heard and gets ready, and nobody else is waited for."""

@@ -300,13 +300,18 @@ def test_killed_while_they_take_off_those_in_the_air_go_on_and_nobody_else_is_ar
 
 
 @pytest.mark.slow
-def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Killed]) -> None:
+@pytest.mark.parametrize("opened_s", [0.2, 1.0, 4.0])
+def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Killed], opened_s: float) -> None:
+    """They circle once each has a height of its own, as in a flight that nobody killed: they climbed side by side."""
     flight = killed(duration_s=8)
     world = flight.world
     world.network.run(lambda: world.station.flight.phase is Phase.ENDING)
-    world.run(1.0)
+    world.run(opened_s)
     flight.kill(2.0)
     flight.resume()
+    world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
+    heights_m = sorted(body.state.height_m for body in world.fleet.bodies)
+    assert np.diff(heights_m).min() > 10.0
     world.run(12.0)
     assert world.station.flight.phase is Phase.DONE
     assert {world.vehicle(number).pilot.mode for number in (1, 2, 3)} == {Mode.LOITER}
