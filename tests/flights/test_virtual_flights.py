@@ -191,7 +191,7 @@ def test_who_led_meanwhile_is_settled_by_what_it_flies_afterwards(fly: Fly) -> N
 def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
     """Its setpoints act when its followers' do; it gained the delay at each tick: 22 m/s became 66."""
     vehicles = [{"id": 2}, {"id": 3}]
-    start = {"in_air": True, "run_in_s": 12}
+    start = {"in_air": True, "run_in_s": 40}
     summary = fly(duration_s=12, vehicles=vehicles, start=start, links={"default": {"delay_ms": 200}})
     assert max(worst(summary, "max")) < 0.1
     flown = read_parquet(summary.run_dir / "timeseries.parquet")
@@ -204,7 +204,7 @@ def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fl
     """A split of the delay that nobody can see puts all of them half of it behind, and the law sees none of that."""
     slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}
     links = {"default": {"uplink": {"delay_ms": 300}, "downlink": {"delay_ms": 100}}}
-    start = {"in_air": True, "run_in_s": 12}
+    start = {"in_air": True, "run_in_s": 20}
     summary = fly(duration_s=20, vehicles=[{"id": 2}, {"id": 3}], start=start, formation=slots, links=links)
     flown = read_parquet(summary.run_dir / "timeseries.parquet")
     late = (flown["mission_time_s"] >= 10.0) & (flown["phase"] == PHASES.index("flying"))
