@@ -32,6 +32,8 @@ from gcs_formation.stability import (
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
+MOST_HZ = 1000.0
+"""Of law.rate_hz."""
 ROOM_M = 2 * SETTLED_M
 """By how much two vehicles that are in their slots may be nearer to each other than these are."""
 
@@ -181,7 +183,8 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
         elif hold.mean_s > NEAR * margin_s:
             share = f"{hold.mean_s / margin_s:.0%} of its margin {margin_s:.3f} s"
             enough_hz = math.ceil(100.0 * hold.ticks / (NEAR * margin_s)) / 100.0
-            does = f"no prediction makes up for that, law.rate_hz of {enough_hz:g} or more does"
+            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MOST_HZ else "lower gains do"
+            does = f"no prediction makes up for that, {enough}"
             yield f"loop {loop}: {hold}, {share}; {does}"
     for loop, share in lags_off.items():
         if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:

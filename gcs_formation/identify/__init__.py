@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -110,18 +111,34 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         save(figure, file)
 
 
-def require_writable(file: Path, *, overwrite: bool) -> None:
+def require_writable(file: Path, *, overwrite: bool, given: bool = False) -> None:
     """Refuse a vehicle file that is there, or whose figure is, unless with `overwrite`, and one named as a figure.
+
+    The directory of one that is `given`, and not by default, is made, so that it is known to be writable.
 
     Raises:
         RecordError: which it is.
     """
+    if file.is_dir():
+        raise RecordError(f"--out: found {file}, a directory; allowed: a vehicle file (*.yaml)")
     if file.suffix == FIGURE:
         raise RecordError(f"--out: found {file}; allowed: another ending than that of the figure beside it, {FIGURE}")
     there = [str(each) for each in (file, file.with_suffix(FIGURE)) if each.exists()]
     if there and not overwrite:
         found = f"--out: found {' and '.join(there)}"
         raise RecordError(f"{found}; allowed: a file that isn't there yet, or --overwrite, which replaces it")
+    if given:
+        _require_directory(file)
+
+
+def _require_directory(file: Path) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        why = "" if os.access(file.parent, os.W_OK) else "Permission denied"
+    except OSError as error:
+        why = error.strerror or str(error)
+    if why:
+        raise RecordError(f"--out: found {file}: {why}; allowed: a file in a directory that can be written")
 
 
 def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
@@ -141,6 +158,9 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         ScenarioError: the run directory's scenario can't be read.
     """
     directory = source if source.is_dir() else None
+    lacking = [name for name in (SCENARIO, TLOG) if directory is not None and not (directory / name).is_file()]
+    if lacking:
+        raise RecordError(f"found no {lacking[0]} in {directory}; allowed: the directory of a run")
     if directory is not None and believed is None:
         believed = load_scenario(directory / SCENARIO)
     found = recordings(directory / TLOG if directory else source, _delays_s(directory) if directory else None)

@@ -117,3 +117,15 @@ def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps:
         assert said[0] in check_report(scenario)["warnings"]
         assert said[0].startswith("disturbances.0: gusts leave errors of up to 3.5 m along the path, 4.5 m across it")
         assert said[0].endswith("m without the links' delay")
+
+
+@pytest.mark.parametrize("key", ["outage=true", "loss=1"])
+def test_links_that_nothing_comes_over_are_told(key: str) -> None:
+    scenario = planned(f"links.default.{key}", start={"in_air": True})
+    assert "links: too much is lost for the formation to assemble within 120 s" in check_report(scenario)["warnings"]
+
+
+def test_a_rate_that_no_law_has_is_not_said_to_be_enough() -> None:
+    scenario = planned("law={type: consensus, consensus: {k1: 1.0e+6}}")
+    (said,) = [each for each in check_report(scenario)["warnings"] if "no prediction" in each]
+    assert said.endswith("no prediction makes up for that, lower gains do")
