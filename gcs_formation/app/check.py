@@ -16,8 +16,9 @@ from formation_scenario.expectation import CHANNEL_UNITS, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
-from formation_scenario.slot_assignment import columns, planned_slots
-from gcs_formation.app import check_law, check_links, check_room
+from formation_scenario.slot_assignment import columns
+from gcs_formation.app import check_gusts, check_law, check_links, check_room
+from gcs_formation.app.loop_waits import configured_loop_delay_s, longest_hold, longest_round_trip_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
@@ -28,10 +29,11 @@ from gcs_formation.stability import (
     follower_margins,
     law_loops,
     law_margins,
-    loop_delay_s,
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
+MOST_HZ = 1000.0
+"""Of law.rate_hz."""
 ROOM_M = 2 * SETTLED_M
 """By how much two vehicles that are in their slots may be nearer to each other than these are."""
 
@@ -92,21 +94,6 @@ def common_limits(scenario: Scenario) -> Iterator[str]:
     yield f"what all vehicles can fly: {slowest} to {fastest}, climbs of {climbs}, turns of {turns}"
 
 
-def configured_loop_delay_s(scenario: Scenario) -> float:
-    """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
-
-    Under a mutual law every loop waits for the latest state of all vehicles.
-    """
-    rates = (scenario.telemetry.rate_hz, scenario.law.rate_hz)
-    mutual = law_kind(scenario).mutual
-    following = {} if mutual else planned_slots(scenario)
-    flown = [vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following]
-    ways = [check_links.ways_s(step) for vehicle in flown for step in scenario.link_steps(vehicle)] or [(0.0, 0.0)]
-    if mutual:
-        ways = [(max(up for up, _ in ways), max(down for _, down in ways))]
-    return max(loop_delay_s(up, down, *rates) for up, down in ways)
-
-
 def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     """Return the mismatch of the longest configured delay, s, that each predicted loop tolerates."""
     if not scenario.law.delay_compensation:
@@ -139,37 +126,16 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
-def longest_round_trip_s(scenario: Scenario) -> float:
-    """Return the longest delay of a link up and down, s, at any time of the run."""
-    ways = (check_links.ways_s(step) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
-    return max((up_s + down_s for up_s, down_s in ways), default=0.0)
-
-
 def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    With prediction, margins limit only its mismatch, and the time for which a setpoint is held until the next: half a
-    tick on average, in which nothing that is predicted is answered.
-
     `lags_off`: by what share of itself every lag may be off, by loop.
     """
-    delay_s, held_s = configured_loop_delay_s(scenario), 0.5 / scenario.law.rate_hz
-    for loop, margin_s in margins.small_signal.items():
-        if margin_s <= 0:
-            yield f"loop {loop} is unstable without any delay"
-        elif delay_s > NEAR * margin_s and not scenario.law.delay_compensation:
-            yield f"loop {loop}: {delay_s:.3f} s of delay is {delay_s / margin_s:.0%} of its margin {margin_s:.3f} s"
-        elif held_s > NEAR * margin_s:
-            held = f"{held_s:.3g} s on average, {held_s / margin_s:.0%} of its margin {margin_s:.3f} s"
-            enough_hz = f"law.rate_hz of {math.ceil(50.0 / (NEAR * margin_s)) / 100.0:g} or more"
-            yield f"loop {loop}: setpoints are held for {held}; no prediction makes up for that, {enough_hz} does"
-    for loop, share in lags_off.items():
-        if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
-            stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
-            yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
+    yield from _unstable_loops(scenario, margins, lags_off)
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
+    yield from check_gusts.errors(scenario)
     yield from check_links.split_errors(scenario)
     yield from check_links.narrow_links(scenario)
     yield from check_room.drifts(scenario)
@@ -182,6 +148,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for found in (
         check_law.held_by_links,
         check_law.ahead_of_virtual,
+        check_law.of_different_instants,
+        check_law.slow_answer,
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,
@@ -196,6 +164,31 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from doomed_orders(scenario)
     if text := check_links.goes_round(scenario):
         yield text
+
+
+def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+    """Yield loops that are unstable, or near to it.
+
+    With prediction, margins limit only its mismatch, and the time for which a setpoint is held until the next: half a
+    tick on average, and longer where setpoints are lost, in which nothing that is predicted is answered.
+    """
+    delay_s, lossy_s = configured_loop_delay_s(scenario), configured_loop_delay_s(scenario, lossy=True)
+    hold, lost = longest_hold(scenario), " on average, losses included," if lossy_s > delay_s else ""
+    for loop, margin_s in margins.small_signal.items():
+        if margin_s <= 0:
+            yield f"loop {loop} is unstable without any delay"
+        elif lossy_s > NEAR * margin_s and not scenario.law.delay_compensation:
+            used = f"{lossy_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+            yield f"loop {loop}: {lossy_s:.3f} s of delay{lost} is {used}"
+        elif hold.mean_s > NEAR * margin_s:
+            held = f"{hold}, {hold.mean_s / margin_s:.0%} of its margin {margin_s:.3f} s"
+            enough_hz = math.ceil(100.0 * hold.ticks / (NEAR * margin_s)) / 100.0
+            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MOST_HZ else "lower gains do"
+            yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
+    for loop, share in lags_off.items():
+        if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
+            stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
+            yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
 
 
 def slots_of_no_shape(scenario: Scenario) -> str | None:

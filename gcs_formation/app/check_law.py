@@ -1,20 +1,34 @@
-"""What `check` says of what the law makes of links: followers held for their jitter, and places that are late."""
+"""What `check` says of what the law makes of links: who is held for jitter, late places, slow answers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from airlink.endpoint import VehicleId
+from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
-from formation_scenario.links import LinkStep
+from formation_scenario.begin_and_end import planned_end_s
+from formation_scenario.gains import AUTO, design_delay_s, designed
+from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
-from gcs_formation.app.check_links import LEAST_M, ways_s
+from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.stability.arrivals import Arrivals
 from gcs_formation.stability.mismatch import DEVIATIONS
+
+UNPAIRED_M = 1.75
+"""Standard deviation of what different instants look like along the path that is worth a warning."""
+SLOW_S = 30.0
+"""Time in which a loop should have made an error e times smaller: 14 % of it are left after a minute."""
+FASTER_HZ = 5.0, 10.0, 20.0
+"""Rates of the law that are tried where its gains by design are slow."""
 
 
 class _Held(NamedTuple):
@@ -87,10 +101,90 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     if most_m < LEAST_M:
         return None
     since = f" from {at_s:g} s on" if at_s else ""
-    why = "the delay down its link and up to 1/telemetry.rate_hz"
+    lossy = any(step.downlink.loss for step in scenario.link_steps(vehicle))
+    why = f"the delay down its link and up to 1/telemetry.rate_hz{', longer after a loss' if lossy else ''}"
     age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since} ({why})"
     ahead = f"{least_m:.2g} to {most_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
     return (
         "law.delay_compensation: found false, with a virtual leader, whose place is of now; that of vehicle "
         f"{vehicle.vehicle_id} is {age}, so it flies {ahead}: true predicts over that, and a real leader's is as old"
     )
+
+
+def of_different_instants(scenario: Scenario) -> str | None:
+    """Return what the times between a leader's and a follower's states look like where nothing is predicted.
+
+    The law then takes the newest states as they are. Their ages differ at random: each is uniform within a period of
+    telemetry where nothing is lost, and whole periods more where something is. Flown at 2 and 4 Hz, formations were
+    up to 0.4 to 1.4 such standard deviations off; at 10 Hz, or predicted, a few tenths of a metre.
+    """
+    if scenario.leader is None or scenario.law.delay_compensation or law_kind(scenario).mutual:
+        return None
+    leads = max(_age_variance(step) for step in scenario.link_steps(scenario.leader))
+    each = [(_age_variance(step), vehicle) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
+    variance, vehicle = max(each, key=lambda found: found[0], default=(0.0, None))
+    rate_hz, speed_mps, periods = scenario.telemetry.rate_hz, scenario.path.speed_mps, math.sqrt(leads + variance)
+    apart_m = speed_mps * periods / rate_hz
+    if vehicle is None or apart_m < UNPAIRED_M:
+        return None
+    enough_hz = math.ceil(10.0 * speed_mps * periods / UNPAIRED_M) / 10.0
+    enough = (
+        f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MOST_HZ else ""
+    )
+    lossy = ", of which some is lost," if leads + variance > 2.0 * Arrivals.over(Impairment()).age_variance else ""
+    return (
+        f"law.delay_compensation: found false; at telemetry.rate_hz {rate_hz:g}{lossy} the newest states of the leader "
+        f"and of vehicle {vehicle.vehicle_id} are of instants {periods / rate_hz:.2g} s apart (standard deviation), "
+        f"which looks like {apart_m:.2g} m along the path at {speed_mps:g} m/s: it may be as far off; true takes both "
+        f"at one instant{enough}"
+    )
+
+
+def _age_variance(step: LinkStep) -> float:
+    """Return the variance of a state's age, in periods; 0 over a link that nothing comes over."""
+    variance = Arrivals.over(step.downlink).age_variance
+    return variance if math.isfinite(variance) else 0.0
+
+
+def slow_answer(scenario: Scenario) -> str | None:
+    """Return that the law makes errors smaller too slowly, how much of them is left, and what is faster; None if not.
+
+    The protocol's slowest mode counts, and of PID channels the crossover. Of aircraft with an airframe (7) is taken:
+    so slowly they answer alike.
+    """
+    loop, time_s = max(_answers_s(scenario), key=lambda each: each[1], default=("", 0.0))
+    if not SLOW_S < time_s < math.inf:
+        return None
+    flown_s = planned_end_s(scenario)
+    protocol, speeds = scenario.law.consensus, "consensus" if law_kind(scenario).mutual else f"loop {loop}"
+    whose = f"law.{speeds}: found k1 {protocol.k1:.2g}" if law_kind(scenario).mutual else f"{speeds}"
+    left = f"of an error {math.exp(-flown_s / time_s):.0%} is left when the flight is over at {flown_s:.4g} s"
+    lasting = f"a speed that is 0.1 m/s off leaves {0.1 * time_s:.2g} m"
+    return f"{whose}: errors take {time_s:.0f} s to get e times smaller, {left}, and {lasting}{_faster(scenario)}"
+
+
+def _answers_s(scenario: Scenario) -> Iterator[tuple[str, float]]:
+    """Yield the loops of the law, and in which time each makes an error e times smaller; infinite if unstable."""
+    found = {each for axes in law_loops(scenario).values() for each in axes.items()}
+    for name, loop in ((name, loop) for name, loops in sorted(found, key=itemgetter(0)) for loop in loops):
+        if law_kind(scenario).mutual:
+            slowest = float(loop.open_loop().closed_loop_poles().real.max())
+            yield name, -1.0 / slowest if slowest < 0.0 else math.inf
+        elif name != "z":
+            size = np.abs(loop.open_loop().at(FREQUENCIES))
+            yield name, 1.0 / float(FREQUENCIES[size >= 1.0].max(initial=FREQUENCIES[0]))
+
+
+def _faster(scenario: Scenario) -> str:
+    """Return what would make a law faster whose gains are by design, in words; "" of others or if nothing would."""
+    law = scenario.law
+    if law.gains != AUTO or designed(scenario, {}).law.consensus != law.consensus:
+        return ""
+    why = f"; by design, at law.rate_hz {law.rate_hz:g} and links of {1e3 * design_delay_s(scenario):.0f} ms each way"
+    changes: list[tuple[str, Any]] = [("rate_hz", hz) for hz in FASTER_HZ if hz > law.rate_hz]
+    for key, value in (*changes, ("type", "pid")):
+        tried = designed(scenario.model_copy(update={"law": law.model_copy(update={key: value})}), {})
+        time_s = max((each for _, each in _answers_s(tried)), default=math.inf)
+        if time_s <= SLOW_S and getattr(law, key) != value:
+            return f"{why}; law.{key} of {value} takes {time_s:.0f} s"
+    return why

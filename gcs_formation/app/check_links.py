@@ -255,7 +255,8 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
     losses = np.arange(round(MOST_S / CELL_S), dtype=np.float64)
     heard, answered = np.ones(losses.size), np.ones(losses.size)
     for requests, step in starts:
-        down, both = 1.0 - step.downlink.loss, (1.0 - step.uplink.loss) * (1.0 - step.downlink.loss)
+        up, down = (0.0 if way.outage else 1.0 - way.loss for way in (step.uplink, step.downlink))
+        both = up * down
         if both <= 0.0:
             return MOST_S
         heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))

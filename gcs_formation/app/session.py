@@ -22,6 +22,7 @@ from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import Caution
 from gcs_formation.phases import Phase
@@ -260,19 +261,28 @@ class Session:
             part.unlink()
         return summary
 
-    def _heard_until(self, identity: VehicleId) -> Instant:
-        """Return until when a vehicle would have been heard over a link without loss: its planned end, or the flight's.
+    def _due_to_s(self, identity: VehicleId) -> float:
+        """Return the mission time from which a planned fault silenced a vehicle to the end; infinite if none did.
 
         The time that is spent on ending doesn't count.
         """
-        flight, end = self.station.flight, self._left_at or self.clock.now()
-        ends_s = planned_end_s(self.scenario, identity, flight.mission_time_s(end))
-        return end if math.isinf(ends_s) or flight.path_began is None else min(end, after(flight.path_began, ends_s))
+        return planned_end_s(self.scenario, identity, self.station.flight.mission_time_s(self._ended))
+
+    @property
+    def _ended(self) -> Instant:
+        return self._left_at or self.clock.now()
+
+    def _heard_to_s(self, identity: VehicleId) -> float:
+        """Return the mission time at which a vehicle that was lost by the end was heard last; infinite otherwise."""
+        heard = self.station.vehicles[identity].connection.last_heard
+        known = seconds_between(heard, self._ended) >= LOST_AFTER_S and self.station.flight.path_began is not None
+        return self.station.flight.mission_time_s(heard) if known else math.inf
 
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
-        vehicle.end_silence(self._heard_until(identity))
-        began = self.station.flight.path_began
+        due_to_s, began = self._due_to_s(identity), self.station.flight.path_began
+        due = after(began, due_to_s) if began is not None and math.isfinite(due_to_s) else self._ended
+        vehicle.end_silence(min(self._ended, due))
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
         if not self._keeps_utc:
@@ -286,6 +296,8 @@ class Session:
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.telemetry.implausible,
             injected=injected(self._links.statistics(identity)) if self._links else uninjected,
+            due_to_s=due_to_s,
+            heard_to_s=self._heard_to_s(identity),
         )
 
     def _worst_loop_delay_s(self) -> float | None:

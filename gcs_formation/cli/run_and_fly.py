@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import click
 
 from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say, tell
-from formation_scenario import Scenario, ScenarioError
+from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.check import never_reached
 from gcs_formation.app.operator import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
@@ -200,6 +200,8 @@ def _interrupted(options: RunOptions) -> Status:
 
 VEHICLE_FILE = "vehicle.yaml"
 LOGS = (".tlog", ".bin")
+SCENARIOS = (".yaml", ".yml")
+SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)"
 
 
 @click.command(epilog=IDENTIFY_EXAMPLES)
@@ -217,11 +219,11 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
     from gcs_formation import identify as identification  # noqa: PLC0415 - a flight fits and draws nothing
 
     out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
-    believed = None if source.is_dir() or source.suffix.lower() in LOGS else load(source, overrides)
+    believed = None if source.is_dir() or source.suffix.lower() in LOGS else _to_be_flown(source, overrides, vehicle)
     recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
     file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
-        identification.require_writable(file, overwrite=given["overwrite"])
+        identification.require_writable(file, overwrite=given["overwrite"], given=out is not None)
     except RecordError as error:
         fail(str(error))
     if believed is not None:
@@ -234,6 +236,20 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
         click.echo(json.dumps(found, indent=2))
     elif not quiet:
         click.echo(identification.report(found))
+
+
+def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None) -> Scenario:
+    """Return the scenario whose vehicles are to fly steps, the one asked for among them, or end with what's wrong."""
+    try:
+        scenario = load_scenario(source, overrides)
+    except ScenarioError as error:
+        if source.suffix.lower() in SCENARIOS:
+            fail(str(error))
+        fail(f"found {source}, which is neither a recording nor a scenario ({error}); allowed: {SOURCES}")
+    known = ", ".join(str(each.id) for each in scenario.vehicles)
+    if vehicle is not None and vehicle not in {each.id for each in scenario.vehicles}:
+        fail(f"--vehicle: found {vehicle}; allowed: {known}")
+    return scenario
 
 
 def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: Any) -> None:

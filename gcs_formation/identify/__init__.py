@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.fit import CHANNELS, Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.fit import AIRFRAME_KEYS, CHANNELS, LAGS, Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.output_error import ALIKE_S
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
@@ -34,6 +36,8 @@ HEIGHT_CM = 14.0
 LEAST_ERROR = 1e-9
 """A model's own flight has no error, and nothing flies that better."""
 UNITS = ("m/s", "rad", "m")
+EQUATION, AIRFRAME = "equation (7)", "airframe"
+"""What the models are called."""
 FIGURE = ".png"
 
 
@@ -110,24 +114,41 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         save(figure, file)
 
 
-def require_writable(file: Path, *, overwrite: bool) -> None:
+def require_writable(file: Path, *, overwrite: bool, given: bool = False) -> None:
     """Refuse a vehicle file that is there, or whose figure is, unless with `overwrite`, and one named as a figure.
+
+    The directory of one that is `given`, and not by default, is made, so that it is known to be writable.
 
     Raises:
         RecordError: which it is.
     """
+    if file.is_dir():
+        raise RecordError(f"--out: found {file}, a directory; allowed: a vehicle file (*.yaml)")
     if file.suffix == FIGURE:
         raise RecordError(f"--out: found {file}; allowed: another ending than that of the figure beside it, {FIGURE}")
     there = [str(each) for each in (file, file.with_suffix(FIGURE)) if each.exists()]
     if there and not overwrite:
         found = f"--out: found {' and '.join(there)}"
         raise RecordError(f"{found}; allowed: a file that isn't there yet, or --overwrite, which replaces it")
+    if given:
+        _require_directory(file)
+
+
+def _require_directory(file: Path) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        why = "" if os.access(file.parent, os.W_OK) else "Permission denied"
+    except OSError as error:
+        why = error.strerror or str(error)
+    if why:
+        raise RecordError(f"--out: found {file}: {why}; allowed: a file in a directory that can be written")
 
 
 def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
-    The model written has an airframe where that flies the recording better, and the lags of its slow changes. Errors
+    The model written has an airframe where that flies the recording so much better that it is worth its parameters,
+    and then the lags of its slow changes. Errors
     `flown_rms` are of a flight by the setpoints alone, by the model's name.
 
     Args:
@@ -141,30 +162,19 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         ScenarioError: the run directory's scenario can't be read.
     """
     directory = source if source.is_dir() else None
+    found = _recorded(source, vehicle)
     if directory is not None and believed is None:
         believed = load_scenario(directory / SCENARIO)
-    found = recordings(directory / TLOG if directory else source, _delays_s(directory) if directory else None)
-    if vehicle is not None:
-        known = ", ".join(str(each.system) for each in found)
-        found = [each for each in found if each.system == vehicle]
-        if not found:
-            raise RecordError(f"--vehicle: found {vehicle}; allowed: {known}")
     begin = _begin(believed, found[0].system)
     fitted = fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])
-    flown = {"equation (7)": flown_by_lags(longest, fitted.model)}
+    model, flown = _chosen(longest, fitted, begin)
     errors = {name: _rms(longest, values) for name, values in flown.items()}
-    model = fitted.model
-    if not begin.hovers and begin.prompt_share == 1.0:
-        airframe, by_airframe = fit_airframe(longest, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
-        errors["airframe"] = _rms(longest, by_airframe)
-        if is_nearer(errors["airframe"], errors["equation (7)"]):
-            flown["airframe"] = by_airframe
-            model = lags_of(airframe, fitted.model, float(np.median(longest.seen[0])))
+    shown = {name: values for name, values in flown.items() if name == EQUATION or model.airframe is not None}
     figure = file.with_suffix(FIGURE)
     try:
         _write(file, source, fitted, model, errors)
-        draw(longest, flown, figure)
+        draw(longest, shown, figure)
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror or error}") from error
     return {
@@ -178,6 +188,34 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in errors.items()},
         "model": model.model_dump(exclude_none=True),
     }
+
+
+def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
+    """Return what a run directory or a log has of all vehicles, or of one alone.
+
+    Raises:
+        RecordError: nothing to read, or no such vehicle.
+    """
+    lacking = [name for name in (SCENARIO, TLOG) if source.is_dir() and not (source / name).is_file()]
+    if lacking:
+        raise RecordError(f"found no {lacking[0]} in {source}; allowed: the directory of a run")
+    found = recordings(source / TLOG, _delays_s(source)) if source.is_dir() else recordings(source)
+    chosen = [each for each in found if vehicle is None or each.system == vehicle]
+    if not chosen:
+        raise RecordError(f"--vehicle: found {vehicle}; allowed: {', '.join(str(each.system) for each in found)}")
+    return chosen
+
+
+def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
+    """Return the model that is worth its parameters, and a recording's flight (3, K) by each, by the model's name."""
+    flown = {EQUATION: flown_by_lags(recording, fitted.model)}
+    if begin.hovers or begin.prompt_share < 1.0:
+        return fitted.model, flown
+    airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
+    by_airframe, by_lags = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
+    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(LAGS)):
+        return fitted.model, flown
+    return lags_of(airframe, fitted.model, float(np.median(recording.seen[0]))), flown
 
 
 def report(found: Mapping[str, Any]) -> str:
@@ -202,9 +240,32 @@ def report(found: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def is_nearer(errors: Array, others: Array) -> bool:
-    """Return whether errors of speed, heading and height are smaller than others, on an average of their ratios."""
-    return bool(np.mean(errors / np.maximum(others, LEAST_ERROR)) < 1.0)
+def is_nearer(errors: Array, others: Array, more: int) -> bool:
+    """Return whether a model flies so much nearer to what was recorded that its further parameters are worth it.
+
+    By Schwarz's information criterion: n ln(mean square) over the channels, and ln(n) for each parameter. Of errors
+    that stay alike for a while only so many count as tell something of their own: n = K / (1 + 2 sum of their
+    correlations), of the model whose errors are fewer. Source: Ljung, "System Identification", 2nd ed., 16.4.
+
+    Args:
+        errors: (3, K) of its flight of airspeed, heading and height.
+        others: (3, K) of the other's flight.
+        more: how many parameters more than the other it has.
+    """
+    counts = np.minimum(_independent(errors), _independent(others))
+    squares, other_squares = (np.maximum(np.mean(each**2, axis=1), LEAST_ERROR**2) for each in (errors, others))
+    gained = float(counts @ np.log(other_squares / squares))
+    return gained > more * math.log(float(counts.sum()))
+
+
+def _independent(errors: Array) -> Array:
+    """Return how many of (3, K) errors count as independent in each channel, at least 1: by Bartlett's window."""
+    points = errors.shape[1]
+    lags = min(round(ALIKE_S / STEP_S), points - 1)
+    power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
+    alike = np.fft.irfft(power, 2 * points)[:, 1 : lags + 1] * (1.0 - np.arange(1, lags + 1) / (lags + 1))
+    square = np.maximum(np.sum(errors**2, axis=1), LEAST_ERROR**2)
+    return np.clip(points / np.maximum(1.0 + 2.0 * alike.sum(axis=1) / square, 1.0), 1.0, None)
 
 
 def measured(value: float, sigma: float) -> str:
@@ -238,7 +299,7 @@ def _rms(recording: Recording, flown: Array) -> Array:
 def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, errors: Mapping[str, Array]) -> None:
     figures = {f"{name}_sigma": each.sigma for name, each in fitted.estimates.items()}
     figures |= {f"predicted_{name}": value for name, value in fitted.residual_rms.items()}
-    flown = errors["airframe" if model.airframe is not None else "equation (7)"].tolist()
+    flown = errors[AIRFRAME if model.airframe is not None else EQUATION].tolist()
     figures |= {f"flown_{name}": value for name, value in zip(CHANNELS, flown, strict=True)}
     written = {
         "schema": 1,

@@ -44,6 +44,12 @@ LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 REST = ("prompt_share", "rest_s")
 """Fitted too of vehicles that are believed to leave part of a change of speed to an integrator."""
 LEAST_SHARE = 0.2
+QUICK_MPS = 0.2
+"""A larger change of a multirotor's velocity setpoint within `STEP_S` isn't gentle."""
+QUICK_S = 5.0
+"""For so long after it nothing is learnt of lags."""
+LEAST_KEPT = 0.2
+"""Share of a recording that must be left then."""
 AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
 """Standard deviations of these parameters' logarithms before anything was flown."""
@@ -87,7 +93,7 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     _require_movement(recordings)
     names_fitted = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
     start = np.log([getattr(begin, name) for name in names_fitted])
-    known = [_known(each) for each in recordings]
+    known = [_known(_gentle(each) if begin.hovers else each) for each in recordings]
     search = Search(known, partial(_as_flown, recordings, begin), start, np.full(start.size, UNKNOWN))
     search.find()
     covariance = search.covariance(partial(_as_flown, recordings, begin, later_s=WAIT_SIGMA_S))
@@ -105,6 +111,27 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
     return Fit(model, estimates, rms, dict[str, float](zip(CHANNELS, explained.tolist(), strict=True)))
+
+
+def _gentle(recording: Recording) -> Recording:
+    """Return a multirotor's recording with its airspeeds and courses after gentle changes of its setpoints alone.
+
+    Its jerk is limited, which is no lag: of ArduCopter, that a step of 2 m/s takes half as long again as one of
+    0.3 m/s. A formation changes its setpoints gently, and the law leads them by the lag of such changes. Where too
+    little is left, all counts.
+    """
+    speed, course, _ = recording.commanded
+    quick: Indices = np.flatnonzero(np.abs(np.diff(speed * np.exp(1j * course))) > QUICK_MPS) + 1
+    late, samples = recording.delay_s / STEP_S, list(recording.measured())
+    for channel in (0, 1):
+        at, value = samples[channel]
+        before = np.searchsorted(quick, at - late, side="right") - 1
+        since = at - late - np.append(quick, -np.inf)[before] if quick.size else np.full(at.shape, np.inf)
+        kept = since * STEP_S >= QUICK_S
+        if np.count_nonzero(kept) < LEAST_KEPT * at.size:
+            return recording
+        samples[channel] = at[kept], value[kept]
+    return replace(recording, samples=tuple(samples))
 
 
 def _known(recording: Recording) -> Recording:

@@ -33,6 +33,8 @@ STEP_MAX = 0.4
 CLOSE = 1e-5
 """A change of all logarithms so small that the search is over."""
 TINY = 1e-9
+LEAST_KNOWN = 1e-8
+"""Information by the most there is: of less, nothing is known."""
 LEAST_SPEED_MPS = 1.0
 """Below it nobody turns by a lateral acceleration."""
 
@@ -130,11 +132,13 @@ class Search:
         flown, self._flown = self._flown, late
         later = self.points(self.logs, anew=False)
         self._flown = flown
-        inverse = np.linalg.inv(information)
-        moved = inverse @ sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
-        found = inverse @ pulls @ inverse + np.outer(moved, moved)
-        known = np.linalg.inv(found + TINY * np.eye(len(self.logs))) + self._prior
-        return np.linalg.inv(known).astype(np.float64)
+        moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
+        values, directions = np.linalg.eigh(information)
+        known = values > LEAST_KNOWN * values[-1]  # of two lags that are alike the flight tells the sum alone
+        seen = directions[:, known]
+        pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
+        weighed = seen * values[known]
+        return np.linalg.inv(weighed @ np.linalg.inv(pulled) @ weighed.T + self._prior).astype(np.float64)
 
     def _errors(self, tried: Sequence[Array], nudged: Array) -> list[list[Array]]:
         """Return the errors (3, K) of each recording's flight with each set of logarithms, T of them.

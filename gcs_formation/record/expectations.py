@@ -13,12 +13,22 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation, bounds_text, keeps, stays_broken
+from formation_scenario.expectation import (
+    FOLLOWER_METRICS,
+    LINK_METRICS,
+    WINDOWED,
+    Expectation,
+    bounds_text,
+    keeps,
+    stays_broken,
+)
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import RecordedFlight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
+ABSENT_S = 1.0
+"""A follower that was out of the formation for less isn't worth a word."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +49,10 @@ class LinkFigures:
 
     None where nothing is known of the link, as in `fly` behind something else.
     """
+    due_to_s: float = math.inf
+    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite without any."""
+    heard_to_s: float = math.inf
+    """Mission time of its last frame where it was silent to the flight's end; infinite if it wasn't."""
 
     @property
     def each_way_s(self) -> Array:
@@ -150,28 +164,42 @@ def judge(
         if missing:
             reached, judged, why = False, True, missing
         if each.metric in FOLLOWER_METRICS:
-            chosen = {planned.vehicle_id for planned in scenario.selected(each.followers)}
-            lost = {vehicle: _lost_at_s(each, flight, vehicle) for vehicle in flight.followers(scenario)}
-            for vehicle, lost_s in lost.items():
-                if vehicle not in chosen:
-                    continue
-                verdict = Verdict(each, vehicle, _follower_value(each, flight, vehicle, parts), reached, judged, why)
-                if _leads_throughout(each, flight, vehicle):
-                    verdict = replace(verdict, judged=False, reason="led all the time")
-                elif lost_s is not None:
-                    crash_s = None if down_s is not None else _crashes_at_s(scenario, vehicle, lost_s)
-                    broken = crash_s is not None and judged and _broken_before(crash_s, each, flight, vehicle, parts)
-                    said = why if down_s is not None else f"lost at {lost_s:.1f} s"
-                    verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
-                    if crash_s is not None:
-                        verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
-                yield verdict
+            plain = Verdict(each, None, None, reached, judged, why)
+            yield from _of_followers(plain, scenario, flight, parts, down=down_s is not None)
         elif each.metric in LINK_METRICS:
             for planned in scenario.selected(each.followers):
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
-                yield Verdict(each, planned.vehicle_id, value, reached, judged, why)
+                verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
+                end_s = min(each.to_s, flown_s)
+                out = [step.downlink.outage for step in scenario.link_steps(planned) if step.at_s <= end_s][-1]
+                yield _heard(verdict, links[planned.vehicle_id], end_s, out=out)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
+
+
+def _of_followers(
+    plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any], *, down: bool
+) -> Iterator[Verdict]:
+    """Yield a verdict for each chosen follower, from what holds for the window; `down`: nobody flies at its end."""
+    wanted = plain.expectation
+    chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
+    lost = {vehicle: _lost_at_s(wanted, flight, vehicle) for vehicle in flight.followers(scenario)}
+    for vehicle, lost_s in lost.items():
+        if vehicle not in chosen:
+            continue
+        verdict = replace(plain, vehicle=vehicle, value=_follower_value(wanted, flight, vehicle, parts))
+        if _leads_throughout(wanted, flight, vehicle):
+            verdict = replace(verdict, judged=False, reason="led all the time")
+        elif lost_s is not None:
+            crash_s = None if down else _crashes_at_s(scenario, vehicle, lost_s)
+            broken = crash_s is not None and plain.judged and _broken_before(crash_s, wanted, flight, vehicle, parts)
+            said = plain.reason if down else f"lost at {lost_s:.1f} s"
+            verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
+            if crash_s is not None:
+                verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
+        elif not plain.reason:
+            verdict = replace(verdict, reason=_absence(wanted, flight, vehicle, scenario.law.rate_hz))
+        yield verdict
 
 
 def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> Verdict:
@@ -183,6 +211,34 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     if last:
         return replace(verdict, judged=True, reason=f"{reason}, and nobody else follows")
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
+
+
+def _heard(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
+    """Return the verdict on a link whose vehicle may not have been heard to the end of what was flown of a window.
+
+    What a planned fault or outage silenced isn't judged, unless its link broke a bound before. Of one that fell silent
+    by itself, no delay was measured any more: that is broken. Shares and counts of the whole flight reckon with the
+    silence. `out`: the scenario has nothing come over the link at the window's end.
+    """
+    silent_s = min(link.due_to_s, link.heard_to_s)
+    if verdict.held is None or silent_s >= end_s:
+        return verdict
+    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
+    if fault or (out and windowed):
+        at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
+        reason = f"silenced at {at_s:.1f} s by the scenario's {whose}"
+        known = verdict.value is not None and verdict.held is False
+        return replace(verdict, reached=False, judged=known, reason=f"before it was {reason}" if known else reason)
+    return replace(
+        verdict, reached=verdict.reached and not windowed, reason=f"not heard from {link.heard_to_s:.1f} s on"
+    )
+
+
+def _absence(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> str:
+    """Return in words for how long of a window a follower was out of the formation before it came back; "" if never."""
+    window = flight.window(wanted.from_s, wanted.to_s)
+    away_s = flight.absent(vehicle, window) / rate_hz
+    return f"out of the formation for {away_s:.1f} s of {window.sum() / rate_hz:.1f} s" if away_s >= ABSENT_S else ""
 
 
 def unflown(flight: RecordedFlight, from_s: float, to_s: float, flown_s: float) -> str:

@@ -137,6 +137,10 @@ class RecordedFlight:
         seen = (self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0))[window]
         return int(seen[::-1].argmax()) if seen.any() else seen.size
 
+    def absent(self, vehicle: VehicleId, window: Mask) -> int:
+        """Return at how many ticks of a (T,) window a vehicle neither has errors nor leads."""
+        return int((window & ~self._known(vehicle) & ~(self.vehicles[vehicle]["leads"] > 0)).sum())
+
     def _known(self, vehicle: VehicleId) -> Mask:
         x_m, y_m, z_m = (np.isfinite(self.vehicles[vehicle][name]) for name in ERROR)
         return x_m & y_m & z_m

@@ -112,6 +112,7 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "frames_out": link.frames_out,
         "frames_bad": link.frames_bad,
         "frames_implausible": link.frames_implausible,
+        "heard_to_s": figures.if_finite(min(link.due_to_s, link.heard_to_s)),
     }
 
 

@@ -43,6 +43,7 @@ def test_a_key_that_is_not_in_the_file_is_placed_at_the_group_around_it():
         ("", "a.yaml:1:1: found nothing; allowed: a mapping of scenario keys"),
         ("? [1]\n: 2\n", "a.yaml:1:3: broken YAML: found a list or mapping as a key"),
         ("a: !!python/name:os.system\n", "a.yaml:1:4: broken YAML: could not determine a constructor"),
+        ("a:\n\t- 1\n", r"a.yaml:2:1: broken YAML: found character '\t' that cannot start any token; allowed: spaces"),
         ("a: 1\nb: \x00\n", "a.yaml:2: broken YAML: special characters are not allowed"),
         ("a: " + "[" * 5000, "a.yaml: found lists or mappings nested too deeply"),
         ("a: &x [*x]", "a.yaml:1:4: broken YAML: a.0 is an alias of what begins here, which it is part of itself"),

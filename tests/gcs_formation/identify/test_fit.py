@@ -140,8 +140,24 @@ def test_a_deviation_is_printed_with_two_digits():
 
 
 def test_nothing_flies_nearer_than_without_an_error():
-    assert not is_nearer(np.array([0.3, 0.004, 0.8]), np.zeros(3))
-    assert is_nearer(np.array([0.1, 0.01, 0.1]), np.array([0.3, 0.01, 0.8]))
+    noise = np.random.default_rng(1).standard_normal((3, POINTS))
+    assert not is_nearer(noise, np.zeros((3, POINTS)), 2)
+    assert is_nearer(noise * [[0.3], [1.0], [0.1]], noise, 2)
+
+
+def test_parameters_must_gain_more_than_the_logarithm_of_the_number_of_errors():
+    """Of 2700 independent errors two parameters must gain 15.8: those 0.998 times as large gain 10.8, 0.98: 109."""
+    noise = np.random.default_rng(2).standard_normal((3, POINTS))
+    assert not is_nearer(0.998 * noise, noise, 2)
+    assert is_nearer(0.98 * noise, noise, 2)
+    assert not is_nearer(0.98 * noise, noise, 20)
+
+
+def test_errors_that_last_count_as_few():
+    """Nine of 10 s in each channel: 27 at most, of which half the size gains 37, and 0.95 times 2.8."""
+    lasting = np.repeat(np.random.default_rng(2).standard_normal((3, 9)), POINTS // 9, axis=1)
+    assert not is_nearer(0.95 * lasting, lasting, 2)
+    assert is_nearer(0.5 * lasting, lasting, 2)
 
 
 def test_what_was_hardly_moved_is_said():
@@ -187,3 +203,46 @@ def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     assert fit([seen], true.model_copy(update={"prompt_share": 1.0})).residual_rms["airspeed_mps"] > (
         3 * found.residual_rms["airspeed_mps"]
     )
+
+
+def flown_with_limited_jerk(commanded, lag_s):
+    """Return the recording of a multirotor that answers a velocity with a lag, and whose jerk is that of ArduCopter."""
+    wanted = commanded[0] * np.exp(1j * commanded[1])
+    velocity, accel, cycle_s, seen = wanted[0], 0j, 0.02, []
+    for each in wanted:
+        seen.append(velocity)
+        for _ in range(round(STEP_S / cycle_s)):
+            change = (each - velocity) / lag_s - accel
+            accel += change * min(1.0, 5.0 * cycle_s / max(abs(change), 1e-9))
+            velocity += cycle_s * accel
+    model = VehicleModel(hovers=True, tau_v_s=lag_s, tau_psi_s=lag_s, speed_min_mps=0.0, speed_max_mps=9.0)
+    begin = np.array([[5.0], [0.3], [100.0], [0.0]])
+    height = flown_by_lags(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)[2]
+    motion = np.stack((np.abs(seen), np.unwrap(np.angle(seen)), height, np.gradient(height, STEP_S)))
+    return recording(motion, commanded), model
+
+
+def test_the_lag_of_gentle_changes_is_found_of_a_multirotor_whose_steps_are_held_up_by_its_jerk():
+    """By all of its flight a lag is found that is 0.07 s off, with a standard deviation of 0.02 s."""
+    at_s = np.arange(POINTS) * STEP_S
+    commanded = stepped()
+    commanded[0] -= 17.0
+    commanded[0] += np.interp(at_s, (76, 80, 83, 87), (0, 1, 1, 0))
+    commanded[1] += np.interp(at_s, (60, 64, 67, 71), (0, 0.25, 0.25, 0))
+    seen, model = flown_with_limited_jerk(commanded, 0.4)
+    found = fit([seen], model.model_copy(update={"tau_v_s": 0.6, "tau_psi_s": 0.6})).estimates
+    for name in ("tau_v_s", "tau_psi_s"):
+        assert abs(found[name].value - 0.4) < min(0.04, 2.0 * found[name].sigma)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_two_lags_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
+    """Where they are found to be equal no slope tells them apart: deviations of 0.02 s, and none at all, were said."""
+    true = TRUE.model_copy(update={"tau_ha_s": 0.7, "tau_hb_s": 0.7})
+    seen = flown(true, stepped())
+    noise = np.random.default_rng(seed).standard_normal(seen.seen.shape) * [[0.1], [0.005], [0.05], [0.05]]
+    found = fit([replace(seen, seen=seen.seen + noise)], true).estimates
+    first, second = found["tau_ha_s"], found["tau_hb_s"]
+    assert first.value + second.value == pytest.approx(1.4, rel=0.1)
+    assert all(abs(each.value - 0.7) < 2.5 * each.sigma for each in (first, second))
+    assert min(first.sigma, second.sigma) > 0.05

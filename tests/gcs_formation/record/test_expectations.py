@@ -190,3 +190,65 @@ def test_a_link_that_nothing_came_over_meets_no_bound(metric: str, frames: int) 
     (found,) = judge(scenario, flown(), parts, {scenario.vehicles[1].vehicle_id: link}, False)
     assert found.value is None
     assert found.held is False
+
+
+def link_verdict(metric: str, changes: Any = (), **link: Any) -> Verdict:
+    """Return what comes of a bound of 0.9 on a figure of the second vehicle's link, which is 0 or 0.5, to the end."""
+    delays_s = np.full((11, 3), 5e-4)
+    figures = LinkFigures(delays_s, np.arange(11.0), link.pop("loss", 0.0), 9, 9, 0, **link)
+    expect = [{"metric": metric, "followers": [2], "below": 0.9}]
+    scenario = load_scenario(KEYS | {"expect": expect, "duration_s": FLOWN_S, "links": {"changes": [*changes]}})
+    identity = scenario.vehicles[1].vehicle_id
+    parts = PARTS | {"links": {str(identity): {"measured_loss": figures.measured_loss, "frames_bad": 0}}}
+    (found,) = judge(scenario, flown(), parts, {identity: figures}, False)
+    return found
+
+
+@pytest.mark.parametrize("metric", ["measured_delay_ms.p99", "measured_loss", "frames_bad"])
+def test_figures_of_a_link_whose_vehicle_a_planned_fault_silenced_are_not_judged(metric: str) -> None:
+    found = link_verdict(metric, due_to_s=4.0, heard_to_s=3.9)
+    assert (found.held, found.judged, found.reached) == (None, False, False)
+    assert found.reason == "silenced at 4.0 s by the scenario's faults"
+    assert link_verdict(metric, due_to_s=FLOWN_S).reason == ""
+    assert link_verdict(metric).held is True
+
+
+def test_a_bound_that_a_link_broke_before_a_planned_fault_stays_broken() -> None:
+    found = link_verdict("measured_loss", due_to_s=4.0, loss=0.95)
+    assert (found.held, found.reason) == (False, "before it was silenced at 4.0 s by the scenario's faults")
+
+
+@pytest.mark.parametrize(("metric", "held"), [("measured_delay_ms.p99", False), ("measured_loss", True)])
+def test_a_link_that_fell_silent_by_itself_shows_no_delay_to_the_end(metric: str, held: bool) -> None:
+    """Shares of the whole flight count the silence."""
+    found = link_verdict(metric, heard_to_s=4.0)
+    assert (found.held, found.judged, found.reason) == (held, True, "not heard from 4.0 s on")
+
+
+@pytest.mark.parametrize(("metric", "held"), [("measured_delay_ms.p99", None), ("measured_loss", True)])
+def test_what_is_measured_of_a_link_is_not_judged_after_an_outage_that_is_planned(
+    metric: str, held: bool | None
+) -> None:
+    out = {"at_s": 4, "downlink": {"outage": True}}
+    found = link_verdict(metric, [out], heard_to_s=4.0)
+    assert found.held is held
+    said = "silenced at 4.0 s by the scenario's links" if held is None else "not heard from 4.0 s on"
+    assert found.reason == said
+    over = [out, {"at_s": 4.5, "downlink": {"outage": False}}]
+    assert link_verdict("measured_delay_ms.p99", over, heard_to_s=4.0).held is False
+
+
+@pytest.mark.parametrize(("away_s", "said"), [(0.5, ""), (3.0, "out of the formation for 3.0 s of 10.1 s")])
+def test_a_follower_that_was_away_and_came_back_is_said_to_have_been(away_s: float, said: str) -> None:
+    """Its errors are those of the time in which it followed."""
+    whole = flown()
+    away = (whole.mission_time_s >= 4.0) & (whole.mission_time_s < 4.0 + away_s - 1e-6)
+    own = {
+        name: np.where(away, np.nan, values) if name.startswith("error") else values
+        for name, values in whole.vehicles[FOLLOWER].items()
+    }
+    expect = {"metric": "error_x_m.max", "followers": [2], "below": 0.1, "to_s": FLOWN_S}
+    scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [expect]})
+    flight = RecordedFlight({**whole.vehicles, FOLLOWER: own}, truth=True)
+    (found,) = judge(scenario, flight, PARTS, {}, False)
+    assert (found.held, found.reason) == (True, said)

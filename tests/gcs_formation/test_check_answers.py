@@ -1,0 +1,131 @@
+"""What `check` foretells of loops with losses, of slow laws, of unpaired states and of gusts, as it was flown."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pytest
+
+from formation_scenario import Scenario, load_scenario
+from formation_scenario.surroundings import DrydenTurbulence
+from gcs_formation.app.check import check_report
+from gcs_formation.app.check_gusts import errors, gust_errors_m
+from gcs_formation.app.check_law import of_different_instants, slow_answer
+from gcs_formation.app.loop_waits import configured_loop_delay_s
+
+PATH = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100], [4200, 0, 100]]}
+
+
+def planned(*overrides: str, count: int = 4, **keys: Any) -> Scenario:
+    """Return a scenario on a straight path."""
+    return load_scenario({"vehicles": {"count": count}, "path": PATH} | keys, overrides)
+
+
+@pytest.mark.parametrize(("loss", "told"), [(0.0, False), (0.15, True)])
+def test_lost_setpoints_are_reckoned_with_as_longer_holds(loss: float, told: bool) -> None:
+    """Seven in a star at 2 Hz: setpoints are held for (1 + 0.15)/(1 - 0.15)/2 ticks; flown so, they swung by 6 m."""
+    scenario = planned("law.type=consensus", "law.rate_hz=2", f"links.default.loss={loss}", count=7)
+    found = [each for each in check_report(scenario)["warnings"] if "no prediction makes up for that" in each]
+    assert bool(found) == told
+    if told:
+        assert "held for 0.338 s on average (15% of them are lost), 89% of its margin 0.379 s" in found[0]
+        (enough,) = re.findall(r"law.rate_hz of ([\d.]+) or more", found[0])
+        faster = planned("law.type=consensus", f"law.rate_hz={enough}", f"links.default.loss={loss}", count=7)
+        assert not [each for each in check_report(faster)["warnings"] if "no prediction" in each]
+
+
+def test_losses_count_as_delay_where_nothing_is_predicted() -> None:
+    without, lossy = (planned("law.delay_compensation=false", f"links.default.loss={loss}") for loss in (0.0, 0.5))
+    assert configured_loop_delay_s(without, lossy=True) == pytest.approx(configured_loop_delay_s(without))
+    assert configured_loop_delay_s(without) == pytest.approx(0.1)
+    assert configured_loop_delay_s(lossy, lossy=True) == pytest.approx(0.3)  # both ways 1.5/0.5 times as long
+    slow = planned("law.delay_compensation=false", "links.default={delay_ms: 300, loss: 0.3}")
+    assert any("losses included" in each for each in check_report(slow)["warnings"])
+
+
+def test_a_protocol_that_hardly_answers_is_told_with_what_is_left_and_what_is_faster() -> None:
+    """Seven ArduPlanes in a star at 2 Hz: k1 is the least that is tried. Flown, they were up to 26 m off."""
+    keys: dict[str, Any] = {"vehicles": {"count": 7, "autopilot": "arduplane"}, "law": {"type": "consensus"}}
+    scenario = planned("law.rate_hz=2", "links.default.delay_ms=500", "duration_s=100", **keys)
+    said = slow_answer(scenario)
+    assert said is not None
+    assert said in check_report(scenario)["warnings"]
+    k1 = scenario.law.consensus.k1
+    time_s = 2.0 / (1.0 - math.sqrt(1.0 - 4.0 * k1))  # of the mode s^2 + s + k1
+    assert f"found k1 {k1:.2g}: errors take {time_s:.0f} s" in said
+    assert "of an error 65% is left when the flight is over at 100 s" in said
+    assert "at law.rate_hz 2 and links of 500 ms each way; law.type of pid takes 6 s" in said
+    keys["law"] = {"type": "pid"}
+    assert slow_answer(planned("law.rate_hz=2", "links.default.delay_ms=500", **keys)) is None
+
+
+def test_a_protocol_that_a_higher_rate_makes_faster_is_told_so() -> None:
+    keys: dict[str, Any] = {"vehicles": {"count": 3, "autopilot": "arduplane"}, "law": {"type": "consensus"}}
+    assert "; law.rate_hz of 5.0 takes 16 s" in str(slow_answer(planned("law.rate_hz=2", **keys)))
+    assert slow_answer(planned("law.rate_hz=5", **keys)) is None
+    assert slow_answer(planned("law.type=consensus", "law.rate_hz=2", count=7)) is None
+
+
+@pytest.mark.parametrize(("rate_hz", "loss", "apart_m"), [(2, 0.0, 4.5), (2, 0.05, 5.8), (4, 0.15, 4.2), (10, 0.05, 0)])
+def test_states_of_different_instants_are_told_where_nothing_is_predicted(
+    rate_hz: float, loss: float, apart_m: float
+) -> None:
+    """Without loss two ages, uniform in a period, differ by 1/sqrt(6) of it: 4.5 m at 22 m/s and 2 Hz."""
+    keys = "law.delay_compensation=false", f"links.default.loss={loss}"
+    scenario = planned(*keys, f"telemetry.rate_hz={rate_hz}")
+    said = of_different_instants(scenario)
+    assert (said is not None) == (apart_m > 0)
+    if said:
+        assert said in check_report(scenario)["warnings"]
+        assert f"which looks like {apart_m:g} m along the path at 22 m/s" in said
+        (enough,) = re.findall(r"telemetry.rate_hz of ([\d.]+) or more", said)
+        assert of_different_instants(planned(*keys, f"telemetry.rate_hz={enough}")) is None
+
+
+def test_predicted_states_are_of_one_instant_and_so_are_those_of_the_consensus() -> None:
+    assert of_different_instants(planned("telemetry.rate_hz=2")) is None
+    assert (
+        of_different_instants(planned("law={type: consensus, delay_compensation: false}", "telemetry.rate_hz=2"))
+        is None
+    )
+
+
+def test_gusts_leave_what_a_loop_of_first_order_leaves_of_correlated_noise() -> None:
+    """d with the correlation time a in e' = d - B e leaves sigma^2 a / (B (1 + B a)); two vehicles meet their own."""
+    gust = {"at_s": 0, "kind": "dryden", "sigma_mps": [1.0, 1.0, 0.5], "length_m": [220.0, 220.0, 50.0]}
+    law = {"type": "consensus", "rate_hz": 50, "consensus": {"k1": 20, "k2": 0, "k3": 200}}
+    scenario = planned(count=2, disturbances=[gust], law=law, telemetry={"rate_hz": 50})
+    (entry,) = scenario.disturbances
+    assert isinstance(entry, DrydenTurbulence)
+    rate, time_s = 2 * 20 / 200, 220.0 / 22.0
+    expected_m = math.sqrt(2.0 * time_s / (rate * (1.0 + rate * time_s)))
+    assert gust_errors_m(scenario, entry, 0.0)["x"] == pytest.approx(expected_m, rel=0.03)
+
+
+@pytest.mark.parametrize(("wind_mps", "told"), [(1, False), (6, True)])
+def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps: float, told: bool) -> None:
+    """Flown with 6 m/s of wind 6 m above ground, PID without prediction: 3.9 m along and 4.0 m across (95 %)."""
+    gust = {"at_s": 0, "kind": "dryden", "wind_6m_mps": wind_mps}
+    law = {"type": "pid", "gains": "noise", "delay_compensation": False}
+    keys = {"disturbances": [gust], "law": law, "telemetry": {"rate_hz": 2}, "links": {"default": {"delay_ms": 150}}}
+    scenario = planned(count=3, **keys, path=PATH | {"speed_mps": 25})
+    said = list(errors(scenario))
+    assert bool(said) == told
+    if told:
+        assert said[0] in check_report(scenario)["warnings"]
+        assert said[0].startswith("disturbances.0: gusts leave errors of up to 3.5 m along the path, 4.5 m across it")
+        assert said[0].endswith("m without the links' delay")
+
+
+@pytest.mark.parametrize("key", ["outage=true", "loss=1"])
+def test_links_that_nothing_comes_over_are_told(key: str) -> None:
+    scenario = planned(f"links.default.{key}", start={"in_air": True})
+    assert "links: too much is lost for the formation to assemble within 120 s" in check_report(scenario)["warnings"]
+
+
+def test_a_rate_that_no_law_has_is_not_said_to_be_enough() -> None:
+    scenario = planned("law={type: consensus, consensus: {k1: 1.0e+6}}")
+    (said,) = [each for each in check_report(scenario)["warnings"] if "no prediction" in each]
+    assert said.endswith("no prediction makes up for that, lower gains do")
