@@ -84,31 +84,29 @@ class ConflictResolver:
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
-        nearest_m = min(_nearest_m(step.places_m[self._first :]) for step in schedule)
-        self._kept_in_slots_m = min(self._kept_from_others_m, SLOT_SHARE * nearest_m)
-        """What all keep whatever slots the scenario has them in."""
+        self._kept_in_slots = self._kept_moving = Kept(self._kept_from_others_m)
+        self._apart_m: Array | None = None
+        """The planned ways that `_kept_moving` is for."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
-    def keep(self, tick: Tick, measured: Measured, planned_m: float | None = None) -> None:
+    def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            planned_m: how near slots that move come to each other, as planned; None where all rest where they belong.
-                Slots on their way are no reason to come nearer to anybody than what is safe.
+            apart_m: (C, C) how near slots that move come to each other, as planned; None where all rest where they
+                belong. The same array for as long as the plan is the same.
 
-        Two keep the rule's distance, and less where their own slots, or the planned ways of some, leave less.
+        Two keep the rule's distance, and less where their own slots, or the planned ways of these, leave less.
         """
         if not self._enabled:
             return
         self._wandering.watch(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick.error_m)
-        kept = Kept(self._kept_from_others_m)
-        if planned_m is not None:
-            kept = self._kept_on_the_way(planned_m)
+        kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
         self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
@@ -121,13 +119,17 @@ class ConflictResolver:
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
 
-    def _kept_on_the_way(self, planned_m: float) -> Kept:
-        """Return what is kept while slots change: the limit and some room, and more where ways leave that."""
-        limit_m = self._limit_m + ROOM_M
-        if math.isinf(planned_m):  # vehicles gather beside the leader: their slots are where they happen to be
-            return Kept(self._kept_from_others_m, max(limit_m, self._kept_in_slots_m))
-        limit_m = max(limit_m, min(self._limit_m + MARGIN_M, planned_m - ROOM_M))
-        return Kept(min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, limit_m)), limit_m)
+    def kept_on_the_way(self, apart_m: Array) -> Kept:
+        """Return what is kept while slots change: the limit and some room, and more where two's own ways leave that.
+
+        Slots on their way are no reason to come nearer to anybody than what is safe.
+        """
+        if apart_m is not self._apart_m:
+            self._apart_m, limit_m = apart_m, self._limit_m
+            least_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
+            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_from_others_m)
+            self._kept_moving = Kept(self._kept_from_others_m, kept_m, self._first)
+        return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""

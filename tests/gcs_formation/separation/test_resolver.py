@@ -60,7 +60,8 @@ class Crossing:
         tick.slots_m, tick.error_m = self.slots_m, self.error_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
-        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2), planned_m)
+        planned = None if planned_m is None else np.full((2, 2), planned_m)
+        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2), planned)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -228,6 +229,26 @@ def test_slots_that_only_happen_to_be_near_each_other_leave_the_limit_to_be_kept
     beside.east[:] = 0.0, 4.5
     assert not any(beside.keep().yielding)
     assert any(beside.keep(at_s=0.1, planned_m=math.inf).yielding)
+
+
+def test_who_comes_from_afar_keeps_the_whole_distance_also_while_slots_change() -> None:
+    """What ways of slots leave is kept by those that are in them: past one of them it came within 2.7 m."""
+    beside = beside_each_other(8.0)
+    assert not any(beside.keep(planned_m=8.0).yielding)
+    beside.error_m = [UNKNOWN, (22.0, 0.0, 0.0)]
+    assert any(beside.keep(at_s=0.1, planned_m=8.0).yielding)
+
+
+def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
+    """What others' ways leave is no reason to come nearer, in the first look as in the others."""
+    near_m = np.full((3, 3), 30.0)
+    near_m[0, 2] = near_m[2, 0] = 6.0
+    resolver = Crossing(vehicles={"count": 3}).resolver
+    kept = resolver.kept_on_the_way(near_m)
+    assert kept.each_m is not None
+    assert (kept.rows[0][2], kept.rows[0][1], kept.rows[1][2]) == (5.5, 10.5, 10.5)
+    assert kept.rows == kept.each_m.tolist()
+    assert resolver.kept_on_the_way(near_m) is kept
 
 
 def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
