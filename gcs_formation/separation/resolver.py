@@ -30,8 +30,6 @@ ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
-STANDS: Final = (0.0, 0.0, math.nan)
-"""What one does that stands, or stops."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
@@ -67,7 +65,7 @@ class ConflictResolver:
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
         self._heights_m = (scenario.safety.fence or Fence()).heights_m
         self._history, self._models = history, models
-        self._unresponsive = Unresponsive(history, models, hovers=self._hovers)
+        self._unresponsive = Unresponsive(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
@@ -186,7 +184,6 @@ class ConflictResolver:
         Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
         tightly, or, multirotors that go astray or nobody commands, go on changing their velocity, or set off for home.
         """
-        unresponsive = self._unresponsive.places(members, tick.now, tick.links)
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
@@ -195,23 +192,24 @@ class ConflictResolver:
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
         traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
-        vehicles = [*members, *(column for column, _ in unresponsive)]
+        columns, setpoints_of, others = self._unresponsive.traffic(members, tick.now, tick.links, measured, together)
+        vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
-        if unresponsive:
-            traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-            setpoints += [UNKNOWN if since is None else STANDS for _, since in unresponsive]
+        if others is not None:
+            traffic = traffic.beside(others)
+            setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
             turning = traffic.take(np.array(circling)).turning()
             traffic = traffic.beside(turning)
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
-        about = self._wandering.about(tick, members, measured)
-        if about:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in about])))
-            setpoints += [setpoint for _, setpoint in about]
-            vehicles += [members[at] for at, _ in about]
+        wandering = self._wandering.about(tick, members, measured)
+        if wandering:
+            traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
+            setpoints += [setpoint for _, setpoint in wandering]
+            vehicles += [members[at] for at, _ in wandering]
         commanded += [False] * (len(vehicles) - len(members))
         return TrafficPicture(
             traffic=traffic,
