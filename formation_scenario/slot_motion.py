@@ -132,8 +132,8 @@ class Transition:
     """(N,) by how much each is lifted meanwhile."""
     rise_s: float
     """Duration of the rise, and again of the descent at the end."""
-    least_m: float = np.inf
-    """How near any two come on their ways, as planned."""
+    apart_m: Array | None = None
+    """(N, N) how near each two come on their ways, as planned; infinite of those that it wasn't planned for."""
 
     @classmethod
     def standing(cls, slots_m: Array) -> Transition:

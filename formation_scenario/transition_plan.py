@@ -131,12 +131,12 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     apart = _distances_m(level, flight, moments_s, conditions)
     near = np.flatnonzero(apart.min(axis=0) < apart_m)
     if not near.size:
-        return replace(level, least_m=float(apart.min(initial=np.inf)))
+        return replace(level, apart_m=_by_columns(apart.min(axis=0), conditions))
     lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
     lifted = _lift(level, lift_m, flight, conditions)
     apart = _distances_m(lifted, flight, moments_s, conditions)
     _refuse_near(apart, apart_m, moments_s, conditions)
-    return replace(lifted, least_m=float(apart.min()))
+    return replace(lifted, apart_m=_by_columns(apart.min(axis=0), conditions))
 
 
 def _refuse_beyond(
@@ -214,6 +214,14 @@ def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:
     """Return the two columns of each pair, (pairs, 2)."""
     there = np.flatnonzero(conditions.present)
     return np.stack([there[index] for index in np.triu_indices(there.size, 1)], axis=1)
+
+
+def _by_columns(pairs_m: Array, conditions: Conditions) -> Array:
+    """Return what each pair has (pairs,) as a table (N, N); infinite where one isn't present."""
+    table_m = np.full((conditions.present.size,) * 2, np.inf)
+    one, other = _pairs(conditions).T
+    table_m[one, other] = table_m[other, one] = pairs_m
+    return table_m
 
 
 def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:

@@ -178,7 +178,7 @@ class FormationController:
             self._at_heights(tick, heights_m)
         self.fence.keep(tick)
         if self._columns > 1:
-            self.separation.keep(tick, measured, self.plan.least_m(now / NANOSECONDS))
+            self.separation.keep(tick, measured, self.plan.apart_m(now / NANOSECONDS))
         self.floor.keep(tick)
         self.history.note(tick.setpoints)
         self._judge_assembly(tick)

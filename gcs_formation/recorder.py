@@ -48,13 +48,15 @@ class VehicleLink:
         self.circling = False
         """Whether it isn't commanded and circles, or is about to turn onto its circle."""
         self.flies_home_m: tuple[float, float] | None = None
-        """Where it flies, north and east, if it isn't commanded and its mode brings it home."""
+        self.home_m: tuple[float, float] | None = None
+        """Its home, north and east: if it isn't commanded and its mode brings it there, and as far as it is known."""
         self.heard: int = now
         """Until when it is known to have heard what it was commanded."""
         self.disobeying = False
         """Whether it doesn't seem to fly as it was commanded, though it hears it."""
-        self.stands_after_s = math.inf
-        """How long after the last setpoint that it heard it stands; infinite where it flies on."""
+        self.stands_after_s, self.returns_after_s = math.inf, 0.0
+        """How long after the last setpoint that it heard it stands, infinite where it flies on; and how long after that
+        setpoint it has set off for home, if it does for want of others."""
         self.speeds_mps: tuple[float, float] | None = None
         """The lowest and the highest true airspeed that it can reach soon, m/s; None where they are its model's."""
 

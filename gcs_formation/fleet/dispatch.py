@@ -69,8 +69,9 @@ class Dispatch:
             link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
-            link.speeds_mps = vehicle.autopilot.speeds_mps
-            link.stands_after_s = vehicle.autopilot.stands_after_s
+            link.speeds_mps, link.stands_after_s = vehicle.autopilot.speeds_mps, vehicle.autopilot.stands_after_s
+            link.returns_after_s = vehicle.autopilot.returns_after_s
+            link.home_m = vehicle.telemetry.home_m
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s

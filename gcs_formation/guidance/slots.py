@@ -8,7 +8,6 @@ the route or the plan changes.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -68,6 +67,10 @@ class FormationPlan:
         self._anybody_beside = False
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
         """Where, (C, 3), at a time of the station's clock, and how fast the leader turns since then."""
+        self._apart_m: Array | None = None
+        self._planned_m: Array | None = None
+        self._apart_of = self.goal_m
+        """What is planned to be between slots, and on which ways to which goals."""
         self._pace, self._late_s = 1.0, 0.0
         """Share of their planned speed at which slots move, and by how much they are late for having waited."""
 
@@ -185,14 +188,20 @@ class FormationPlan:
         """Return whether all slots are at rest, from a time on."""
         return now_s >= self._over_s and not self._anybody_beside
 
-    def least_m(self, now_s: float) -> float | None:
-        """Return how near any two slots come on their way, as planned; None once all are at rest where they belong.
+    def apart_m(self, now_s: float) -> Array | None:
+        """Return how near each two slots come on their ways (C, C), as planned; None once all rest where they belong.
 
-        Infinite where nothing is planned: those that fly beside the leader are where they happen to be.
+        Where nothing is planned, how far apart they belong: those that fly beside the leader are where they happen to
+        be. The same array for as long as nothing changes.
         """
-        if now_s < self._over_s:
-            return self._way.least_m
-        return None if self.settled(now_s) else math.inf
+        if self.settled(now_s):
+            return None
+        planned_m = self._way.apart_m if now_s < self._over_s else None
+        if self._apart_m is None or planned_m is not self._planned_m or self._apart_of is not self.goal_m:
+            self._planned_m, self._apart_of = planned_m, self.goal_m
+            apart_m = np.linalg.norm(self.goal_m[:, None] - self.goal_m, axis=-1)
+            self._apart_m = apart_m if planned_m is None else np.minimum(apart_m, planned_m)
+        return self._apart_m
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest where they belong."""

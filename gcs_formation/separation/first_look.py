@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
 from gcs_formation.separation.approach import COARSE_S
@@ -22,22 +23,30 @@ doesn't fight the formation."""
 class Kept:
     """The distance that two commanded vehicles keep: less where their slots are near each other."""
 
-    __slots__ = ("least_m", "most_m")
+    __slots__ = ("each_m", "most_m", "rows")
 
-    def __init__(self, most_m: float, least_m: float = 0.0) -> None:
-        """Take the most, and the least to which slots may lower it, m."""
+    def __init__(self, most_m: float, each_m: Array | None = None, first: int = 0) -> None:
+        """Take the most, and what each two keep whose slots are on their way.
+
+        Args:
+            most_m: kept by those whose slots are far apart, or that come to them from afar.
+            each_m: (C, C); None where slots rest: then they tell.
+            first: the first column that is a vehicle.
+        """
         self.most_m = most_m
-        self.least_m = least_m
+        self.each_m = each_m
+        self.rows: list[list[float]] = [] if each_m is None else each_m[first:, first:].tolist()
+        """The same, for the first look."""
 
 
 class Spot:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
-    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "slot_m", "timing_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "place", "slot_m", "timing_s")
 
-    def __init__(self, model: AutopilotModel) -> None:
-        """Begin with one that hasn't been seen."""
-        self.model = model
+    def __init__(self, place: int, model: AutopilotModel) -> None:
+        """Begin with one that hasn't been seen; `place` among all of them."""
+        self.place, self.model = place, model
         self.north_m = self.east_m = 0.0
         self.along_m = 0.0
         """Its place along the axis on which all are farthest apart."""
@@ -63,7 +72,7 @@ class FirstLook:
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
-        self._spots = [Spot(model) for model in models]
+        self._spots = [Spot(place, model) for place, model in enumerate(models)]
         self._order = list(self._spots)
         """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
         self._first_s, self._horizon_s = first_s, horizon_s
@@ -141,7 +150,7 @@ class FirstLook:
                 ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
                 apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.most_m + room_m
                 if not apart_m2 >= needed_m * needed_m:
-                    needed_m = _kept_m(kept, one.slot_m, other.slot_m) + room_m
+                    needed_m = _kept_m(kept, one, other) + room_m
                     if not apart_m2 >= needed_m * needed_m:
                         return False
         return True
@@ -165,11 +174,14 @@ class FirstLook:
             order[to] = spot
 
 
-def _kept_m(kept: Kept, one: Triple, other: Triple) -> float:
-    """Return the distance that two keep whose slots these are; the most where one of them isn't known."""
-    forward_m, right_m, up_m = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+def _kept_m(kept: Kept, one: Spot, other: Spot) -> float:
+    """Return the distance that two keep; the most where the slot of one of them isn't known."""
+    first, second = one.slot_m, other.slot_m
+    forward_m, right_m, up_m = first[0] - second[0], first[1] - second[1], first[2] - second[2]
     kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
-    return max(kept_m, kept.least_m) if kept_m < kept.most_m else kept.most_m
+    if kept.rows and not math.isnan(kept_m):
+        kept_m = kept.rows[one.place][other.place]
+    return kept_m if kept_m < kept.most_m else kept.most_m
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:

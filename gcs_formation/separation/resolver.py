@@ -30,8 +30,6 @@ ROOM_M: Final = 0.5
 """How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
 nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
 and ways are curved between the samples."""
-STANDS: Final = (0.0, 0.0, math.nan)
-"""What one does that stands, or stops."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
@@ -67,7 +65,7 @@ class ConflictResolver:
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
         self._heights_m = (scenario.safety.fence or Fence()).heights_m
         self._history, self._models = history, models
-        self._unresponsive = Unresponsive(history, models, hovers=self._hovers)
+        self._unresponsive = Unresponsive(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
@@ -84,31 +82,29 @@ class ConflictResolver:
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
-        nearest_m = min(_nearest_m(step.places_m[self._first :]) for step in schedule)
-        self._kept_in_slots_m = min(self._kept_from_others_m, SLOT_SHARE * nearest_m)
-        """What all keep whatever slots the scenario has them in."""
+        self._kept_in_slots = self._kept_moving = Kept(self._kept_from_others_m)
+        self._apart_m: Array | None = None
+        """The planned ways that `_kept_moving` is for."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
-    def keep(self, tick: Tick, measured: Measured, planned_m: float | None = None) -> None:
+    def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
         """Put setpoints that keep the distance in the place of a tick's, where those don't.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            planned_m: how near slots that move come to each other, as planned; None where all rest where they belong.
-                Slots on their way are no reason to come nearer to anybody than what is safe.
+            apart_m: (C, C) how near slots that move come to each other, as planned; None where all rest where they
+                belong. The same array for as long as the plan is the same.
 
-        Two keep the rule's distance, and less where their own slots, or the planned ways of some, leave less.
+        Two keep the rule's distance, and less where their own slots, or the planned ways of these, leave less.
         """
         if not self._enabled:
             return
         self._wandering.watch(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick.error_m)
-        kept = Kept(self._kept_from_others_m)
-        if planned_m is not None:
-            kept = self._kept_on_the_way(planned_m)
+        kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
         self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
@@ -121,13 +117,17 @@ class ConflictResolver:
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
 
-    def _kept_on_the_way(self, planned_m: float) -> Kept:
-        """Return what is kept while slots change: the limit and some room, and more where ways leave that."""
-        limit_m = self._limit_m + ROOM_M
-        if math.isinf(planned_m):  # vehicles gather beside the leader: their slots are where they happen to be
-            return Kept(self._kept_from_others_m, max(limit_m, self._kept_in_slots_m))
-        limit_m = max(limit_m, min(self._limit_m + MARGIN_M, planned_m - ROOM_M))
-        return Kept(min(self._kept_from_others_m, max(SLOT_SHARE * planned_m, limit_m)), limit_m)
+    def kept_on_the_way(self, apart_m: Array) -> Kept:
+        """Return what is kept while slots change: the limit and some room, and more where two's own ways leave that.
+
+        Slots on their way are no reason to come nearer to anybody than what is safe.
+        """
+        if apart_m is not self._apart_m:
+            self._apart_m, limit_m = apart_m, self._limit_m
+            least_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
+            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_from_others_m)
+            self._kept_moving = Kept(self._kept_from_others_m, kept_m, self._first)
+        return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
@@ -184,7 +184,6 @@ class ConflictResolver:
         Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
         tightly, or, multirotors that go astray or nobody commands, go on changing their velocity, or set off for home.
         """
-        unresponsive = self._unresponsive.places(members, tick.now, tick.links)
         acts = [measured.acts[each] for each in members]
         together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
         until = [measured.acts[each] if tick.active[each] else together for each in members]
@@ -193,23 +192,24 @@ class ConflictResolver:
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
         traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
-        vehicles = [*members, *(column for column, _ in unresponsive)]
+        columns, setpoints_of, others = self._unresponsive.traffic(members, tick.now, tick.links, measured, together)
+        vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
-        if unresponsive:
-            traffic = traffic.beside(self._unresponsive.traffic(unresponsive, measured, together))
-            setpoints += [UNKNOWN if since is None else STANDS for _, since in unresponsive]
+        if others is not None:
+            traffic = traffic.beside(others)
+            setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
             turning = traffic.take(np.array(circling)).turning()
             traffic = traffic.beside(turning)
             setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
             vehicles += [members[at] for at in circling]
-        about = self._wandering.about(tick, members, measured)
-        if about:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in about])))
-            setpoints += [setpoint for _, setpoint in about]
-            vehicles += [members[at] for at, _ in about]
+        wandering = self._wandering.about(tick, members, measured)
+        if wandering:
+            traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
+            setpoints += [setpoint for _, setpoint in wandering]
+            vehicles += [members[at] for at, _ in wandering]
         commanded += [False] * (len(vehicles) - len(members))
         return TrafficPicture(
             traffic=traffic,

@@ -105,7 +105,10 @@ class TrafficPicture:
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
         slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
-        kept_m = np.fmin(np.maximum(SLOT_SHARE * slots_m, self.kept.least_m), self.kept.most_m)
+        kept_m, each_m = SLOT_SHARE * slots_m, self.kept.each_m
+        if each_m is not None:
+            kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
+        kept_m = np.fmin(kept_m, self.kept.most_m)
         distance_m: Array = np.where(both, kept_m, self.kept_from_others_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -27,20 +27,35 @@ ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
 """A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
-Place = tuple[int, int | None]
-"""The column of one that may not respond, and since when it stands there; None: it flies on."""
+STANDS: Triple = (0.0, 0.0, math.nan)
+"""What one does that stands, or stops."""
+SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
+"""When it is reckoned to have set off: shares of the time in which it may have."""
+
+
+class Place(NamedTuple):
+    """Where one may be that may not respond."""
+
+    column: int
+    stands: int | None
+    """Since when it stands; None: it flies on."""
+    sets_off: int | None = None
+    """Since when it flies home; None: it doesn't."""
+    home_m: tuple[float, float] = (math.nan, math.nan)
 
 
 class Unresponsive:
     """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard.
 
-    Or they stand: an ArduCopter does some time after the last setpoint, which was the one that it surely heard, or the
-    last that was sent.
+    Or multirotors stand some time after the last setpoint, which was the one that they surely heard, or the last that
+    was sent; or a failsafe takes them home from there.
     """
 
-    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], *, hovers: bool) -> None:
-        """Take the setpoints that were sent from `history`, and the (C,) `models`."""
-        self._history, self._models, self._hovers = history, models, hovers
+    def __init__(
+        self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
+    ) -> None:
+        """Take the setpoints that were sent from `history`, the (C,) `models`, and how far ahead ways are looked at."""
+        self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
         self._held: list[Triple | None] = [None] * len(models)
         """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
         self._disobeying = [False] * len(models)
@@ -72,36 +87,66 @@ class Unresponsive:
                 return True
         return False
 
-    def places(self, members: list[int], now: Instant, links: list[VehicleLink]) -> list[Place]:
-        """Return where those of the columns `members` may be that may not respond: each in up to three places."""
-        found: list[Place] = [(each, None) for each in members if self._disobeying[each] or self._held[each]]
+    def traffic(
+        self, members: list[int], now: Instant, links: list[VehicleLink], measured: Measured, at: int
+    ) -> tuple[list[int], list[Triple], Traffic | None]:
+        """Return those of the columns `members` that may not respond, as they are at the instant `at`.
+
+        Each as often as there are places where it may be: the columns, what they are about there, and the traffic.
+        """
+        columns, about, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
+        for place in self._places(members, now, links, measured.stamps):
+            state = measured.states[place.column].copy()
+            found = self._flies(state, place, measured.stamps[place.column], at)
+            if found is not None:
+                setpoint, lead_s = found
+                columns.append(place.column)
+                about.append(setpoint)
+                states.append(state)
+                leads_s.append(lead_s)
+        if not columns:
+            return columns, about, None
+        models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros(len(columns))
+        return columns, about, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
+
+    def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: list[int]) -> list[Place]:
+        """Return where they may be; `seen`: when states were measured. Those show who has set off before."""
+        found = [Place(each, None) for each in members if self._disobeying[each] or self._held[each]]
         for column in members:
-            after_s, left = links[column].stands_after_s, self._left[column]
-            if self._held[column] is None or math.isinf(after_s):
+            link, left = links[column], self._left[column]
+            if self._held[column] is None or math.isinf(link.stands_after_s):
                 continue
-            since = links[column].heard + round(after_s * NANOSECONDS)
-            if now >= since - SOON_NS:
-                found.append((column, since))
-                if left is not None:
-                    found.append((column, left + round(after_s * NANOSECONDS)))
+            after_ns, home_m = round(link.stands_after_s * NANOSECONDS), link.home_m
+            if now < link.heard + after_ns - SOON_NS:
+                continue
+            for told in (link.heard,) if left is None else (link.heard, left):
+                stands = told + after_ns
+                found.append(Place(column, stands))
+                first, last = max(stands, seen[column]), told + round(link.returns_after_s * NANOSECONDS)
+                if home_m is not None and first <= last:
+                    over_ns = min(max(now, first), last) - first
+                    found += [Place(column, stands, first + round(share * over_ns), home_m) for share in SET_OFF]
         return found
 
-    def traffic(self, places: list[Place], measured: Measured, at: int) -> Traffic:
-        """Return vehicles as they are at the instant `at` at places."""
-        states: list[FlightState] = []
-        for column, stands in places:
-            state, begin, model = measured.states[column].copy(), measured.stamps[column], self._models[column]
-            end = at if stands is None else min(stands, at)
-            speed_mps, heading_rad, height_m = self._held[column] or UNKNOWN
-            speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            advance(state, model, speed_mps, heading_rad, height_m, max(end - begin, 0) / NANOSECONDS)
-            stood_s = (at - max(end, begin)) / NANOSECONDS
-            if stood_s > 0.0:
-                advance(state, model, 0.0, heading_rad, height_m, stood_s)
-            states.append(state)
-        still = np.zeros(len(places))
-        models = AutopilotModels.from_each(self._models[column] for column, _ in places)
-        return Traffic(FlightStates.from_each(states), still, still, models, self._hovers)
+    def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
+        """Fly a state on from an instant: as told, then standing, until it sets off for home or to the instant `at`.
+
+        Returns what it is about then, and for how long it has been; None for one that is home by now.
+        """
+        model, stands, sets_off = self._models[place.column], place.stands, place.sets_off
+        stands = at if stands is None else min(max(stands, begin), at)
+        sets_off = at if sets_off is None else min(max(sets_off, begin), at)
+        speed_mps, heading_rad, height_m = self._held[place.column] or UNKNOWN
+        speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
+        advance(state, model, speed_mps, heading_rad, height_m, max(stands - begin, 0) / NANOSECONDS)
+        if place.stands is None:
+            return UNKNOWN, 0.0
+        if sets_off > stands:
+            advance(state, model, 0.0, heading_rad, height_m, (sets_off - stands) / NANOSECONDS)
+        if place.sets_off is None:
+            return STANDS, 0.0
+        setpoint, flown_s = homewards(state, place.home_m, model, self._horizon_s), (at - sets_off) / NANOSECONDS
+        return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, place.home_m) else None
 
 
 class Wandering:
@@ -182,9 +227,18 @@ class Wandering:
 
     def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
         """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""
-        home_m, state = tick.links[column].flies_home_m, measured.states[column]
+        home_m = tick.links[column].flies_home_m
         if home_m is None:
             return None
-        to_north_m, to_east_m = home_m[0] - state.north_m, home_m[1] - state.east_m
-        speed_mps = min(self._models[column].speed_max_mps, math.hypot(to_north_m, to_east_m) / self._horizon_s)
-        return speed_mps, math.atan2(to_east_m, to_north_m), math.nan
+        return homewards(measured.states[column], home_m, self._models[column], self._horizon_s)
+
+
+def distance_m(state: FlightState, home_m: tuple[float, float]) -> float:
+    """Return how far, level, a vehicle is from its home."""
+    return math.hypot(home_m[0] - state.north_m, home_m[1] - state.east_m)
+
+
+def homewards(state: FlightState, home_m: tuple[float, float], model: AutopilotModel, within_s: float) -> Triple:
+    """Return the velocity, as speed and heading, at which a multirotor flies home, no sooner than in `within_s`."""
+    speed_mps = min(model.speed_max_mps, distance_m(state, home_m) / within_s)
+    return speed_mps, math.atan2(home_m[1] - state.east_m, home_m[0] - state.north_m), math.nan

@@ -109,6 +109,8 @@ class Autopilot(ABC):
     """In which it turns onto a circle, clockwise by default, as soon as it is told; -1: in none."""
     stands_after_s: ClassVar[float] = math.inf
     """How long after the last setpoint it stands; infinite where it flies on, or leaves the mode by its failsafe."""
+    returns_after_s: ClassVar[float] = 0.0
+    """How long after the last setpoint it sets off for home at the latest, for want of setpoints; 0: it doesn't."""
     stands: ClassVar[bool] = False
     """Whether it stands where it waits, and needs no height of its own there; others circle."""
     flies_courses: ClassVar[bool] = False

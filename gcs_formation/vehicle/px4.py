@@ -317,6 +317,8 @@ class Px4Copter(Px4):
     setpoint_commands = ()
     stands_after_s = 1.0
     """COM_OF_LOSS_T; then it stops, and goes home or lands (COM_OBL_RC_ACT)."""
+    returns_after_s = 6.0
+    """COM_OF_LOSS_T and COM_FAIL_ACT_T, for which some versions hold first."""
     stands = True
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import pdist, squareform
 
 from flight_model.lift_and_displacement import DisplacedPath, Rise
 from flight_model.path import SplinePath
@@ -106,7 +106,10 @@ def test_a_slot_whose_vehicle_is_away_has_no_way_and_nobody_makes_room_for_it(lo
     flight = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
     way = plan_change(scenario, start, step.arrangement._replace(shape="line", leader=2), 0.0, flight, present)
     places_m = way.sample(np.linspace(0.0, way.duration_s, 1001)).position_m[:, 1:]
-    assert way.least_m == pytest.approx(min(pdist(each).min() for each in places_m), abs=0.01)
+    assert way.apart_m is not None
+    nearest_m = squareform(np.min([pdist(each) for each in places_m], axis=0))
+    assert np.isinf(way.apart_m[0]).all()
+    assert np.allclose(np.nan_to_num(way.apart_m[1:, 1:], posinf=0.0), nearest_m, atol=0.01)
     for moment in (0.0, way.duration_s / 2):
         np.testing.assert_array_equal(way.at(moment).position_m[0], [0, 60, 0])
         np.testing.assert_array_equal(way.at(moment).velocity_mps[0], 0.0)

@@ -30,7 +30,8 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         clock=SimpleNamespace(one_way_s=up_s, split_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
         round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None),
-        autopilot=SimpleNamespace(speeds_mps=None, stands_after_s=math.inf),
+        autopilot=SimpleNamespace(speeds_mps=None, stands_after_s=math.inf, returns_after_s=0.0),
+        telemetry=SimpleNamespace(home_m=None),
         new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
         forget_setpoints=lambda: None,
     )

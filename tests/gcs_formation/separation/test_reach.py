@@ -46,7 +46,9 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hover
     wind_mps = 0.0 if hovers else 2.0
     winds = FlightStates(*vehicles.state.table[:6], *(wind_mps * unlike * random.uniform(-1, 1, (2, count))))
     made = picture(vehicles, winds, setpoints)
-    slots_m, kept = random.uniform(-15, 15, (3, count)), Kept(KEPT_M, random.uniform(0, 5))
+    slots_m, each_m = random.uniform(-15, 15, (3, count)), random.uniform(0, 2 * KEPT_M, (count, count))
+    slots_m[:, random.random(count) < 0.2] = np.nan
+    kept = Kept(KEPT_M, np.minimum(each_m, each_m.T) if random.random() < 0.5 else None)
     made = replace(made, slots_m=slots_m, kept=kept)
     return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers))
 

@@ -41,9 +41,12 @@ class Crossing:
         self.told_mps: float | None = None
         """As they fly, where there is none."""
         self.circling, self.flew = False, True
-        self.stands_after_s = math.inf
+        self.stands_after_s, self.returns_after_s = math.inf, 0.0
+        self.home_m: tuple[float, float] | None = None
         self.heard_s: float | None = None
         """Until when the second is known to have heard what it was told; None: now."""
+        self.seen_s: float | None = None
+        """When it was seen where it is; None: now."""
 
     def keep(self, age_s: float = 0.0, at_s: float = 0.0, planned_m: float | None = None) -> Tick:
         height, none, ours = np.full(2, 100.0), np.zeros(2), self.ours.tolist()
@@ -51,7 +54,8 @@ class Crossing:
         now = after(Instant(0), at_s)
         links = [VehicleLink(now), VehicleLink(now)]
         links[1].circling, links[1].flew = self.circling, self.flew
-        links[1].stands_after_s = self.stands_after_s
+        links[1].stands_after_s, links[1].returns_after_s = self.stands_after_s, self.returns_after_s
+        links[1].home_m = self.home_m
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
@@ -60,7 +64,9 @@ class Crossing:
         tick.slots_m, tick.error_m = self.slots_m, self.error_m
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
-        self.resolver.keep(tick, Measured(tick.state, [now] * 2, ours, [now] * 2), planned_m)
+        planned = None if planned_m is None else np.full((2, 2), planned_m)
+        seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
+        self.resolver.keep(tick, Measured(tick.state, seen, ours, [now] * 2), planned)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -230,6 +236,26 @@ def test_slots_that_only_happen_to_be_near_each_other_leave_the_limit_to_be_kept
     assert any(beside.keep(at_s=0.1, planned_m=math.inf).yielding)
 
 
+def test_who_comes_from_afar_keeps_the_whole_distance_also_while_slots_change() -> None:
+    """What ways of slots leave is kept by those that are in them: past one of them it came within 2.7 m."""
+    beside = beside_each_other(8.0)
+    assert not any(beside.keep(planned_m=8.0).yielding)
+    beside.error_m = [UNKNOWN, (22.0, 0.0, 0.0)]
+    assert any(beside.keep(at_s=0.1, planned_m=8.0).yielding)
+
+
+def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
+    """What others' ways leave is no reason to come nearer, in the first look as in the others."""
+    near_m = np.full((3, 3), 30.0)
+    near_m[0, 2] = near_m[2, 0] = 6.0
+    resolver = Crossing(vehicles={"count": 3}).resolver
+    kept = resolver.kept_on_the_way(near_m)
+    assert kept.each_m is not None
+    assert (kept.rows[0][2], kept.rows[0][1], kept.rows[1][2]) == (5.5, 10.5, 10.5)
+    assert kept.rows == kept.each_m.tolist()
+    assert resolver.kept_on_the_way(near_m) is kept
+
+
 def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
     """Beside a column of slots 6 m apart one that caught up passed at 3.0 m as the flight ended."""
     beside = beside_each_other(8.0)
@@ -276,6 +302,40 @@ def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
         column.keep(at_s=at_s)
     column.heard_s = 10.1
     assert column.keep(at_s=10.1 + silent_s).yielding[0] is gives
+
+
+def standing_column(home_m: tuple[float, float] | None) -> Crossing:
+    """The same, standing; the second has heard nothing since 10.1 s, stands at 11.1 s and leaves by 16.1 s."""
+    column = column_of_copters()
+    column.stands_after_s, column.returns_after_s, column.home_m = 1.0, 6.0, home_m
+    column.told_mps, column.speed[:] = 0.0, 0.0
+    for at_s in (10.0, 10.1):
+        column.keep(at_s=at_s)
+    column.heard_s = 10.1
+    return column
+
+
+@pytest.mark.parametrize(("home_m", "gives"), [(None, False), ((400.0, 0.0), False), ((-400.0, 0.0), True)])
+def test_one_that_hears_nothing_any_more_may_have_set_off_for_home(
+    home_m: tuple[float, float] | None, gives: bool
+) -> None:
+    """A PX4 has by 6 s after its last setpoint, and nobody hears of it: it came back through those behind at 2.1 m."""
+    assert standing_column(home_m).keep(at_s=12.1).yielding[0] is gives
+
+
+def test_one_that_is_seen_to_stand_longer_than_failsafes_wait_stays_there() -> None:
+    column = standing_column((-400.0, 0.0))
+    assert column.keep(at_s=16.0).yielding[0]
+    column = standing_column((-400.0, 0.0))
+    assert not column.keep(at_s=16.3).yielding[0]
+
+
+@pytest.mark.parametrize(("at_s", "gives"), [(25.0, True), (29.0, False)])
+def test_one_that_is_not_seen_either_is_home_by_and_by(at_s: float, gives: bool) -> None:
+    """It sets off at 16.1 s at the latest, 35 m in 12 s."""
+    column = standing_column((-10.0, 0.0))
+    column.seen_s = 10.1
+    assert column.keep(at_s=at_s).yielding[0] is gives
 
 
 def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
