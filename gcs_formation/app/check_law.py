@@ -17,10 +17,10 @@ from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
+from gcs_formation.app.loop_waits import Arrivals
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
-from gcs_formation.stability.arrivals import Arrivals
 from gcs_formation.stability.mismatch import DEVIATIONS
 
 UNPAIRED_M = 1.75

@@ -267,5 +267,9 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
 
 
 def _result(vehicle: Vehicle) -> str:
-    refusal = vehicle.commands.refusal
-    return f" (command {refusal[0]}: {m.name_of('MAV_RESULT', refusal[1])})" if refusal else ""
+    refusal, asked = vehicle.commands.refusal, vehicle.commands.under_way
+    if refusal is None:
+        return ""
+    of_message = asked is not None and asked.command == refusal[0] == m.MAV_CMD_SET_MESSAGE_INTERVAL
+    which = f" of message {asked.param1:.0f}" if asked is not None and of_message else ""
+    return f" ({m.name_of('MAV_CMD', refusal[0])}{which}: {m.name_of('MAV_RESULT', refusal[1])})"

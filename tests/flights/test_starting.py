@@ -92,7 +92,13 @@ def ignores_in_the_air(world: World) -> None:
             marks=pytest.mark.slow,
         ),
         (Between, ignores, ("disobeys", "mode TAKEOFF"), 18, "we set mode TAKEOFF"),
-        (Between, can_not_arm, ("mode", "TAKEOFF"), 30, "we armed (command 400: FAILED); it said: 'PreArm: Compass"),
+        (
+            Between,
+            can_not_arm,
+            ("mode", "TAKEOFF"),
+            30,
+            "we armed (COMPONENT_ARM_DISARM: FAILED); it said: 'PreArm: Compass",
+        ),
         pytest.param(
             Between,
             stays_on_the_ground,

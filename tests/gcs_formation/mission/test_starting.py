@@ -10,7 +10,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId, parse_endpoint
-from airlink.messages.command import CommandAck
+from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.system import Heartbeat, Statustext
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.link.link_health import Connection
@@ -220,8 +220,22 @@ def test_a_refusal_is_passed_on_with_its_result_and_the_vehicle_s_own_words() ->
     ground.at(2).telemetry.take(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
     ground.advance(1.1)
     assert ground.given_up == [
-        "vehicle 2: refused when we set mode GUIDED (command 176: DENIED); it said: 'PreArm: Compass not calibrated'"
+        "vehicle 2: refused when we set mode GUIDED (DO_SET_MODE: DENIED); it said: 'PreArm: Compass not calibrated'"
     ]
+
+
+def test_of_a_refused_message_interval_it_is_said_which_message() -> None:
+    ground = Ground()
+    ask = CommandLong(2, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, 0, float(m.MAVLINK_MSG_ID_VFR_HUD), 1e5)
+    for number in (1, 2):
+        step = StartUpStep("asked for telemetry", lambda seen: False, lambda seen: (ask,), 20.0)
+        ground.at(number).start_up = StartUp((step,))
+    ground.hear(1, 2)
+    ground.advance(1.0)
+    ground.sent(2, 1.0, m.MAV_RESULT_DENIED)
+    ground.advance(1.1)
+    said = "vehicle 2: refused when we asked for telemetry (SET_MESSAGE_INTERVAL of message 74: DENIED)"
+    assert ground.given_up == [said]
 
 
 @pytest.mark.parametrize(("phase", "left"), [(Phase.FLYING, True), (Phase.ASSEMBLING, False)])

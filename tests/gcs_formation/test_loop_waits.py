@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.links import Impairment
-from gcs_formation.stability.arrivals import Arrivals
+from gcs_formation.app.loop_waits import Arrivals
 
 
 def test_without_loss_an_age_is_uniform_within_a_period() -> None:
