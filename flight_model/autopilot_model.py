@@ -327,13 +327,22 @@ def advance(
         turn_rad = wrap(heading_rad - state.heading_rad)
     goal_mps, goal_rad = state.airspeed_mps + faster_mps, state.heading_rad + turn_rad
     tau_v_s, tau_psi_s, left = model.tau_v_s, model.tau_psi_s, model.stretch(time_s)
-    early_s, middle_s, late_s = EARLY * time_s, MIDDLE * time_s, LATE * time_s
-    early_mps = OUTER * (goal_mps - remaining(faster_mps, early_s, tau_v_s, accel_max_mps2, left.early_speed))
-    early_rad = goal_rad - remaining(turn_rad, early_s, tau_psi_s, turn_rate_max_rps, left.early_heading)
-    middle_mps = INNER * (goal_mps - remaining(faster_mps, middle_s, tau_v_s, accel_max_mps2, left.middle_speed))
-    middle_rad = goal_rad - remaining(turn_rad, middle_s, tau_psi_s, turn_rate_max_rps, left.middle_heading)
-    late_mps = OUTER * (goal_mps - remaining(faster_mps, late_s, tau_v_s, accel_max_mps2, left.late_speed))
-    late_rad = goal_rad - remaining(turn_rad, late_s, tau_psi_s, turn_rate_max_rps, left.late_heading)
+    early_mps, middle_mps, late_mps, short_mps = _remaining(
+        faster_mps, time_s, tau_v_s, accel_max_mps2, left.early_speed, left.middle_speed, left.late_speed, left.speed
+    )
+    early_mps, late_mps = OUTER * (goal_mps - early_mps), OUTER * (goal_mps - late_mps)
+    middle_mps = INNER * (goal_mps - middle_mps)
+    early_rad, middle_rad, late_rad, short_rad = _remaining(
+        turn_rad,
+        time_s,
+        tau_psi_s,
+        turn_rate_max_rps,
+        left.early_heading,
+        left.middle_heading,
+        left.late_heading,
+        left.heading,
+    )
+    early_rad, middle_rad, late_rad = goal_rad - early_rad, goal_rad - middle_rad, goal_rad - late_rad
     cos, sin = math.cos(middle_rad), math.sin(middle_rad)
     early_cos, early_sin = _beside(cos, sin, middle_rad, early_rad)
     late_cos, late_sin = _beside(cos, sin, middle_rad, late_rad)
@@ -341,9 +350,23 @@ def advance(
     east_mps = early_mps * early_sin + middle_mps * sin + late_mps * late_sin
     state.north_m += (north_mps + state.wind_north_mps) * time_s
     state.east_m += (east_mps + state.wind_east_mps) * time_s
-    state.airspeed_mps = goal_mps - remaining(faster_mps, time_s, tau_v_s, accel_max_mps2, left.speed)
-    state.heading_rad = goal_rad - remaining(turn_rad, time_s, tau_psi_s, turn_rate_max_rps, left.heading)
+    state.airspeed_mps = goal_mps - short_mps
+    state.heading_rad = goal_rad - short_rad
     _climb(state, model, height_m, time_s, left)
+
+
+def _remaining(
+    error: float, time_s: float, tau_s: float, rate_max: float, early: float, middle: float, late: float, end: float
+) -> tuple[float, float, float, float]:
+    """Return what `remaining` returns at the Gauss points of a time and at its end; of 1 `early` to `end` are left."""
+    if abs(error) <= rate_max * tau_s:
+        return error * early, error * middle, error * late, error * end
+    return (
+        remaining(error, EARLY * time_s, tau_s, rate_max, early),
+        remaining(error, MIDDLE * time_s, tau_s, rate_max, middle),
+        remaining(error, LATE * time_s, tau_s, rate_max, late),
+        remaining(error, time_s, tau_s, rate_max, end),
+    )
 
 
 def _beside(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:

@@ -81,21 +81,23 @@ class GeodeticOrigin:
 
     def to_ned(self, lat_rad: float, lon_rad: float, alt_m: float) -> tuple[float, float, float]:
         """Return north, east and down in m."""
-        north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)
-        east = signed(lon_rad - self.lon_rad)
-        return (lat_rad - self.lat_rad) * north_radius_m, east * east_radius_m, self.alt_m - alt_m
+        halfway_rad = (lat_rad + self.lat_rad) / 2
+        north_radius_m, normal_m = _curvature(halfway_rad)
+        east_m = signed(lon_rad - self.lon_rad) * (normal_m * math.cos(halfway_rad))
+        return (lat_rad - self.lat_rad) * north_radius_m, east_m, self.alt_m - alt_m
 
     def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
         """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
-        lat_rad = self.lat_rad
-        north_radius_m, east_radius_m = _radii(lat_rad)
+        lat_rad = halfway_rad = self.lat_rad
+        north_radius_m, normal_m = _curvature(halfway_rad)
         for _step in range(INVERSION_STEPS):
             before_rad = lat_rad
             lat_rad = self.lat_rad + north_m / north_radius_m
             if lat_rad == before_rad:
                 break
-            north_radius_m, east_radius_m = _radii((lat_rad + self.lat_rad) / 2)
-        lon_rad = self.lon_rad + east_m / east_radius_m
+            halfway_rad = (lat_rad + self.lat_rad) / 2
+            north_radius_m, normal_m = _curvature(halfway_rad)
+        lon_rad = self.lon_rad + east_m / (normal_m * math.cos(halfway_rad))
         return lat_rad, signed(lon_rad), self.alt_m - down_m
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
@@ -106,16 +108,16 @@ class GeodeticOrigin:
         return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
 
 
-def _radii(lat_rad: float) -> tuple[float, float]:
-    """Return metres per radian of latitude and of longitude."""
+def _curvature(lat_rad: float) -> tuple[float, float]:
+    """Return metres per radian of latitude, and those per radian of longitude by the cosine of the latitude."""
     sine = math.sin(lat_rad)
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
     normal_m = SEMI_MAJOR_M / math.sqrt(squeeze)
-    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * math.cos(lat_rad)
+    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m
 
 
 def _radii_at(lat_rad: Array) -> tuple[Array, Array]:
-    """Return what `_radii` returns, for many latitudes."""
+    """Return metres per radian of latitude and of longitude, for many latitudes."""
     squeeze = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat_rad) ** 2
     normal_m = SEMI_MAJOR_M / np.sqrt(squeeze)
     return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * np.cos(lat_rad)
