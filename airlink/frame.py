@@ -8,10 +8,11 @@ from __future__ import annotations
 import re
 from collections import OrderedDict
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Literal
 
 from librt.strings import BytesWriter, read_i32_le
-from mypy_extensions import i64, mypyc_attr
+from mypy_extensions import i64, mypyc_attr, u8
 
 from airlink.checksum import BYTE, Checksums, checksum
 from airlink.endpoint import Address
@@ -35,7 +36,7 @@ _EXTRAS: Final = crc_extras()
 class Frame:
     """A frame whose checksum held."""
 
-    __slots__ = ("component", "message", "message_id", "raw", "sequence", "system", "version")
+    __slots__ = ("component", "following", "message", "message_id", "raw", "sequence", "system", "version")
 
     def __init__(
         self,
@@ -55,6 +56,8 @@ class Frame:
         self.version: Literal[1, 2] = version
         self.message = message
         self.raw = raw
+        self.following: Frame | None = None
+        """The next one that came with it."""
 
 
 class FrameWriter:
@@ -62,8 +65,9 @@ class FrameWriter:
 
     def __init__(self, system: int, component: int) -> None:
         """Speak as `component` of `system`."""
-        self._system, self._component = system, component
-        self._sequence = 0
+        self._system: u8 = system
+        self._component: u8 = component
+        self._sequence: u8 = 0
         self._frame = BytesWriter()
 
     def encode(self, message: Message, version: Literal[1, 2] = 2) -> bytes:
@@ -88,11 +92,10 @@ class FrameWriter:
         else:
             end = begin + kind.base_length
         frame.truncate(end)
-        length: int = end - begin
-        frame[1] = length
-        check: int = checksum(frame.getvalue(), end, kind.crc_extra)
-        frame.append(check & 0xFF)
-        frame.append(check >> 8)
+        frame[1] = u8(end - begin)
+        check = checksum(frame.getvalue(), end, kind.crc_extra)
+        frame.append(u8(check & 0xFF))
+        frame.append(u8(check >> BYTE))
         return frame.getvalue()
 
 
@@ -137,13 +140,28 @@ class StreamParser:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that `data` completes. Never raises, whatever the bytes."""
+        frames, frame = list[Frame](), self.first(data)
+        while frame is not None:
+            frames.append(frame)
+            following, frame.following = frame.following, None
+            frame = following
+        return frames
+
+    def first(self, data: bytes) -> Frame | None:
+        """Return the first of the frames that `data` completes, which has the others; None: there is none."""
         size = len(data)
         if size > 0 and len(self._pending) == 0 and frame_length(data, 0) == size:  # as nearly every datagram is
             frame = self._accept(data, counted=False)
             if frame is not None:
                 self.counts.frames += 1
-                return [frame]
-        data = self._pending + data
+                return frame
+        frames = self._search(self._pending + data)
+        for one, other in pairwise(frames):
+            one.following = other
+        return frames[0] if frames else None
+
+    def _search(self, data: bytes) -> list[Frame]:
+        """Return the frames in what has come and isn't part of one; keep what may yet become one."""
         frames: list[Frame] = []
         offset, end = 0, len(data)
         kept = end  # the earliest start of what may yet become a frame
@@ -246,12 +264,12 @@ class Receiver:
         self._last = StreamParser()
         """Of the remote that was heard last: several datagrams come from it at a time."""
 
-    def frames(self, datagram: Datagram) -> list[Frame]:
-        """Return the frames that the datagram completes."""
+    def first(self, datagram: Datagram) -> Frame | None:
+        """Return the first of the frames that a datagram completes, which has the others; None: there is none."""
         if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
             self._last = self._parser(datagram.socket, datagram.peer)
             self._last_socket, self._last_peer = datagram.socket, datagram.peer
-        return self._last.feed(datagram.data)
+        return self._last.first(datagram.data)
 
     def _parser(self, socket: int, peer: Address) -> StreamParser:
         remote = (socket, peer)

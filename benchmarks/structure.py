@@ -17,7 +17,7 @@ from unittest.mock import Mock
 
 from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram, MemoryNetwork
-from airlink.frame import Receiver
+from airlink.frame import StreamParser
 from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
@@ -92,7 +92,7 @@ class Traced(Station):
 
 
 def _is_position(datagram: Datagram) -> bool:
-    return any(isinstance(frame.message, GlobalPositionInt) for frame in Receiver().frames(datagram))
+    return any(isinstance(frame.message, GlobalPositionInt) for frame in StreamParser().feed(datagram.data))
 
 
 def way() -> list[str]:

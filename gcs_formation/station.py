@@ -128,13 +128,15 @@ class Station(Engine):
         timed, raws = not self._was_away(now), list[bytes]()
         try:
             for datagram in datagrams:
-                for frame in self._receiver.frames(datagram):
+                frame = self._receiver.first(datagram)
+                while frame is not None:
                     raws.append(frame.raw)
                     vehicle = self._senders.sender(frame, datagram, now)
                     if vehicle is None:
                         self.frames_refused += 1
                     else:
                         self._take(vehicle, frame, now, timed)
+                    frame = frame.following
         finally:
             self._recorder.frames(now, raws)
 

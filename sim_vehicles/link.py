@@ -90,10 +90,10 @@ class Link:
         data, peer = datagram.data, self._peers.get(datagram.peer)
         if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
             return None
-        frames = StreamParser().feed(data)
-        if len(frames) != 1 or len(frames[0].raw) != len(data) or not self._is_for_us(frames[0]):
+        frame = StreamParser().first(data)
+        if frame is None or len(frame.raw) != len(data) or not self._is_for_us(frame):
             return None
-        asked = frames[0].message
+        asked = frame.message
         if not isinstance(asked, Timesync) or asked.tc1_ns:
             return None
         peer.heard = now
@@ -124,13 +124,14 @@ class Link:
             peer = self._peer(datagram.peer)
             if peer is None:
                 continue
-            frames = peer.parser.feed(datagram.data)
-            if frames and peer.heard == UNHEARD:
+            frame = peer.parser.first(datagram.data)
+            if frame is not None and peer.heard == UNHEARD:
                 self._heard.append(peer)
-            for frame in frames:
+            while frame is not None:
                 peer.heard = now
                 if self._is_for_us(frame):
                     found.append((datagram.peer, frame))
+                frame = frame.following
         return found
 
     def _is_for_us(self, frame: Frame) -> bool:

@@ -10,9 +10,9 @@ NO_FRAME = b"\x00" * 7
 def test_of_more_remotes_than_1024_the_one_silent_longest_is_forgotten_and_still_counted() -> None:
     receiver, peers = Receiver(), [Address("127.0.0.1", port) for port in range(1, 1026)]
     for peer in (*peers[:1024], peers[0]):
-        receiver.frames(Datagram(0, peer, NO_FRAME))
+        receiver.first(Datagram(0, peer, NO_FRAME))
     assert all(receiver.counts(0, peer).garbage_bytes for peer in peers[:1024])
-    receiver.frames(Datagram(0, peers[1024], NO_FRAME))
+    receiver.first(Datagram(0, peers[1024], NO_FRAME))
     forgotten = [peer for peer in peers if not receiver.counts(0, peer).garbage_bytes]
     assert forgotten == [peers[1]]
     assert receiver.total().garbage_bytes == 1026 * len(NO_FRAME)
