@@ -71,7 +71,8 @@ class TlogWriter:
 
     def flush(self) -> None:
         """Write what is waiting to the operating system, so that a crash of this process loses nothing of it."""
-        data, self._waiting = self._waiting.getvalue(), BytesWriter()
+        data = self._waiting.getvalue()
+        self._waiting.truncate(0)
         self._file.write(data)
         self._file.flush()
 

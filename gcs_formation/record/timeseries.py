@@ -111,7 +111,8 @@ class TickSpool:
         """Write what is waiting."""
         if self._count:
             self._file.write(self._waiting.getvalue())
-            self._waiting, self._count = BytesWriter(), 0
+            self._waiting.truncate(0)
+            self._count = 0
             self._file.flush()
 
     def close(self) -> None:
