@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -100,6 +100,34 @@ class DesignWatch:
         return {"design_delay_s": delay_s, "disturbance_observer_radps": wind, **gains}
 
 
+class WatchedAxis:
+    """The loops of one vehicle along an axis, which have a bandwidth in common."""
+
+    def __init__(self, name: str, usage: Usage) -> None:
+        """Take the axis, and what tells how much of their margin they use."""
+        self.name, self.usage = name, usage
+        self.channels = PLACES.get(name, EVERY_PLACE)
+        """One, or all for the consensus law."""
+
+
+class WatchedVehicle:
+    """One vehicle's loops, and how its round trips have scattered."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Begin with nothing seen."""
+        self.vehicle, self.axes, self._scatters_s = vehicle, list[WatchedAxis](), list[float]()
+
+    def least_scatter_s(self) -> float:
+        """Look at its round trips; return the least standard deviation of the last `LASTING_LOOKS` looks."""
+        scatters_s, least_s = self._scatters_s, self.vehicle.clock.usual_scatter_s
+        if len(scatters_s) == LASTING_LOOKS:
+            scatters_s.pop(0)
+        scatters_s.append(least_s)
+        for each in scatters_s:
+            least_s = min(least_s, each)
+        return least_s
+
+
 class MarginWatch:
     """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
 
@@ -114,27 +142,31 @@ class MarginWatch:
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
+        self._degrades = scenario.law.on_delay == "degrade"
+        self._waits_for_all = self._mutual and not scenario.law.delay_compensation
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-        self._vehicles = vehicles
         self._note = note
         self.beyond: set[VehicleId] = set()
         """Vehicles whose loop's delay is beyond what keeps it stable."""
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
-        self._scatters_s = {identity: deque[float](maxlen=LASTING_LOOKS) for identity in vehicles}
-        self._axes = dict[VehicleId, dict[str, Usage]]()
+        self._watched = {identity: WatchedVehicle(vehicle) for identity, vehicle in vehicles.items()}
+        self._each = list[WatchedVehicle]()
+        """Those around which the law closes loops."""
         self.retune(scenario)
 
     def retune(self, scenario: Scenario) -> None:
         """Watch the loops that a scenario's gains close."""
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
-        self._axes = {
-            vehicle: {
-                axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
-            }
-            for vehicle, of_axes in law_loops(scenario, succession=True).items()
-        }
+        self._each = []
+        for identity, of_axes in law_loops(scenario, succession=True).items():
+            each = self._watched[identity]
+            each.axes = [
+                WatchedAxis(axis, shared.setdefault(loops, Usage(loops, predicted=predicted)))
+                for axis, loops in of_axes.items()
+            ]
+            self._each.append(each)
 
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
@@ -143,23 +175,22 @@ class MarginWatch:
         lags seem to differ from those of the model in use.
         """
         self._lags_off = lags_off
-        for identity, axes in self._axes.items():
-            vehicle = self._vehicles[identity]
-            if vehicle is leader and not self._mutual:
-                self._let_go(vehicle)
+        for each in self._each:
+            if each.vehicle is leader and not self._mutual:
+                self._let_go(each.vehicle)
             else:
-                self._look(now, vehicle, axes)
+                self._look(now, each)
 
-    def _look(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage]) -> None:
-        self._scatters_s[vehicle.identity].append(vehicle.clock.usual_scatter_s)
-        column, delay = vehicle.column, self._delay(vehicle.identity)
-        if self._scenario.law.on_delay == "degrade":
-            self._set_bandwidth(now, vehicle, axes, delay)
-        by_delay = math.nan  # as each is before the delay is known
-        for axis, usage in axes.items():
-            used = usage.of(delay, self._of(column, axis))
+    def _look(self, now: Instant, each: WatchedVehicle) -> None:
+        vehicle, delay = each.vehicle, self._delay(each)
+        column = vehicle.column
+        if self._degrades:
+            self._set_bandwidth(now, each, delay)
+        by_delay, bandwidth = math.nan, self.bandwidth[column]  # as each is before the delay is known
+        for axis in each.axes:
+            used = axis.usage.of(delay, bandwidth[axis.channels[0]])
             by_delay = by_delay if by_delay >= used else used
-        by_lags, channel = self._by_lags(column, delay, axes)
+        by_lags, channel = self._by_lags(column, delay, each.axes)
         used = by_delay + by_lags
         self.used[column] = used
         self.most_used = max(self.most_used, used)
@@ -171,13 +202,13 @@ class MarginWatch:
         elif not by_delay >= NEAR:
             self.beyond.discard(vehicle.identity)
 
-    def _by_lags(self, column: int, delay: LoopDelay, axes: Mapping[str, Usage]) -> tuple[float, int]:
+    def _by_lags(self, column: int, delay: LoopDelay, axes: list[WatchedAxis]) -> tuple[float, int]:
         """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
         most, whose = 0.0, 0
-        for axis, usage in axes.items():
-            for channel in _channels(axis):
+        for axis in axes:
+            for channel in axis.channels:
                 off = self._lags_off[channel][column]
-                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
+                used = axis.usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
                 if used > most:
                     most, whose = used, channel
         return most, whose
@@ -189,32 +220,30 @@ class MarginWatch:
         self._near.discard(leader.identity)
         self.beyond.discard(leader.identity)
 
-    def _delay(self, identity: VehicleId) -> LoopDelay:
+    def _delay(self, each: WatchedVehicle) -> LoopDelay:
         """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
-        clock, law = self._vehicles[identity].clock, self._scenario.law
-        down_s = own_down_s = self._vehicles[identity].round_trips.down_s
-        if self._mutual and not law.delay_compensation:
-            down_s = float(np.fmax.reduce([self._vehicles[each].round_trips.down_s for each in self._axes]))
-        up_s = 2.0 * clock.one_way_s - own_down_s
-        return LoopDelay(loop_delay_s(up_s, down_s, *self._rates_hz), min(self._scatters_s[identity]))
+        vehicle = each.vehicle
+        down_s = own_down_s = vehicle.round_trips.down_s
+        if self._waits_for_all:
+            down_s = float(np.fmax.reduce([other.vehicle.round_trips.down_s for other in self._each]))
+        up_s = 2.0 * vehicle.clock.one_way_s - own_down_s
+        telemetry_hz, law_hz = self._rates_hz
+        return LoopDelay(loop_delay_s(up_s, down_s, telemetry_hz, law_hz), each.least_scatter_s())
 
-    def _of(self, column: int, axis: str) -> float:
-        return self.bandwidth[column][_channels(axis)[0]]
-
-    def _set_bandwidth(self, now: Instant, vehicle: Vehicle, axes: Mapping[str, Usage], delay: LoopDelay) -> None:
+    def _set_bandwidth(self, now: Instant, each: WatchedVehicle, delay: LoopDelay) -> None:
         """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
-        column, changed = vehicle.column, False
-        for axis, usage in axes.items():
-            before = self._of(column, axis)
-            used, which = usage.of(delay, before), (vehicle.identity, axis)
+        vehicle, bandwidth, changed = each.vehicle, self.bandwidth[each.vehicle.column], False
+        for axis in each.axes:
+            before = bandwidth[axis.channels[0]]
+            used, which = axis.usage.of(delay, before), (vehicle.identity, axis.name)
             self._calm[which] = self._calm[which] + 1 if used < RESTORE else 0
             if used >= DEGRADE or (before < 1.0 and self._calm[which] >= CALM_LOOKS):
-                after = usage.bandwidth(delay, KEPT)
-                for channel in _channels(axis):
-                    self.bandwidth[column][channel] = after
+                after = axis.usage.bandwidth(delay, KEPT)
+                for channel in axis.channels:
+                    bandwidth[channel] = after
                 changed |= after != before
         if changed:
-            used = max(usage.of(delay, self._of(column, axis)) for axis, usage in axes.items())
+            used = max(axis.usage.of(delay, bandwidth[axis.channels[0]]) for axis in each.axes)
             self._say_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
@@ -241,11 +270,6 @@ class MarginWatch:
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
         details: dict[str, Detail] = {f"bandwidth_{channel}": share for channel, share in shares.items()}
         self._note(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})
-
-
-def _channels(axis: str) -> list[int]:
-    """Return the channels of an axis: one, or all for the consensus law."""
-    return PLACES.get(axis, EVERY_PLACE)
 
 
 class TelemetryWatch:

@@ -8,10 +8,11 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from airlink.clock import rounded
 from flight_model.arrays import Array, Complex
 from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 
@@ -22,13 +23,13 @@ MOST = 0.95
 _STEPS = 10
 _HALVINGS = 5
 _FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
-DEVIATIONS = 2.0
+DEVIATIONS: Final = 2.0
 """The mismatch, in standard deviations of the round trip."""
-STEP_S = 0.05
+STEP_S: Final = 0.05
 """Mismatch margins are computed for whole multiples of this delay."""
 BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 """The shares to which the bandwidth may be reduced."""
-LAGS_NOTED = 0.05
+LAGS_NOTED: Final = 0.05
 """Lags that are less off, as a share of themselves, count as right."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)
 """How near the ends of a root's bracket get, as a share of the root."""
@@ -244,13 +245,13 @@ def _lags_off(loop: Loop, share: float) -> list[Loop]:
     return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
 
 
-class LoopDelay(NamedTuple):
+class LoopDelay:
     """Measured delay of a loop closed over the link, s."""
 
-    mean_s: float
-    """Round trip, sampling and hold included."""
-    scatter_s: float
-    """Standard deviation of the round trip."""
+    def __init__(self, mean_s: float, scatter_s: float) -> None:
+        """Take the round trip, sampling and hold included, and its standard deviation."""
+        self.mean_s = mean_s
+        self.scatter_s = scatter_s
 
 
 class Usage:
@@ -283,7 +284,7 @@ class Usage:
         """
         if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
             return 0.0
-        delay_s = round(delay.mean_s / STEP_S) * STEP_S
+        delay_s = rounded(delay.mean_s / STEP_S) * STEP_S
         return _share(off, min((lag_margin(loop, delay_s) for loop in self._loops), default=math.inf))
 
     def bandwidth(self, delay: LoopDelay, most: float) -> float:
@@ -296,17 +297,18 @@ class Usage:
 
     def margin_s(self, delay_s: float, bandwidth: float = 1.0) -> float:
         """Return the least margin of the loops: of delay, or against mismatch about `delay_s`."""
-        step = round(delay_s / STEP_S) if self._predicted else 0
+        step = rounded(delay_s / STEP_S) if self._predicted else 0
         key = bandwidth, step
-        if key not in self._margins_s:
+        margin_s = self._margins_s.get(key)
+        if margin_s is None:
             slowed = [loop.slowed(bandwidth) for loop in self._loops]
             of_each = (
                 (predicted_mismatch_margin(loop, step * STEP_S).least() for loop in slowed)
                 if self._predicted
                 else (loop.delay_margin_s() for loop in slowed)
             )
-            self._margins_s[key] = min(of_each, default=math.inf)
-        return self._margins_s[key]
+            margin_s = self._margins_s[key] = min(of_each, default=math.inf)
+        return margin_s
 
 
 def _share(delay_s: float, margin_s: float) -> float:
