@@ -16,7 +16,7 @@ from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, finite, rate, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import Frame, added
+from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.laws import law_kind, law_parameters
@@ -54,12 +54,12 @@ class FormationController:
         """Take law, model, path and slots from the scenario."""
         self.guidance = from_scenario.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
-        self._virtual = scenario.leader is None
-        self._frame: Frame = scenario.formation.frame
+        self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
         self._steps, self._tolerance_m = scenario.path.steps, scenario.start.tolerance_m
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
-        self._columns = 1 + len(scenario.followers)
+        self._every_column = list(range(1 + len(scenario.followers)))
+        self._columns = len(self._every_column)
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every column; its lags follow what the vehicles fly."""
         self._law = law_kind(scenario).make(scenario, self.models)
@@ -71,8 +71,8 @@ class FormationController:
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
-        self._in_slots_s, self._turn_rps, self._leader_wind = 0.0, 0.0, LeaderWind(self._dt_s)
-        self._leader_commands = LeaderCommands(self._dt_s)
+        self._in_slots_s = self._turn_rps = 0.0
+        self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self._columns)]
@@ -159,7 +159,7 @@ class FormationController:
         self._limit_speeds(links)
         acts = self._acts(now, links)
         tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
-        self.lags.learn([tick.active[column] and not link.disobeying for column, link in enumerate(links)])
+        self.lags.learn([tick.active[column] and not links[column].disobeying for column in self._every_column])
         self.history.begin(acts)
         tick.virtual_leader = self._flown_on(now) if self._virtual else None
         if not tick.active[tick.leader]:
@@ -170,7 +170,7 @@ class FormationController:
         states = self._projection.take(measured)
         lead = self._steer_leader(tick, states, assembled=assembled)
         self._turn_rps = lead.path.turn_rps
-        self.history.note(tick.setpoints)  # followers are where the leader is when theirs act
+        self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # followers are where it is when theirs act
         if self._columns > 1:
             self._lead_bandwidth(bandwidth)
             self._by_law(tick, states, lead)
@@ -189,8 +189,8 @@ class FormationController:
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
         """Return a tick at which nothing is commanded yet, as `step`'s begins."""
-        age_s = [self.estimator.age_s(column, now) for column in range(self._columns)]
-        active = [link.ready and not math.isnan(age_s[column]) for column, link in enumerate(links)]
+        age_s = [self.estimator.age_s(column, now) for column in self._every_column]
+        active = [links[column].ready and not math.isnan(age_s[column]) for column in self._every_column]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
@@ -202,10 +202,7 @@ class FormationController:
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
-        acts: list[int] = []
-        for link in links:
-            way_s = link.on_its_way_s
-            acts.append(now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s))
+        acts = [_acts(now, link) for link in links]
         if self._leader_amid:
             acts[0] = sum(acts[1:]) // (len(acts) - 1)
         return acts
@@ -215,11 +212,8 @@ class FormationController:
         filters = self.estimator.filters
         leader = filters[self.plan.leader]
         assert leader.state is not None
-        states: list[FlightState] = []
-        stamps: list[int] = []
-        for each in filters:
-            states.append(leader.state if each.state is None else each.state)
-            stamps.append(leader.stamp if each.state is None else each.stamp)
+        states: list[FlightState] = [leader.state if each.state is None else each.state for each in filters]
+        stamps = [leader.stamp if each.state is None else each.stamp for each in filters]
         return Measured(states, stamps, active, acts)
 
     def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
@@ -234,7 +228,7 @@ class FormationController:
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and what led to them."""
         slots, commanded_slots = self._over_ground(tick, states, lead)
-        commanded = [self.history.commanded(states.instant(each) - 1, each) for each in range(self._columns)]
+        commanded = [self.history.commanded(states.instant(each) - 1, each) for each in self._every_column]
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self._columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
@@ -305,18 +299,21 @@ class FormationController:
             turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
-        followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]
-        commands = [self._leader_commands.at(instant) for instant in followed]
+        compensates, told = self._compensates, self._leader_commands
+        commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, self.guidance.heading(guided))
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
-        instants, earliest = [states.instant(column) for column in range(self._columns)], int(tick.now)
-        for each in instants:
-            earliest = min(earliest, each)
-        later = slots
-        if not self.plan.at_rest(earliest / NANOSECONDS):
+        later, earliest = slots, int(tick.now)
+        for column in range(self._columns):
+            earliest = min(earliest, states.instant(column))
+        rests = self.plan.at_rest(earliest / NANOSECONDS)
+        if rests and (self._clearance is None or route is None):
+            return slots.each, slots.each
+        instants = [states.instant(column) for column in range(self._columns)]
+        if not rests:
             later = self.plan.at_each([each / NANOSECONDS for each in instants], begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
             return later.each, slots.each
@@ -365,6 +362,12 @@ class FormationController:
                 self._in_slots_s = 0.0
                 return
         self._in_slots_s += self._dt_s
+
+
+def _acts(now: Instant, link: VehicleLink) -> int:
+    """Return when a setpoint sent now acts; one that goes to nobody acts at once."""
+    way_s = link.on_its_way_s
+    return now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s)
 
 
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:

@@ -101,6 +101,7 @@ class Vehicle(ABC):
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
+        self._tells_time_at_once, self._handlers = self.tells_time_at_once, self.handlers
         self._exact = Estimate(None)
         """What a vehicle without errors of its sensors estimates, apart from its motion."""
         self._boot(now, config.clock_offset_s)
@@ -149,7 +150,7 @@ class Vehicle(ABC):
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
         """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
-        if self.tells_time_at_once and not (self._frozen or self.pilot.crashed):
+        if self._tells_time_at_once and not (self._frozen or self.pilot.crashed):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
                 told_ns = self._clock.nanoseconds(now) // 1000 * 1000
@@ -303,7 +304,7 @@ class Vehicle(ABC):
         given = commands.received(message)
         if self.ignores and given.command in commands.ORDERS:
             return (commands.ACCEPTED,)
-        handler = self.handlers.get(given.command)
+        handler = self._handlers.get(given.command)
         return (commands.UNSUPPORTED if handler is None else handler(self, given),)
 
     def take_other(self, frame: Frame) -> bool:  # noqa: ARG002 - of the family's own there is none

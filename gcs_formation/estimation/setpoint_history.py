@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from librt.vecs import vec
@@ -17,7 +18,7 @@ from flight_model.autopilot_model import (
     within,
     wrap,
 )
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import Triple
 
 HISTORY_S: Final = 6.0
 RESPOND_NS: Final = 280_000_000
@@ -45,7 +46,7 @@ class SentSetpoints:
             self.first, self.end = 0, length - 1
         self.acts[self.end] = acts
         self.end += 1
-        self.note(UNKNOWN)
+        self.note((math.nan, math.nan, math.nan))
 
     def _move(self, place: i64, to: i64) -> None:
         self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]

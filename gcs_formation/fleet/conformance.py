@@ -113,7 +113,8 @@ class ConformanceMonitor:
                 self._judge_insisted(vehicle, now)
             heartbeats = vehicle.telemetry.heartbeats
             for channel in vehicle.setpoint_channels:
-                refused, reported = channel.is_refused(heartbeats), channel in self._refused
+                refused = channel.is_refused(heartbeats)
+                reported = len(self._refused) > 0 and channel in self._refused
                 if refused and not reported and vehicle.member is Member.FLYING:
                     self._refused.add(channel)
                     name = m.name_of("MAV_CMD", channel.command)
@@ -127,11 +128,11 @@ class ConformanceMonitor:
 
     def judge_silence(self, now: Instant) -> None:
         """Check that vehicles that answer acknowledge each of their setpoints: events `uplink`, as above."""
-        for flier, missed in zip(self._fliers, self._missed, strict=True):
-            since, vehicle = flier.since, flier.vehicle
+        for place, flier in enumerate(self._fliers):
+            since, vehicle, missed = flier.since, flier.vehicle, self._missed[place]
             for channel in vehicle.setpoint_channels:
                 silent = since is not None and channel.is_silent(max(since, missed), now)
-                reported = channel in self._silent
+                reported = len(self._silent) > 0 and channel in self._silent
                 if silent == reported:
                     continue
                 name = m.name_of("MAV_CMD", channel.command)

@@ -6,6 +6,9 @@ import math
 from collections.abc import Set
 from typing import Final
 
+from librt.vecs import vec
+from mypy_extensions import i64
+
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -43,9 +46,9 @@ class Dispatch:
         self.due = NEVER
         """When the next message is to be sent."""
         self._guided = [False] * self._count
-        """Which columns got a setpoint at this tick."""
+        """Which columns got a setpoint at this tick, (C,)."""
         self._without: list[Instant | None] = [None] * self._count
-        self._last_due = [Instant(0)] * self._count
+        self._last_due = vec[i64]([0] * self._count)
         """Until when each column's newest setpoint is held back."""
         """Since when there has been no setpoint for a column that should get some."""
 
@@ -54,7 +57,7 @@ class Dispatch:
 
         `disobeying`: (C,) which don't seem to fly as they were commanded.
         """
-        links = [VehicleLink(now) for _ in range(self._count)]
+        links = [VehicleLink(now) for _ in self._guided]
         links[0].ready = self._virtual_leader
         for vehicle in self._vehicles:
             link, clock = links[vehicle.column], vehicle.clock
@@ -69,8 +72,8 @@ class Dispatch:
             link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
             link.disobeying = disobeying[vehicle.column]
-            link.speeds_mps, link.stands_after_s = vehicle.autopilot.speeds_mps, vehicle.autopilot.stands_after_s
-            link.returns_after_s = vehicle.autopilot.returns_after_s
+            link.speeds_mps = vehicle.autopilot.speeds_mps
+            link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
             link.home_m = vehicle.telemetry.home_m
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s

@@ -19,7 +19,7 @@ from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
 
-from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
+from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, seconds_between
 from airlink.messages.system import Timesync
 from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
@@ -260,7 +260,7 @@ class RoundTrips:
         self.delays = BytesWriter()
         """Four numbers of 64 bits for each answered request: when it came back, ns; half the round trip, the way up and
         the way down, s, NaN where it isn't known how the round trip is split."""
-        self._answered: Instant | None = None
+        self._answered = NEVER
         """When its newest answer came, to whatever it was asked."""
         self._pending = list[Instant]()
         """When the requests were sent that haven't been answered, the oldest first."""
@@ -328,14 +328,14 @@ class RoundTrips:
 
         Before the first answer, that is `now`.
         """
-        if self._answered is None:
+        if self._answered == NEVER:
             return now
         down_s = self.down_s
         return self._answered if math.isnan(down_s) else Instant(self._answered - nanoseconds(down_s))
 
     def unanswered_s(self, last_heard: Instant) -> float:
         """Return for how long frames have come since its newest answer, s, until the instant of the last one."""
-        return 0.0 if self._answered is None else max(0.0, seconds_between(self._answered, last_heard))
+        return 0.0 if self._answered == NEVER else max(0.0, seconds_between(self._answered, last_heard))
 
     def _new_stamps(self) -> StampMap:
         return StampMap(self.clock, GnssClock(self._loop_s) if self._by_utc else None)

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
 from gcs_formation.vehicle.autopilot_family import Command, Effect
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -238,13 +238,13 @@ class SetpointChannel:
         """The MAV_RESULT of its last refusal."""
         self.accepted = False
         """Whether the last answer accepted it."""
-        self._refused: Instant | None = None
+        self._refused = NEVER
         """Since when there have been refusals only; the last of them, and the heartbeats that had come by the first."""
         self._refused_to, self._heartbeats = Instant(0), 0
         self._known: CommandInt | None = None
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
-        self._since: Instant | None = None
-        self._waiting: Instant | None = None
+        self._since = NEVER
+        self._waiting = NEVER
         """Since when an acknowledgement has been waited for."""
         self._gap_s, self._round_trip_s = 0.0, 0.0
 
@@ -255,32 +255,32 @@ class SetpointChannel:
     def sent(self, command: CommandInt, at: Instant, round_trip_s: float) -> None:
         """Take what is sent at an instant, over a link that takes so long there and back."""
         self._known, self._sent, self._round_trip_s = command, at, round_trip_s
-        if self._waiting is None:
+        if self._waiting == NEVER:
             self._waiting = at
 
     def forget(self) -> None:
         """Repeat whatever comes next: the vehicle may have other setpoints meanwhile."""
-        self._known = self._refused = None
+        self._known, self._refused = None, NEVER
 
     def refused(self, result: int, heartbeats: int, now: Instant) -> None:
         """Take an answer that isn't ACCEPTED; so many heartbeats have come from the vehicle."""
-        if self._refused is None:
+        if self._refused == NEVER:
             self._refused, self._heartbeats = now, heartbeats
         self.result, self._refused_to, self.accepted = result, now, False
 
     def is_refused(self, heartbeats: int) -> bool:
         """Return whether its setpoints are refused, by now that so many heartbeats have come."""
-        if self._refused is None or heartbeats < self._heartbeats + REFUSED_HEARTBEATS:
+        if self._refused == NEVER or heartbeats < self._heartbeats + REFUSED_HEARTBEATS:
             return False
         return seconds_between(self._refused, self._refused_to) >= REFUSED_S
 
     def acknowledged(self, now: Instant) -> None:
         """Take an acknowledgement: it answers what was sent a round trip ago, if nothing was lost or quicker."""
-        self._refused, self.accepted = None, True
-        if self._since is None or self._is_late(now):
+        self._refused, self.accepted = NEVER, True
+        if self._since == NEVER or self._is_late(now):
             self._since = now
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
-        self._waiting = now if self._sent > self._acknowledged_to else None
+        self._waiting = now if self._sent > self._acknowledged_to else NEVER
 
     def known(self, at: Instant) -> CommandInt | None:
         """Return what the vehicle has been sent last, None if it is to be sent again at an instant in any case."""
@@ -294,14 +294,13 @@ class SetpointChannel:
 
     def is_silent(self, since: Instant, now: Instant) -> bool:
         """Return whether nothing that was sent since an instant has been answered for long, however often it was."""
-        if self._waiting is None or self._refused is not None:
+        if self._waiting == NEVER or self._refused != NEVER:
             return False
         return seconds_between(max(self._waiting, since), now) > SILENT_S + self._round_trip_s
 
     def known_since(self, instant: Instant, now: Instant) -> bool:
         """Return whether all that was sent since an instant has been acknowledged."""
-        return self._since is not None and self._since <= instant and not self._is_late(now)
+        return self._since <= instant and not self._is_late(now)
 
     def _is_late(self, now: Instant) -> bool:
-        waiting = self._waiting
-        return waiting is not None and seconds_between(waiting, now) > self._gap_s + self._round_trip_s
+        return seconds_between(self._waiting, now) > self._gap_s + self._round_trip_s

@@ -34,6 +34,7 @@ class Sampler:
         self._telemetry, self._autopilot, self._round_trips = telemetry, autopilot, round_trips
         self._source_binding, self.airspeed_check = source_binding, airspeed_check
         self._sampled: ReportedMotion | None = None
+        self._by_course = autopilot.flies_courses
 
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
@@ -67,7 +68,7 @@ class Sampler:
             motion.climb_mps,
             airspeed_mps,
             heading_rad,
-            by_course=self._autopilot.flies_courses,
+            by_course=self._by_course,
             airspeed_ratio=self._autopilot.true_airspeed(1.0),
         )
 

@@ -79,6 +79,8 @@ class Vehicle:
         self.identity, self.column = identity, column
         """Who it is, and its place in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
+        self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
+        """Its autopilot's."""
         self.telemetry = Telemetry(origin, autopilot.stands)
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
@@ -86,8 +88,7 @@ class Vehicle:
         """Judges which sender with its system id is the vehicle."""
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
         """What it tells, as states of now."""
-        self.jitter, self.sequence = JitterMeter(), SequenceTracker()
-        self.commands = CommandQueue()
+        self.jitter, self.sequence, self.commands = JitterMeter(), SequenceTracker(), CommandQueue()
         self.messages_in = vec[i64]([0] * len(KINDS))
         """How many messages of each kind have come, at the kind's place."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send

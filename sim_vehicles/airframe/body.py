@@ -170,7 +170,7 @@ class Body:
         self.turn_rate_radps: float = 0.0
         self._energy: EnergyFlight | None = energy_flight(config, self.state, seed)
         self._full_throttle: AutopilotModel | None = full_throttle_model(config.model)
-        self._pitot: Pitot | None = config.pitot
+        self.pitot: Pitot | None = config.pitot
         self._prompt: float = config.model.prompt_share
         self._filled: float = LOOP_S / config.model.rest_s
         self._rest_mps: float = start.airspeed_mps
@@ -295,8 +295,8 @@ class Body:
             self.speed_commanded_mps, self.heading_commanded_rad = 0.0, state.heading_rad
         else:
             self.speed_commanded_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
-            if self._pitot is not None:
-                self.speed_commanded_mps = self._pitot.true(self.speed_commanded_mps, state.height_m)
+            if self.pitot is not None:
+                self.speed_commanded_mps = self.pitot.true(self.speed_commanded_mps, state.height_m)
             self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
         self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 

@@ -194,7 +194,7 @@ def nav_controller_output(v: Vehicle) -> Message:
 
 def _read(v: Vehicle, true_mps: float) -> float:
     """Return what its sensor reads at an airspeed."""
-    pitot = v.config.pitot
+    pitot = v.body.pitot
     return true_mps if pitot is None else pitot.reading(true_mps, v.sensed.height_m)
 
 
