@@ -393,8 +393,7 @@ class Vehicle(ABC):
             for peer, message in self.missions.reminders(now):
                 self.link.answer(peer, message)
         if now >= self.streams.next_due:
-            for stream in self.streams.take_due(now):
-                self.link.broadcast(stream.build(self), now)
+            self.streams.send_due(self, now)
 
     def _plan(self) -> None:
         """Set when there is next something to do other than to read frames."""

@@ -332,21 +332,19 @@ class Streams:
         self._due = vec[i64]([max(due, now) for due in self._due])
         self._plan()
 
-    def take_due(self, now: Instant) -> list[Stream]:
-        """Return the messages that are due, in order, and plan their next ones."""
-        due: list[Stream] = []
+    def send_due(self, vehicle: Vehicle, now: Instant) -> None:
+        """Have their vehicle send the messages that are due, in order, and plan the next ones."""
         at: i64 = now
         next_due: i64 = NEVER
         for place in range(len(self._due)):
             next_time = self._due[place]
             if next_time <= at:
                 stream = self._streams[place]
-                due.append(stream)
+                vehicle.link.broadcast(stream.build(vehicle), now)
                 next_time += stream.interval_ns
                 self._due[place] = next_time
             next_due = min(next_due, next_time)
         self.next_due = Instant(next_due)
-        return due
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
         known, planned = message_id in self._known, list(zip(self._streams, self._due, strict=True))
