@@ -17,7 +17,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
-from gcs_formation.link.link_health import TALKING, LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -114,7 +114,7 @@ class MessageIntervals:
             return
         self._next_look = after(now, LOOK_S)
         for vehicle, streams in self._streams:
-            if not vehicle.start_up.asked_for_telemetry or vehicle.connection.state not in TALKING:
+            if not vehicle.start_up.asked_for_telemetry or not vehicle.connection.talks:
                 streams.looks.clear()
             elif vehicle.commands.outcome is not Outcome.WAITING:
                 self._judge(vehicle, streams, now)

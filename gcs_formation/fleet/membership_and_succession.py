@@ -11,7 +11,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
-from gcs_formation.link.link_health import TALKING, LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.acknowledgement import Outcome
@@ -21,7 +21,6 @@ SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
 MUTE_S: Final = 1.5
 """How long heartbeats may be missing beyond what loss explains; after that a vehicle's mode counts as unknown."""
-WITHOUT_HEARTBEATS: Final = (LinkState.MUTE, LinkState.LOST)
 ORDER_COMES_S: Final = 5.0
 """For how long after it was last sent a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
@@ -166,7 +165,7 @@ class Membership:
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
         link = vehicle.connection  # who is heard again has a moment to answer: it may have hung, and hear as before
-        heard = link.state in TALKING and seconds_between(link.back_at, now) > UNANSWERED_S
+        heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return Sight(
@@ -191,7 +190,8 @@ class Membership:
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
-        if link.state in WITHOUT_HEARTBEATS and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
+        without_heartbeats = link.state is LinkState.MUTE or link.state is LinkState.LOST
+        if without_heartbeats and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
         if seconds_between(vehicle.round_trips.heard_at(now), now) > max(limit_s, UNANSWERED_S):

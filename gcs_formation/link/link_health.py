@@ -260,9 +260,6 @@ class LinkState(Enum):
     LOST = "lost"
 
 
-TALKING = frozenset({LinkState.CONNECTED, LinkState.MUTE})
-"""States in which frames are received."""
-
 SILENCE_LEADS_TO: Final = (
     (LinkState.STALE, LOST_AFTER_S, LinkState.LOST),
     (LinkState.MUTE, LOST_AFTER_S, LinkState.LOST),
@@ -316,6 +313,11 @@ class Connection:
         """Return whether frames and heartbeats come as they should, whatever the loss."""
         heard = now - self.last_heard <= STALE_AFTER_NS
         return heard and self.last_heard - self.last_heartbeat <= MUTE_AFTER_NS and self.state is LinkState.CONNECTED
+
+    @property
+    def talks(self) -> bool:
+        """Whether frames are received."""
+        return self.state is LinkState.CONNECTED or self.state is LinkState.MUTE
 
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""

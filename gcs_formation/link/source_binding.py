@@ -17,7 +17,7 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.link_health import TALKING, Connection, LinkState
+from gcs_formation.link.link_health import Connection, LinkState
 
 LONGEST_DELAY_S: Final = 10.0
 """Largest age of a time stamp on arrival."""
@@ -128,7 +128,7 @@ class SourceBinding:
     def _judge_other(self, remote: Remote, evidence: Evidence, now: Instant, *, heartbeat: bool) -> Ruling:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
-        if state in TALKING or evidence is ANOTHERS:
+        if self._connection.talks or evidence is ANOTHERS:
             return False, self._another(remote, evidence, now)
         refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)

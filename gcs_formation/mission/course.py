@@ -16,7 +16,7 @@ from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
-from gcs_formation.link.link_health import TALKING, LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending_and_landings import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.vertical_separation import Opening, stays
@@ -258,7 +258,7 @@ class Course:
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)
             else:
-                heard = [each for each in self._vehicles.values() if each.connection.state in TALKING]
+                heard = [each for each in self._vehicles.values() if each.connection.talks]
                 elsewhere = any(each.effects.missing is not None for each in heard)
                 self.move(Cause.NOT_ALL_LOITERED if pending or elsewhere else Cause.LOITERED, now)
 

@@ -21,7 +21,6 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
-from gcs_formation.link.link_health import TALKING
 from gcs_formation.mission.vertical_separation import Ahead, Stack, home_of, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -353,7 +352,7 @@ class Ending:
         return " at a height of its own: whether and where it flies isn't known" if held else ""
 
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
-        if vehicle.connection.state not in TALKING:
+        if not vehicle.connection.talks:
             return False
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True

@@ -12,7 +12,7 @@ from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from gcs_formation.link.link_health import TALKING, LinkState
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
@@ -100,7 +100,7 @@ class PreFlight:
             vehicle = self.vehicles[identity]
             if identity not in self._placed:
                 self._judge_place(vehicle, now)
-            if identity in self._judged or vehicle.connection.state not in TALKING:
+            if identity in self._judged or not vehicle.connection.talks:
                 continue
             if reader.complete:
                 self._judge(vehicle, reader, now)

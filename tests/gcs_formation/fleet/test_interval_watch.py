@@ -18,7 +18,7 @@ from airlink.messages import KINDS
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.fleet.interval_watch import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
-from gcs_formation.link.link_health import STALE_AFTER_S, LinkState
+from gcs_formation.link.link_health import STALE_AFTER_S, Connection, LinkState
 from gcs_formation.vehicle.acknowledgement import CommandQueue
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from tests.gcs_formation.noted import Noted
@@ -41,7 +41,7 @@ class Sender:
             messages_in=[0] * len(KINDS),
             sequence=SimpleNamespace(received=0, lost=0),
             start_up=SimpleNamespace(asked_for_telemetry=True),
-            connection=SimpleNamespace(state=LinkState.CONNECTED),
+            connection=Connection(0, state=LinkState.CONNECTED),
             commands=CommandQueue(),
             autopilot=ArduPlane(2, ORIGIN, 0.25),
         )
