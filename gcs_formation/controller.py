@@ -118,16 +118,14 @@ class FormationController:
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
-    def take(self, samples: dict[int, Sample]) -> None:
-        """Take the newest sample of each column that has one."""
-        commanded = [False] * self._columns if self.last_tick is None else self.last_tick.active
-        self.estimator.take(samples, self.models, commanded)
-        for column, sample in samples.items():
-            state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
-            if sample.by_course and state is not None:
-                heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
-            motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
-            self.lags.hear(column, sample.stamp, motion)
+    def take(self, column: int, sample: Sample) -> None:
+        """Take a column's newest sample."""
+        commanded = self.last_tick is not None and self.last_tick.active[column]
+        self.estimator.take(column, sample, self.models[column], commanded=commanded)
+        state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
+        if sample.by_course and state is not None:
+            heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
+        self.lags.hear(column, sample.stamp, (sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps))
 
     def step(
         self,
@@ -241,7 +239,6 @@ class FormationController:
             column = each.column
             if tick.active[column]:
                 tick.setpoints[column] = each.setpoint
-                tick.error_m[column] = each.error_m
                 tick.decided[column] = each
             if not math.isnan(tick.age_s[column]):
                 tick.state[column] = each.state
@@ -340,15 +337,15 @@ class FormationController:
                 speed_mps, heading_rad, _ = tick.setpoints[column]
                 bounds = Envelope(heading_rad, tick.state[column], self.models[column])
                 tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
-        tick.slots_m = [UNKNOWN] * self._columns
-        tick.error_m = [UNKNOWN] * self._columns
+        tick.slots_m, tick.slots_left = [UNKNOWN] * self._columns, True
 
     def _await_followers(self, tick: Tick) -> None:
         """Have slots that vehicles gather to wait for who can't keep up: beyond the distance that is kept, slower."""
         pace = 1.0
         if math.isnan(tick.mission_time_s) and not self.plan.settled(tick.now / NANOSECONDS):
-            for column, (x_m, y_m, _) in enumerate(tick.error_m):
+            for column in self._every_column:
                 if tick.active[column] and column != tick.leader:
+                    x_m, y_m, _ = tick.error_of(column)
                     pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / self.plan.kept_m, 0.0, 1.0))
         self.plan.wait(pace, self._dt_s)
 
@@ -357,7 +354,8 @@ class FormationController:
         if not self.plan.settled(tick.now / NANOSECONDS):
             self._in_slots_s = 0.0
             return
-        for column, (x_m, y_m, z_m) in enumerate(tick.error_m):
+        for column in self._every_column:
+            x_m, y_m, z_m = tick.error_of(column)
             if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
                 self._in_slots_s = 0.0
                 return

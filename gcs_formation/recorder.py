@@ -120,12 +120,25 @@ class Tick:
         self.yielding = [False] * count
         """Which columns' setpoints are the separation rule's, not the law's."""
         self.slots_m: list[Triple] = [UNKNOWN] * count
-        """Slots and errors, forward, right and up; NaN for the leader."""
-        self.error_m: list[Triple] = [UNKNOWN] * count
+        """Forward, right and up; NaN for the leader."""
+        self.slots_left = False
+        """Whether heights of the end are flown instead: there are no slots to be in."""
         self.decided: list[Decided | None] = [None] * count
         """What the law decided, and by which mixed errors and gains; None for the leader and who isn't commanded."""
         self.events: list[Event] = []
         """What began or ended as setpoints were replaced."""
+
+    def error_of(self, column: int) -> Triple:
+        """Return how far a vehicle is from its slot, forward, right and up; NaN for the leader, and without slots."""
+        decided = self.decided[column]
+        if decided is None or self.slots_left:
+            return (math.nan, math.nan, math.nan)
+        return decided.error_m
+
+    @property
+    def error_m(self) -> list[Triple]:
+        """The same of all columns."""
+        return [self.error_of(column) for column in range(len(self.decided))]
 
     def replace(self, column: int, setpoint: Triple) -> None:
         """Put another setpoint in the place of a column's, and note where it differs."""

@@ -15,7 +15,6 @@ from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
@@ -281,12 +280,11 @@ class Station(Engine):
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
-        leader, samples = self.controller.plan.leader, dict[int, Sample]()
+        leader = self.controller.plan.leader
         for vehicle in self._each:
             sample = vehicle.sampler.new(now, flew=vehicle.flew, leads=vehicle.column == leader)
             if sample is not None:
-                samples[vehicle.column] = sample
-        self.controller.take(samples)
+                self.controller.take(vehicle.column, sample)
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller

@@ -203,7 +203,7 @@ def _where(station: Station, now: Instant) -> str:
 def _groups(station: Station) -> list[ColumnGroup]:
     """Return the table's columns; errors and states stay longest."""
     vehicles, tick = station.vehicles, station.last_tick
-    errors = [UNKNOWN if tick is None else tick.error_m[each.column] for each in vehicles.values()]
+    errors = [UNKNOWN if tick is None else tick.error_of(each.column) for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.margins.used[each.column] for each in vehicles.values()]
     ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]

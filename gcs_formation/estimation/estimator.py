@@ -41,8 +41,9 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
+COMMANDED_WALK: Final[tuple[float, float, float]] = UNMODELLED
 UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""What `UNMODELLED` is for a vehicle that isn't commanded by us."""
+"""How far climb, airspeed and heading stray, of a vehicle that is commanded by us and of one that isn't."""
 BEYOND_LIMIT: Final = 1.1
 """Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
 WITHOUT_WIND: Final = 0.1
@@ -335,26 +336,18 @@ class StateEstimator:
         """Set a column's state."""
         self.filters[column].place(state, stamp)
 
-    def take(self, samples: dict[int, Sample], models: list[AutopilotModel], commanded: list[bool]) -> None:
-        """Take the newest sample of each column that has one.
-
-        Args:
-            samples: by column.
-            models: (C,) the autopilots.
-            commanded: (C,) which of them follow our setpoints.
-        """
-        for column, sample in samples.items():
-            each, stamp, model = self.filters[column], int(sample.stamp), models[column]
-            each.read_by(sample.airspeed_ratio)
-            values = sample.values(_least_mps(model))
-            if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
-                each.begin(values, stamp)
-            else:
-                predicted, stamp = each.state.copy(), max(stamp, each.stamp)
-                self._history.carry(predicted, each.stamp, stamp, column, model)
-                follows = abs(each.state.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
-                walk = UNMODELLED if commanded[column] and follows else UNCOMMANDED_WALK
-                each.correct(values, stamp, predicted, model, walk)
+    def take(self, column: int, sample: Sample, model: AutopilotModel, *, commanded: bool) -> None:
+        """Take a column's newest sample; `model`: its autopilot, `commanded`: it follows our setpoints."""
+        each, stamp = self.filters[column], int(sample.stamp)
+        each.read_by(sample.airspeed_ratio)
+        values = sample.values(_least_mps(model))
+        if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
+            each.begin(values, stamp)
+            return
+        predicted, stamp = each.state.copy(), max(stamp, each.stamp)
+        self._history.carry(predicted, each.stamp, stamp, column, model)
+        follows = abs(each.state.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
+        each.correct(values, stamp, predicted, model, COMMANDED_WALK if commanded and follows else UNCOMMANDED_WALK)
 
 
 def _least_mps(model: AutopilotModel) -> float:

@@ -269,7 +269,7 @@ def _write(to: BytesWriter, tick: Tick, column: int) -> None:
     _write_three(to, tick.setpoints[column])
     _write_link(to, tick, column)
     _write_three(to, tick.slots_m[column])
-    _write_three(to, tick.error_m[column])
+    _write_three(to, tick.error_of(column))
     decided = tick.decided[column]
     _write_three(to, UNKNOWN if decided is None else decided.mixed)
     gains = NO_GAINS if decided is None else decided.gains

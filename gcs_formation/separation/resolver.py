@@ -103,7 +103,7 @@ class ConflictResolver:
             return
         self._wandering.watch(measured)
         self._watch_slots(tick.slots_m)
-        self._watch_errors(tick.error_m)
+        self._watch_errors(tick)
         kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
         self._unresponsive.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
@@ -131,7 +131,7 @@ class ConflictResolver:
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
-        if not self._predicted or self._encounters or self._unresponsive.any or True in self._wandering.astray:
+        if not self._predicted or self._encounters or self._unresponsive.any or self._wandering.any_astray:
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
@@ -172,7 +172,7 @@ class ConflictResolver:
         ]
         if self._hovers:
             near_m = min(self._kept_from_others_m, SLOT_SHARE * _nearest_m(np.array(self._slots[self._first :])))
-            counted.sort(key=lambda column: math.hypot(*tick.error_m[column]) > near_m)
+            counted.sort(key=lambda column: math.hypot(*tick.error_of(column)) > near_m)
         if tick.leader in counted:
             counted.remove(tick.leader)
             counted.insert(0, tick.leader)
@@ -260,10 +260,11 @@ class ConflictResolver:
             self._slots = [LEADS if math.isnan(place[0]) else place for place in slots_m]
             self._slots_known = slots_m
 
-    def _watch_errors(self, errors_m: list[Triple]) -> None:
+    def _watch_errors(self, tick: Tick) -> None:
         """Take note of who is far from its slot; where slots are left, at a flight's end, those stay so that were."""
         far_m2 = squared(AFAR * self._kept_from_others_m)
-        for column, (forward_m, right_m, up_m) in enumerate(errors_m):
+        for column in range(len(self._afar)):
+            forward_m, right_m, up_m = tick.error_of(column)
             if not math.isnan(forward_m):
                 self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
 

@@ -164,6 +164,14 @@ class Wandering:
         self._accel_mps2 = [(0.0, 0.0)] * len(models)
         self._last: Measured | None = None
 
+    @property
+    def any_astray(self) -> bool:
+        """Whether any multirotor doesn't fly the velocity that it is told."""
+        for astray in self.astray:  # noqa: SIM110 - as above
+            if astray:
+                return True
+        return False
+
     def watch(self, measured: Measured) -> None:
         """Learn from two states how those turn that nobody commands, or how multirotors change their velocity."""
         before, self._last = self._last, measured

@@ -14,6 +14,8 @@ from airlink.clock import Instant, after
 from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
+from gcs_formation.control.fuzzy_pid import NO_GAINS
+from gcs_formation.control.situation import Decided
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.from_scenario import autopilot_models
@@ -61,7 +63,11 @@ class Crossing:
         tick.state = tables.states(table)
         told_mps = [each.airspeed_mps if self.told_mps is None else self.told_mps for each in tick.state]
         tick.setpoints = [(mps, each.heading_rad, 100.0) for mps, each in zip(told_mps, tick.state, strict=True)]
-        tick.slots_m, tick.error_m = self.slots_m, self.error_m
+        tick.slots_m = self.slots_m
+        tick.decided = [
+            Decided(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
+            for column, error_m in enumerate(self.error_m)
+        ]
         self.history.begin([now] * 2)
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
