@@ -419,35 +419,15 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
     """Move height and climb rate on: in an updraught u, what (7) says of the climb it says of the climb less u."""
     height_m += (left.slow_s + left.fast_s) * state.updraught_mps
     state.height_m, state.climb_mps = climbed(
-        state.height_m,
-        state.climb_mps,
-        model.climb_max_mps,
-        height_m,
-        time_s,
-        left.slow_s,
-        left.fast_s,
-        left.slow,
-        left.fast,
-        left.climb_s,
+        state.height_m, state.climb_mps, model.climb_max_mps, height_m, time_s, left
     )
 
 
-def climbed(  # noqa: PLR0913, PLR0917 - plain numbers
-    now_m: float,
-    now_mps: float,
-    most_mps: float,
-    height_m: float,
-    time_s: float,
-    slow_s: float,
-    fast_s: float,
-    slow_left: float,
-    fast_left: float,
-    climb_s: float,
+def climbed(
+    now_m: float, now_mps: float, most_mps: float, height_m: float, time_s: float, left: Decay
 ) -> tuple[float, float]:
-    """Return height and climb rate after a time, by the slower and the faster lag, and what each leaves of 1 then.
-
-    `climb_s` is `decay.of_climb`.
-    """
+    """Return height and climb rate after a time, by what height's lags leave of 1 then."""
+    slow_s, fast_s, slow_left, fast_left, climb_s = left.slow_s, left.fast_s, left.slow, left.fast, left.climb_s
     error_m = -(slow_s + fast_s) * now_mps if math.isnan(height_m) else now_m - height_m
     push_mps = now_mps + error_m / slow_s
     left_m = slow_left * error_m + climb_s * push_mps

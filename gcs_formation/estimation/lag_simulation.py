@@ -10,7 +10,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot_model import AutopilotModel, climbed, finite, remaining, within, wrap
-from flight_model.decay import of_climb
+from flight_model.decay import Decay
 from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
@@ -117,11 +117,13 @@ class SecondOrder:
         self._slow_s = vec[float]([max(pair) for pair in pairs_s])
         self._fast_s = vec[float]([min(pair) for pair in pairs_s])
         self._heights_m, self._climbs_mps = vec[float]([0.0] * len(pairs_s)), vec[float]([0.0] * len(pairs_s))
-        self._slow_left, self._fast_left, self._climb_s = (vec[float]([0.0] * len(pairs_s)) for _ in range(3))
+        self._left = [Decay() for _ in pairs_s]
+        """What is left of 1 after a step; of a climb, in height, also in `_climb_s`."""
+        self._climb_s = vec[float]([0.0] * len(pairs_s))
         self._height_of_error, self._climb_of_error, self._climb_of_climb = (
             vec[float]([0.0] * len(pairs_s)) for _ in range(3)
         )
-        """What is left after a step of an error of 1 m and of a climb of 1 m/s; of a climb, in height, `_climb_s`."""
+        """What is left after a step of an error of 1 m and of a climb of 1 m/s."""
         self._most_mps, self._step_s = believed.climb_max_mps, 0.0
         self._free_m = FREE * believed.climb_max_mps * (believed.tau_ha_s + believed.tau_hb_s)
         self._off_m = 0.0
@@ -143,13 +145,12 @@ class SecondOrder:
         """Make steps of so much time from now on."""
         self._step_s = time_s
         for node in range(len(self._slow_s)):
-            slow_s, fast_s = self._slow_s[node], self._fast_s[node]
-            slow, fast = math.exp(-time_s / slow_s), math.exp(-time_s / fast_s)
-            climb_s = of_climb(time_s, slow_s, fast_s, slow, fast)
-            self._slow_left[node], self._fast_left[node], self._climb_s[node] = slow, fast, climb_s
-            self._height_of_error[node] = slow + climb_s / slow_s
+            slow_s, fast_s, left = self._slow_s[node], self._fast_s[node], self._left[node]
+            left.find(time_s, math.inf, math.inf, slow_s, fast_s)
+            climb_s = self._climb_s[node] = left.climb_s
+            self._height_of_error[node] = left.slow + climb_s / slow_s
             self._climb_of_error[node] = -climb_s / (slow_s * fast_s)
-            self._climb_of_climb[node] = fast - climb_s / slow_s
+            self._climb_of_climb[node] = left.fast - climb_s / slow_s
 
     def step(self, height_m: float) -> None:
         """Follow a setpoint for a step."""
@@ -169,17 +170,9 @@ class SecondOrder:
         self._off_m = max(self._off_m, off_m / float(len(heights_m)))
 
     def _climb_at_limit(self, node: i64, height_m: float) -> None:
+        now_m, now_mps, left = self._heights_m[node], self._climbs_mps[node], self._left[node]
         self._heights_m[node], self._climbs_mps[node] = climbed(
-            self._heights_m[node],
-            self._climbs_mps[node],
-            self._most_mps,
-            height_m,
-            self._step_s,
-            self._slow_s[node],
-            self._fast_s[node],
-            self._slow_left[node],
-            self._fast_left[node],
-            self._climb_s[node],
+            now_m, now_mps, self._most_mps, height_m, self._step_s, left
         )
 
     def compare(self, seen_m: float, row: vec[float]) -> None:
