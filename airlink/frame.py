@@ -248,7 +248,7 @@ def first_system(data: bytes) -> int | None:
 
 
 MAX_REMOTES: Final = 1024
-"""Parsers that are kept. The remote silent longest is forgotten first, so strangers can't fill the memory."""
+"""Addresses whose parsers are kept. The one silent longest is forgotten first, so strangers can't fill the memory."""
 MANY_REMOTES: Final = MAX_REMOTES // 2
 """From here on they are kept in the order in which they were heard."""
 
@@ -258,7 +258,8 @@ class Receiver:
 
     def __init__(self) -> None:
         """Start with no remote known."""
-        self._parsers: OrderedDict[tuple[int, Address], StreamParser] = OrderedDict()
+        self._parsers: OrderedDict[Address, dict[int, StreamParser]] = OrderedDict()
+        """Of each address, by the socket that it sends to."""
         self._forgotten = ParserCounts()
         self._last_socket, self._last_peer = -1, Address("", 0)
         self._last = StreamParser()
@@ -272,21 +273,26 @@ class Receiver:
         return self._last.first(datagram.data)
 
     def _parser(self, socket: int, peer: Address) -> StreamParser:
-        remote = (socket, peer)
-        parser = self._parsers.get(remote)
-        if parser is None:
-            parser = self._parsers[remote] = StreamParser()
+        of_peer = self._parsers.get(peer)
+        if of_peer is None:
+            of_peer = self._parsers[peer] = {}
             if len(self._parsers) > MAX_REMOTES:
-                self._forgotten += self._parsers.popitem(last=False)[1].counts
+                for forgotten in self._parsers.popitem(last=False)[1].values():
+                    self._forgotten += forgotten.counts
         elif len(self._parsers) > MANY_REMOTES:
-            self._parsers.move_to_end(remote)
+            self._parsers.move_to_end(peer)
+        parser = of_peer.get(socket)
+        if parser is None:
+            parser = of_peer[socket] = StreamParser()
         return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:
         """Return what has come from a remote, zeros for one that was never heard."""
-        parser = self._parsers.get((socket, peer)) if peer else None
-        return parser.counts if parser else ParserCounts()
+        of_peer = None if peer is None else self._parsers.get(peer)
+        parser = None if of_peer is None else of_peer.get(socket)
+        return ParserCounts() if parser is None else parser.counts
 
     def total(self) -> ParserCounts:
         """Return what has come from all remotes."""
-        return sum((parser.counts for parser in self._parsers.values()), self._forgotten)
+        parsers = (parser for of_peer in self._parsers.values() for parser in of_peer.values())
+        return sum((parser.counts for parser in parsers), self._forgotten)
