@@ -10,6 +10,8 @@ import math
 from typing import Final
 
 import numpy as np
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
@@ -198,38 +200,36 @@ class FormationController:
             if speeds_mps is not None:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
-    def _acts(self, now: Instant, links: list[VehicleLink]) -> list[int]:
+    def _acts(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
-        acts = [_acts(now, link) for link in links]
+        acts = vec[i64]([_acts(now, link) for link in links])
         if self._leader_amid:
-            acts[0] = sum(acts[1:]) // (len(acts) - 1)
+            acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self._columns - 1)
         return acts
 
-    def _measured(self, active: list[bool], acts: list[int]) -> Measured:
+    def _measured(self, active: list[bool], acts: vec[i64]) -> Measured:
         """Return the measured states; vehicles that were never heard get the leader's, so that no value is NaN."""
         filters = self.estimator.filters
         leader = filters[self.plan.leader]
         assert leader.state is not None
         states: list[FlightState] = [leader.state if each.state is None else each.state for each in filters]
-        stamps = [leader.stamp if each.state is None else each.stamp for each in filters]
+        stamps = vec[i64]([leader.stamp if each.state is None else each.stamp for each in filters])
         return Measured(states, stamps, active, acts)
 
     def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
         """Lead the loops' bandwidth slowly to the one that is wanted."""
         for column, shares in enumerate(self._bandwidth):
             goals = wanted[column]
-            for channel in range(len(CHANNELS)):
-                share = shares[channel]
-                if share != goals[channel]:
-                    shares[channel] = share + self._gains_change * (goals[channel] - share)
+            if shares != goals:
+                for channel in range(len(CHANNELS)):
+                    shares[channel] += self._gains_change * (goals[channel] - shares[channel])
 
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and what led to them."""
         slots, commanded_slots = self._over_ground(tick, states, lead)
-        commanded = [self.history.commanded(states.instant(each) - 1, each) for each in self._every_column]
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self._columns if self.last_tick is None else self.last_tick.replaced
-        situation = Situation(states, lead, slots, commanded, variance, tick.active, self._bandwidth, replaced)
+        situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same ones while they stand
             self._placed = commanded_slots
             self._slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]

@@ -79,7 +79,7 @@ class FormationLaw(Law):
             state,
             situation.slots[column],
             self._models[column].held(dt_s),
-            situation.commanded[column],
+            situation.commanded(column),
             situation.wind_variance[column] + situation.wind_variance[self._leader],
             situation.bandwidth[column],
             situation.replaced[column],

@@ -13,6 +13,7 @@ from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.control.setpoint import Replaced
 from gcs_formation.estimation.projection import States
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 
@@ -43,7 +44,7 @@ class Situation:
         states: States,
         lead: Lead,
         slots: list[Slot],
-        commanded: list[Triple],
+        history: SetpointHistory,
         wind_variance: list[float],
         active: list[bool],
         bandwidth: list[list[float]],
@@ -55,7 +56,7 @@ class Situation:
             states: of all vehicles.
             lead: what the leader does.
             slots: at rest at 0 for the leader.
-            commanded: what each vehicle follows at the instant of its own state; NaN where nothing.
+            history: the setpoints that they were sent.
             wind_variance: of each component of the wind in a state, (m/s)².
             active: columns that follow setpoints; the others' states are no more than finite.
             bandwidth: share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's
@@ -65,11 +66,15 @@ class Situation:
         self.states = states
         self.lead = lead
         self.slots = slots
-        self.commanded = commanded
+        self.history = history
         self.wind_variance = wind_variance
         self.active = active
         self.bandwidth = bandwidth
         self.replaced = replaced
+
+    def commanded(self, column: int) -> Triple:
+        """Return what a vehicle follows at the instant of its own state; NaN where nothing."""
+        return self.history.commanded(self.states.instant(column) - 1, column)
 
 
 @mypyc_attr(acyclic=True)

@@ -18,7 +18,7 @@ HEADING: Final = 5
 """Which of a state's values is an angle."""
 MISSED: Final = 2
 """Periods of telemetry after which something is missing."""
-LOST_S: Final = 2.0
+LOST_NS: Final = 2 * NANOSECONDS
 """Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
 
 
@@ -37,7 +37,7 @@ class States(ABC):
 class Measured(States):
     """What is known at a tick, vehicle by vehicle: every newest state, each at its own time stamp."""
 
-    def __init__(self, states: list[FlightState], stamps: list[int], active: list[bool], acts: list[int]) -> None:
+    def __init__(self, states: list[FlightState], stamps: vec[i64], active: list[bool], acts: vec[i64]) -> None:
         """Take the newest states, their time stamps, who is commanded, and when a setpoint sent now will act."""
         self.states = states
         self.stamps = stamps
@@ -64,9 +64,9 @@ class Projection:
 class TickStates:
     """What was known of every vehicle at a tick."""
 
-    def __init__(self, stamps: list[int], states: list[FlightState], before: TickStates | None) -> None:
+    def __init__(self, stamps: vec[i64], states: list[FlightState], before: TickStates | None) -> None:
         """Take the states at their stamps, in ns, and what the sample of the tick before knew."""
-        self.stamps = vec[i64](stamps)
+        self.stamps = stamps
         self.states = states
         self.carried_north_m = vec[float]([0.0] * len(stamps))
         """How far the wind has carried each vehicle since the first sample."""
@@ -87,7 +87,7 @@ class WhenSetpointsAct(States):
 
     def __init__(
         self,
-        acts: list[int],
+        acts: vec[i64],
         samples: list[TickStates],
         history: SetpointHistory,
         models: list[AutopilotModel],
@@ -170,15 +170,15 @@ class Prediction(Projection):
 
     def take(self, measured: Measured) -> WhenSetpointsAct:
         """Return the states when this tick's setpoints act."""
-        stamps = list(measured.stamps)
-        for vehicle, acts in enumerate(measured.acts):
-            if not measured.active[vehicle] and acts - stamps[vehicle] > LOST_S * NANOSECONDS:
-                stamps[vehicle] = acts
+        stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
+        for vehicle in range(len(stamps)):
+            if not measured.active[vehicle] and acts[vehicle] - stamps[vehicle] > LOST_NS:
+                stamps[vehicle] = acts[vehicle]
         before = self._samples[-1] if self._samples else None
         if len(self._samples) == self._history.length:
             del self._samples[0]
         self._samples.append(TickStates(stamps, measured.states, before))
-        return WhenSetpointsAct(measured.acts, self._samples, self._history, self._models, self._between_messages)
+        return WhenSetpointsAct(acts, self._samples, self._history, self._models, self._between_messages)
 
 
 class Pairing(Projection):
@@ -191,12 +191,13 @@ class Pairing(Projection):
     def take(self, measured: Measured) -> Measured:
         """Return the states at the common stamp; a vehicle that isn't active stays as measured."""
         self._samples.append(measured)
-        stamp = max(measured.stamps)
-        for its_stamp, active in zip(measured.stamps, measured.active, strict=True):
+        stamps = measured.stamps
+        stamp: int = max([each for each in stamps])  # noqa: C416 - a list, of which there is a greatest
+        for vehicle, active in enumerate(measured.active):
             if active:
-                stamp = min(stamp, its_stamp)
+                stamp = min(stamp, int(stamps[vehicle]))
         states = [self._at(vehicle, stamp) for vehicle in range(len(measured.states))]
-        return Measured(states, [stamp] * len(states), measured.active, measured.acts)
+        return Measured(states, vec[i64]([stamp] * len(states)), measured.active, measured.acts)
 
     def _at(self, vehicle: int, stamp: int) -> FlightState:
         """Return a vehicle's state at a stamp: interpolated, or the nearest sample outside the samples' span."""
@@ -209,7 +210,8 @@ class Pairing(Projection):
                 return after
             before, before_stamp = older.states[vehicle], older.stamps[vehicle]
             if before_stamp <= stamp:
-                return _between(before, after, (stamp - before_stamp) / max(after_stamp - before_stamp, 1))
+                share = float(stamp - before_stamp) / float(max(after_stamp - before_stamp, 1))
+                return _between(before, after, share)
             after, after_stamp = before, before_stamp
         return after
 

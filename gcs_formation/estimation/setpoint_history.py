@@ -135,12 +135,12 @@ class SetpointHistory:
         """Whether nothing has been sent yet."""
         return not self._each
 
-    def begin(self, acts: list[int]) -> None:
+    def begin(self, acts: vec[i64]) -> None:
         """Begin a tick whose setpoints act at `acts`, (V,)."""
         if not self._each:
             self._each = [SentSetpoints(self.length) for _ in acts]
-        for vehicle, instant in enumerate(acts):
-            self._each[vehicle].begin(instant)
+        for vehicle in range(len(acts)):
+            self._each[vehicle].begin(acts[vehicle])
 
     def note(self, setpoints: list[Triple]) -> None:
         """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""

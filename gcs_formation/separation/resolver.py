@@ -145,7 +145,7 @@ class ConflictResolver:
         look.begin(tick.state[max(first, tick.leader)])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
-            early_s, timing_s = (together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
+            early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             slot_m = self._slot(column)
             look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s)
         return look.all_apart(kept)
@@ -184,9 +184,9 @@ class ConflictResolver:
         Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
         tightly, or, multirotors that go astray or nobody commands, go on changing their velocity, or set off for home.
         """
-        acts = [measured.acts[each] for each in members]
-        together = max((measured.acts[each] for each in members if tick.active[each]), default=min(acts))
-        until = [measured.acts[each] if tick.active[each] else together for each in members]
+        acts: list[int] = [measured.acts[each] for each in members]
+        together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
+        until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
         turn_rps = np.array([0.0 if tick.active[each] else self._wandering.turn_rps[each] for each in members])
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
@@ -235,7 +235,7 @@ class ConflictResolver:
         states = [measured.states[each].copy() for each in members]
         for state, column, end in zip(states, members, until, strict=True):
             self._history.carry(state, measured.stamps[column], end, column, self._models[column])
-        stamps = [measured.stamps[each] for each in members]
+        stamps: list[int] = [measured.stamps[each] for each in members]
         over_s = np.array([(end - stamp) / NANOSECONDS for end, stamp in zip(until, stamps, strict=True)])
         return FlightStates.from_each(states).turned(turn_rps, over_s)
 

@@ -6,6 +6,8 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
@@ -109,7 +111,7 @@ class Unresponsive:
         models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros(len(columns))
         return columns, about, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
 
-    def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: list[int]) -> list[Place]:
+    def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return where they may be; `seen`: when states were measured. Those show who has set off before."""
         found = [Place(each, None) for each in members if self._disobeying[each] or self._held[each]]
         for column in members:
@@ -122,7 +124,7 @@ class Unresponsive:
             for told in (link.heard,) if left is None else (link.heard, left):
                 stands = told + after_ns
                 found.append(Place(column, stands))
-                first, last = max(stands, seen[column]), told + round(link.returns_after_s * NANOSECONDS)
+                first, last = max(stands, int(seen[column])), told + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
                     found += [Place(column, stands, first + round(share * over_ns), home_m) for share in SET_OFF]
@@ -183,7 +185,7 @@ class Wandering:
         else:
             return  # compiled, `all` costs ten times as much
         for column, model in enumerate(self._models):
-            elapsed_s = (measured.stamps[column] - before.stamps[column]) / NANOSECONDS
+            elapsed_s = float(measured.stamps[column] - before.stamps[column]) / NANOSECONDS
             if measured.active[column] and not self._hovers:
                 self.turn_rps[column] = 0.0
             elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:

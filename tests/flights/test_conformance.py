@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -307,7 +309,7 @@ def judged(
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
-        history.begin([now] * 3)
+        history.begin(vec[i64]([now] * 3))
         history.note([told] * 3)
         for channel in plane.setpoint_channels:
             channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState
@@ -34,7 +36,7 @@ def setpoints(table: Setpoints) -> list[Triple]:
 
 def send(history: SetpointHistory, acts: Instants, table: Setpoints) -> None:
     """Add a tick's setpoints to a history."""
-    history.begin(acts.tolist())
+    history.begin(vec[i64](acts.tolist()))
     history.note(setpoints(table))
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import Instant
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
@@ -15,6 +17,7 @@ from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.setpoint import AS_DECIDED, Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
@@ -106,11 +109,13 @@ def situation(
         [to_leader] * COUNT,
         RouteHeading(to_leader.heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS),
     )
+    history = SetpointHistory(10.0)
+    tables.send(history, np.full(COUNT, -1), told)
     return Situation(
-        states=Measured(tables.states(states), [0] * 9, [True] * 9, [0] * 9),
+        states=Measured(tables.states(states), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
         lead=lead,
         slots=(slots or SlotMotion.at_rest(SLOTS_M)).each,
-        commanded=tables.setpoints(told),
+        history=history,
         wind_variance=[0.0] * COUNT,
         active=[True] * COUNT,
         bandwidth=[[1.0] * 3] * COUNT,

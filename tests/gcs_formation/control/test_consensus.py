@@ -7,9 +7,10 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import Instant
-from flight_model.slot import UNKNOWN
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from formation_scenario.formation import Frame
 from formation_scenario.model import graph_adjacency
@@ -18,6 +19,7 @@ from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability.consensus_margins import laplacian
@@ -74,10 +76,10 @@ def situation(
     lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     return Situation(
-        states=Measured(tables.states(state), [0] * COUNT, [True] * COUNT, [0] * COUNT),
+        states=Measured(tables.states(state), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
         lead=lead,
         slots=slots.each,
-        commanded=[UNKNOWN] * COUNT,
+        history=SetpointHistory(10.0),
         wind_variance=[0.0] * COUNT,
         active=[True] * COUNT if active is None else active.tolist(),
         bandwidth=[[1.0] * 3] * COUNT,

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from hypothesis import given
 from hypothesis import strategies as st
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.projection import Measured, Pairing, Prediction, States
@@ -31,7 +33,7 @@ def at(stamps: Stamps) -> FlightStates:
 
 def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Measured:
     flying = [True] * COUNT if active is None else active.tolist()
-    return Measured(tables.states(at(stamps)), stamps.tolist(), flying, stamps.tolist())
+    return Measured(tables.states(at(stamps)), vec[i64](stamps.tolist()), flying, vec[i64](stamps.tolist()))
 
 
 def table(states: States) -> FlightStates:
@@ -87,7 +89,8 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
         gust_m, gust_mps = np.maximum(0.6 * (seen_s - 1.0), 0.0), np.where(seen_s > 1.0, 0.6, 0.0)
         level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
         state = FlightStates(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
-        states = prediction.take(Measured(tables.states(state), stamps.tolist(), [True] * 2, [now_ms * MS] * 2))
+        acts = vec[i64]([now_ms * MS] * 2)
+        states = prediction.take(Measured(tables.states(state), vec[i64](stamps.tolist()), [True] * 2, acts))
     assert states is not None
     found = states.of(1, 0)
     np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)

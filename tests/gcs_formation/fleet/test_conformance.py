@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
@@ -63,7 +65,7 @@ class Ground:
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             speeds_mps = (22.0, told_mps(at_s) if commanded(at_s) else 22.0, 22.0)
-            self.controller.history.begin([now] * 3)
+            self.controller.history.begin(vec[i64]([now] * 3))
             heights_m = 100.0, told_m(at_s), 100.0
             told = zip(speeds_mps, heights_m, strict=True)
             self.controller.history.note([(each_mps, told_rad(at_s), each_m) for each_mps, each_m in told])

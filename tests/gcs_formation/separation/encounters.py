@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
@@ -124,7 +126,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             now = Instant(round(now_s * NANOSECONDS))
             setpoints = wanted(vehicles, now_s + vehicles.delay_s)
             acts, since = np.full(count, now + reckoned), np.full(count, max(0, now - reckoned))
-            history.begin(acts.tolist())
+            history.begin(vec[i64](acts.tolist()))
             state = tables.predict(history, seen, since, acts, each)
             if rule:
                 side = _give_way(picture(vehicles, state, setpoints), side, setpoints)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from librt.vecs import vec
+from mypy_extensions import i64
 
 from airlink.clock import Instant, after
 from flight_model.slot import UNKNOWN, Triple
@@ -68,11 +70,11 @@ class Crossing:
             Decided(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
             for column, error_m in enumerate(self.error_m)
         ]
-        self.history.begin([now] * 2)
+        self.history.begin(vec[i64]([now] * 2))
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
-        self.resolver.keep(tick, Measured(tick.state, seen, ours, [now] * 2), planned)
+        self.resolver.keep(tick, Measured(tick.state, vec[i64](seen), ours, vec[i64]([now] * 2)), planned)
         return tick
 
     def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -180,7 +182,7 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
         tick.state = tables.states(FlightStates(*level, none + 22.0, np.array(heading), none, none))
         tick.setpoints = [(each.airspeed_mps, each.heading_rad, each.height_m) for each in tick.state]
         tick.slots_m = [(0.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-60.0, 0.0, 0.0)]
-        resolver.keep(tick, Measured(tick.state, [now] * 3, tick.active, [now] * 3))
+        resolver.keep(tick, Measured(tick.state, vec[i64]([now] * 3), tick.active, vec[i64]([now] * 3)))
         return tick.yielding
 
     nearer = -0.5
