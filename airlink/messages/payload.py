@@ -328,7 +328,9 @@ def put_f32(payload: BytesWriter, value: float) -> None:
 
 def put_text(payload: BytesWriter, value: str, length: int) -> None:
     """Append a text, cut off or filled up with zeros."""
-    put_octets(payload, tuple(value.encode("utf-8", "replace")), length)
+    cut = value.encode("utf-8", "replace")[:length]
+    payload.write(cut)
+    put_zeros(payload, length - len(cut))
 
 
 def put_octets(payload: BytesWriter, values: tuple[int, ...], length: int) -> None:

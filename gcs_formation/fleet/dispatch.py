@@ -26,6 +26,7 @@ HOLD_MAX_S: Final = 1.0
 UNGUIDED_S: Final = 2.0
 """For how long setpoints may be missing before a vehicle counts as left alone."""
 HEARTBEAT_S: Final = 1.0
+HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
 PROBE_DITHER_S: Final = 0.02
@@ -216,7 +217,7 @@ class HeartbeatScheduler:
             if identity in unguided:
                 vehicle.left_alone(now)
                 continue
-            found.append((vehicle, Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)))
+            found.append((vehicle, HEARTBEAT))
             if finite(mission_s):
                 since_0_s = seconds_between(Instant(0), now)
                 found.append((vehicle, NamedValueFloat(since_0_s, MISSION_TIME, mission_s)))
