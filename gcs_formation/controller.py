@@ -220,9 +220,10 @@ class FormationController:
         """Lead the loops' bandwidth slowly to the one that is wanted."""
         for column, shares in enumerate(self._bandwidth):
             goals = wanted[column]
-            if shares != goals:
-                for channel in range(len(CHANNELS)):
-                    shares[channel] += self._gains_change * (goals[channel] - shares[channel])
+            for channel in range(len(CHANNELS)):
+                share = shares[channel]
+                if share != goals[channel]:
+                    shares[channel] = share + self._gains_change * (goals[channel] - share)
 
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and what led to them."""

@@ -78,19 +78,14 @@ class SentSetpoints:
         """Return the mean of the setpoints that act from `since` to `until`, the first of which is at a place."""
         acts, speeds_mps, headings_rad, heights_m = self.acts, self._speeds_mps, self._headings_rad, self._heights_m
         speed_mps, heading_rad, height_m = speeds_mps[index], headings_rad[index], heights_m[index]
-        before_mps, before_rad, before_m = speed_mps, heading_rad, height_m
-        acted, whole = since, float(until - since)
-        for later in range(index + 1, self.end):
-            acts_at = acts[later]
-            if acts_at >= until:
-                break
-            acted = max(acted, acts_at)
+        last, acted, whole = self.end - 1, since, float(until - since)
+        while index < last and acts[index + 1] < until:
+            acted = max(acted, acts[index + 1])
             share = float(until - acted) / whole
-            later_mps, later_rad, later_m = speeds_mps[later], headings_rad[later], heights_m[later]
-            speed_mps += share * (later_mps - before_mps)
-            heading_rad += share * wrap(later_rad - before_rad)
-            height_m += share * (later_m - before_m)
-            before_mps, before_rad, before_m = later_mps, later_rad, later_m
+            speed_mps += share * (speeds_mps[index + 1] - speeds_mps[index])
+            heading_rad += share * wrap(headings_rad[index + 1] - headings_rad[index])
+            height_m += share * (heights_m[index + 1] - heights_m[index])
+            index += 1
         return speed_mps, heading_rad, height_m
 
     def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
