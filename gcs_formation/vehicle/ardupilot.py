@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from airlink import mavlink as m
-from airlink.messages import Message
+from airlink.messages import EKF_READY, Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
@@ -39,8 +39,6 @@ from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLe
 
 HEARTBEATS_S: Final = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
-EKF_READY: Final = 831
-"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 STANDBY: Final = m.MAV_STATE_STANDBY
 
