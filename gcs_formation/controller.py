@@ -158,7 +158,7 @@ class FormationController:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
         acts = self._acts(now, links)
-        tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
+        tick = self._blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not link.disobeying for column, link in enumerate(links)])
         self.history.begin(acts)
         tick.virtual_leader = self._flown_on(now) if self._virtual else None
@@ -185,10 +185,25 @@ class FormationController:
         self.last_tick = tick
         return tick
 
-    def blank_tick(
+    def look_on(
+        self,
+        now: Instant,
+        mission_time_s: float,
+        phase: str,
+        links: list[VehicleLink],
+        seen: dict[int, tuple[FlightState, float]],
+    ) -> Tick:
+        """Return a tick at which nobody is commanded; `seen`: columns' states by their newest positions, and ages."""
+        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self._columns)
+        tick.active = [False] * self._columns
+        for column, (state, age_s) in seen.items():
+            tick.state[column], tick.age_s[column] = state, age_s
+        return tick
+
+    def _blank_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
-        """Return a tick at which nothing is commanded yet, as `step`'s begins."""
+        """Return a tick at which nothing is commanded yet."""
         age_s = [self.estimator.age_s(column, now) for column in range(self._columns)]
         active = [link.ready and not math.isnan(age_s[column]) for column, link in enumerate(links)]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)

@@ -13,6 +13,7 @@ from airlink.frame import Frame, ParserCounts, Receiver
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
+from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
@@ -66,15 +67,13 @@ class Station(Engine):
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         note, fleet = self._note, (self.vehicles, self._note)
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
-        self.course = Course(
-            scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
-        )
+        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
+        self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
         self._telemetry = TelemetryWatch(*fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self.course.fail)
         self._takeover = Takeover(resumed, *fleet)
         self._starting = Starting(
             self.vehicles,
@@ -322,10 +321,13 @@ class Station(Engine):
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
-        mission_s, unused = self.flight.mission_time_s(now), [math.nan] * len(links)
-        tick = self.controller.blank_tick(now, mission_s, self.flight.phase.value, links, unused)
-        self._dispatch.look_on(tick, now)
-        self._record(tick)
+        seen = dict[int, tuple[FlightState, float]]()
+        for vehicle in self._each:
+            found = vehicle.sampler.carried_on(now)
+            if found is not None:
+                seen[vehicle.column] = found
+        mission_s, phase = self.flight.mission_time_s(now), self.flight.phase.value
+        self._record(self.controller.look_on(now, mission_s, phase, links, seen))
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)
@@ -343,6 +345,10 @@ class Station(Engine):
     ) -> None:
         """Record an event, of a vehicle or of the run: the `Note` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
+
+    def _fail(self, text: str, now: Instant) -> None:
+        """End the run: the `GiveUp` of what is made before its course."""
+        self.course.fail(text, now)
 
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
         link = vehicle.connection

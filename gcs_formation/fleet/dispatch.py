@@ -45,9 +45,9 @@ class Dispatch:
         self._guided = [False] * self._count
         """Which columns got a setpoint at this tick."""
         self._without: list[Instant | None] = [None] * self._count
+        """Since when there has been no setpoint for a column that should get some."""
         self._last_due = [Instant(0)] * self._count
         """Until when each column's newest setpoint is held back."""
-        """Since when there has been no setpoint for a column that should get some."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
         """Return the present link to every column, and how long the setpoints of column `leader` are held back, s.
@@ -75,14 +75,6 @@ class Dispatch:
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s
-
-    def look_on(self, tick: Tick, now: Instant) -> None:
-        """Fill in a blank tick at which nobody is commanded: where everyone is by its newest position, and its age."""
-        tick.active = [False] * len(tick.active)
-        for vehicle in self._vehicles:
-            found = vehicle.sampler.carried_on(now)
-            if found is not None:
-                tick.state[vehicle.column], tick.age_s[vehicle.column] = found
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
