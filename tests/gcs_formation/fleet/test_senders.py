@@ -36,7 +36,7 @@ class Ground:
     def __init__(self, phase: Phase) -> None:
         plane = ArduPlane(2, ORIGIN, 0.25)
         self.vehicles = {
-            identity: Vehicle(identity, socket, plane, Connection(socket), ORIGIN, 10.0)
+            identity: Vehicle(identity, socket, plane, Connection(socket), 10.0)
             for socket, identity in enumerate((FIRST, SECOND))
         }
         self.notes, self.given_up = Noted(), GivenUp()
