@@ -23,7 +23,7 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from gcs_formation.fleet.common_clock import SLACK_S
-from gcs_formation.fleet.dispatch import HEARTBEAT_S, PROBE_S
+from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute

@@ -12,8 +12,8 @@ from formation_scenario.orders import Answer, End, Order, OrderError, parse_orde
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
-from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.routing import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import TALKING, LinkState
 from gcs_formation.mission.ending_and_landings import Ending, why_not_land
