@@ -1,4 +1,5 @@
 """The laws that a scenario can name, in one table of all that differs between them; and the law of what hovers."""
+
 from __future__ import annotations
 
 import math
