@@ -33,7 +33,6 @@ from gcs_formation.guidance.leader_guidance import (
     way_ahead,
 )
 from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
-from gcs_formation.guidance.tracking import MotionRates
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver
@@ -317,7 +316,8 @@ class FormationController:
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
-            turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
+            rates.turn_rps = told_rps
+            turn_rps = self.guidance.turn_rps(guided, model, rates)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         followed = [states.instant(column) if self._compensates else at for column in range(self._columns)]

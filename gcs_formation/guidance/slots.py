@@ -156,7 +156,7 @@ class FormationPlan:
         self._fly(way)
 
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
-        """Fly a change."""
+        """Change to another arrangement, along a planned transition."""
         self.arrangement, self.goal_m, self._late_s = arrangement, way.goal_m, 0.0
         self._fly(way)
 

@@ -47,7 +47,7 @@ Ahead = Callable[[float], Sequence[tuple[float, float]]]
 
 
 def stays(_: float) -> Sequence[tuple[float, float]]:
-    """Return that it gets nowhere."""
+    """Return the way on of a formation that stays where it is: none."""
     return ((0.0, 0.0),)
 
 

@@ -33,7 +33,7 @@ OVER_S: Final = 2.0
 
 
 class Held:
-    """Since when something was held last, by its key, of what is held: it is said once, until it is over."""
+    """Which setpoints are kept within a limit, by a key each, and when each was last: said once, until it is over."""
 
     def __init__(self) -> None:
         """Begin with nothing."""

@@ -62,7 +62,7 @@ class Pilot(ABC):
 
     @property
     def booting(self) -> bool:
-        """Whether it isn't up yet."""
+        """Whether its autopilot is still booting."""
         return self.condition is BOOTING or self.condition is BOOTING_IN_AIR
 
     @property
@@ -90,7 +90,7 @@ class Pilot(ABC):
 
     @abstractmethod
     def fly_straight(self, motion: Motion) -> None:
-        """Do what is done without setpoints."""
+        """Do what it does without setpoints: fly straight on, or stand."""
 
     @abstractmethod
     def progress(self, motion: Motion) -> bool:
