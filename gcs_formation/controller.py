@@ -32,7 +32,7 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderWind,
     way_ahead,
 )
-from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
+from gcs_formation.guidance.slots import UP, FormationPlan, TrackAhead
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver
@@ -341,7 +341,7 @@ class FormationController:
 
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
         leader = states.of(tick.leader, tick.leader)
-        outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
+        outlook = TrackAhead(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
         at_m = np.array([outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants])
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)

@@ -27,7 +27,7 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
-from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
+from gcs_formation.mission.starting import UNCHECKED, PreFlight, PreFlightOptions, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -47,7 +47,7 @@ class Station(Engine):
         recorder: Recorder,
         until_s: float | None = None,
         utc_at_0_s: float | None = None,
-        caution: Caution = CARELESS,
+        caution: PreFlightOptions = UNCHECKED,
         resumed: Resumption | None = None,
     ) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.

@@ -43,7 +43,7 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 
 
 @mypyc_attr(acyclic=True)
-class Look:
+class MessageCounts:
     """Counts of what a vehicle has sent up to an instant."""
 
     def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
@@ -69,7 +69,7 @@ class RequestedMessages:
         self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
         self._spans, self._most = vec[i64](spans), 1 + max(spans)
         self._places = vec[i64]([KINDS[each].place for each in self._ids])
-        self.looks = list[Look]()
+        self.looks = list[MessageCounts]()
         """The last ones, as many as the slowest message needs."""
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
@@ -85,7 +85,7 @@ class RequestedMessages:
         self.last_look = now
         if len(self.looks) == self._most:
             self.looks.pop(0)
-        self.looks.append(Look(heard_s, sequence.received, sequence.lost, messages))
+        self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages))
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of what the link lets through arrives."""
@@ -160,7 +160,7 @@ def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
     return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
 
 
-def _share_arriving(first: Look, last: Look) -> float:
+def _share_arriving(first: MessageCounts, last: MessageCounts) -> float:
     received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
     return received / (received + lost) if received + lost > 0.0 else 1.0
 

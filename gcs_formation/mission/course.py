@@ -90,7 +90,7 @@ class Orders:
         return None if order.change is None else self._reconfiguration.order_change(order.change, now)
 
 
-class WayToStart:
+class ProgressToStart:
     """Whether the leader gets on towards the start of its path: against too much wind it doesn't."""
 
     def __init__(self) -> None:
@@ -145,7 +145,7 @@ class Course:
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
-        self._ground, self._late, self._way = GroundFloor(scenario), False, WayToStart()
+        self._ground, self._late, self._way = GroundFloor(scenario), False, ProgressToStart()
         self._ending: Ending | None = None
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""

@@ -30,7 +30,7 @@ from gcs_formation.vehicle.autopilot_family import (
     STATION_SYSTEM,
     Autopilot,
     Command,
-    Known,
+    KnownSetpoints,
     StartUpStep,
 )
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
@@ -200,7 +200,7 @@ class ArduPlane(ArduPilot):
         """
         return tuple(self.news(setpoint, where, [None, None, None]))
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of no place
+    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of no place
         """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
         speed, heading, altitude = known
         speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m

@@ -35,7 +35,7 @@ in four starts of a million."""
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
 Command = CommandLong | CommandInt
-Known = list[CommandInt | None]
+KnownSetpoints = list[CommandInt | None]
 """What a vehicle has been told of airspeed, heading and height; None where it must be told again."""
 
 
@@ -258,7 +258,7 @@ class Autopilot(ABC):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of most
+    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of most
         """Return the messages of a setpoint that say more than what the vehicle knows; most must hear all of them."""
         return list(self.setpoint(setpoint, where))
 
