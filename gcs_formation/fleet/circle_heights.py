@@ -98,7 +98,7 @@ class GroundFloor:
 
 def loiter_heights(
     places: Mapping[VehicleId, ReportedMotion],
-    floor_m: float = -math.inf,
+    floor_m: float,
     taken: Sequence[Band] = (),
     apart_m: float = STACK_M,
     *,

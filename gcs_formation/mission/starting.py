@@ -158,7 +158,7 @@ class Starting:
         note: Note,
         give_up: GiveUp,
         *,
-        together: bool = False,
+        together: bool,
     ) -> None:
         """Start up `vehicles`, the leader first; `endpoints` are where they should be heard.
 

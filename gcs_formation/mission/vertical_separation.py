@@ -77,7 +77,7 @@ class Stack:
 
     def __init__(
         self,
-        gap_m: float = 0.0,
+        gap_m: float,
         floor_m: float = -math.inf,
         *,
         sway_m: float = 0.0,
