@@ -38,26 +38,26 @@ class Address:
     __slots__ = ("_hash", "host", "port")
 
     def __init__(self, host: str, port: int) -> None:
-        """Take both."""
+        """Take the host, by number or name, and the port."""
         self.host = host
         self.port = port
         self._hash = hash((host, port))  # tables are looked up by it with every frame
 
     @property
     def pair(self) -> tuple[str, int]:
-        """Both, as sockets take them."""
+        """Host and port, as sockets take them."""
         return self.host, self.port
 
     def __hash__(self) -> int:
-        """Return a hash of both."""
+        """Return a hash of host and port."""
         return self._hash
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both are the same."""
+        """Return whether host and port are the same."""
         return isinstance(other, Address) and self.port == other.port and self.host == other.host
 
     def __reduce__(self) -> tuple[type[Address], tuple[str, int]]:
-        """Return what makes it again in another process."""
+        """Return how it is pickled."""
         return Address, (self.host, self.port)
 
     def __repr__(self) -> str:

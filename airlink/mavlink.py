@@ -79,10 +79,10 @@ class _BareErrors:
     """What pymavlink raises as an Exception of no class, for formats that it doesn't know, is a ValueError."""
 
     def __enter__(self) -> None:
-        """Wait for one."""
+        """Begin to watch for such exceptions."""
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        """Replace it."""
+        """Raise a ValueError in the place of one."""
         if kind is Exception:
             raise ValueError(NO_LOG) from error
 

@@ -231,7 +231,7 @@ class Setpoint:
     __slots__ = ("heading_rad", "height_m", "speed_mps")
 
     def __init__(self, speed_mps: float, heading_rad: float, height_m: float) -> None:
-        """Take the three."""
+        """Take airspeed, heading and height."""
         self.speed_mps = speed_mps
         self.heading_rad = heading_rad
         self.height_m = height_m

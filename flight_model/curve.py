@@ -96,7 +96,7 @@ class PathPoint:
 
 
 class Curve:
-    """Pieces one after another."""
+    """A curve: pieces of fifth degree, one after another."""
 
     def __init__(self, starts_m: list[float], pieces: list[list[list[float]]]) -> None:
         """Take where each begins, m, and its coefficients: of north, east and height, the lowest power's first."""

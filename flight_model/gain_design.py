@@ -294,12 +294,12 @@ class Axis(NamedTuple):
 
     @classmethod
     def along(cls, lag_s: float, response: Complex) -> Axis:
-        """Return that of the airspeed."""
+        """Return the axis of the airspeed's setpoint."""
         return cls(lag_s, response, STEPS[0])
 
     @classmethod
     def across(cls, lag_s: float, response: Complex, speed_mps: float) -> Axis:
-        """Return that of the heading, at an airspeed."""
+        """Return the axis of the heading's setpoint, at an airspeed."""
         return cls(lag_s, response, STEPS[1] * speed_mps)
 
 

@@ -21,7 +21,7 @@ class Row:
     """One quantity of many vehicles, (N,): a row of the table of a `Columns`; a slice gives several rows."""
 
     def __init__(self, index: int | slice) -> None:
-        """Be the row at `index`."""
+        """Take the row's place in the table."""
         self._index = index
 
     def __get__(self, columns: Columns, owner: type[Columns] | None = None) -> Array:

@@ -34,8 +34,7 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderWind,
     way_ahead,
 )
-from gcs_formation.guidance.slots import UP, FormationPlan, Outlook
-from gcs_formation.guidance.tracking import MotionRates
+from gcs_formation.guidance.slots import UP, FormationPlan, TrackAhead
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver
@@ -158,7 +157,7 @@ class FormationController:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
         acts = self._acts(now, links)
-        tick = self.blank_tick(now, mission_time_s, phase, links, margin_used)
+        tick = self._blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not links[column].disobeying for column in self._every_column])
         self.history.begin(acts)
         tick.virtual_leader = self._flown_on(now) if self._virtual else None
@@ -185,10 +184,25 @@ class FormationController:
         self.last_tick = tick
         return tick
 
-    def blank_tick(
+    def look_on(
+        self,
+        now: Instant,
+        mission_time_s: float,
+        phase: str,
+        links: list[VehicleLink],
+        seen: dict[int, tuple[FlightState, float]],
+    ) -> Tick:
+        """Return a tick at which nobody is commanded; `seen`: columns' states by their newest positions, and ages."""
+        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self._columns)
+        tick.active = [False] * self._columns
+        for column, (state, age_s) in seen.items():
+            tick.state[column], tick.age_s[column] = state, age_s
+        return tick
+
+    def _blank_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
-        """Return a tick at which nothing is commanded yet, as `step`'s begins."""
+        """Return a tick at which nothing is commanded yet."""
         age_s = [self.estimator.age_s(column, now) for column in self._every_column]
         active = [links[column].ready and not math.isnan(age_s[column]) for column in self._every_column]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
@@ -294,7 +308,8 @@ class FormationController:
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
-            turn_rps = self.guidance.turn_rps(guided, model, MotionRates(rates.place_mps, told_rps, rates.wind_mps2))
+            rates.turn_rps = told_rps
+            turn_rps = self.guidance.turn_rps(guided, model, rates)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         compensates, told = self._compensates, self._leader_commands
@@ -321,7 +336,7 @@ class FormationController:
 
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
         leader = states.of(tick.leader, tick.leader)
-        outlook = Outlook(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
+        outlook = TrackAhead(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
         at_m = np.array([outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants])
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)

@@ -26,6 +26,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 from gcs_formation.link.link_health import Connection
+from gcs_formation.vehicle.acknowledgement import GAP_S
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
@@ -45,6 +46,8 @@ HOLD_TURN_SHARE = 0.5
 """Share of their turn rate that turns before the path use."""
 SWING_RAD = math.radians(15.0)
 """Most that a follower's heading may differ from the leader's there: slots are swept aside as a turn begins."""
+GAP_TICKS = 2.5
+"""By so many ticks acknowledgements of setpoints may come late, if that is more than `GAP_S`."""
 GENTLEST_RPS = 0.01
 """Turns before the path are no gentler: what can't keep up there catches up on the run-in."""
 
@@ -59,10 +62,8 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
     """Return what learns the vehicles' lags; `models` are given them unless the scenario wants them as they are."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    estimator = LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation)
-    for lags, model in zip(estimator.vehicles, column_models(scenario), strict=True):
-        lags.lagging = model.airframe is None and not model.hovers
-    return estimator
+    learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
+    return LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation, learnt=learnt)
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
@@ -207,9 +208,17 @@ def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], 
 def _vehicle(
     planned: PlannedVehicle, column: int, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario
 ) -> Vehicle:
-    endpoint, origin, telemetry = endpoints[socket], scenario.origin.geodetic, scenario.telemetry
+    endpoint, telemetry = endpoints[socket], scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
-    who, rate_hz, by_utc = (planned.vehicle_id, column), telemetry.rate_hz, telemetry.by_utc
-    return Vehicle(*who, autopilot, connection, origin, rate_hz, by_utc=by_utc, airspeed_check=check)
+    return Vehicle(
+        planned.vehicle_id,
+        column,
+        autopilot,
+        connection,
+        telemetry.rate_hz,
+        by_utc=telemetry.by_utc,
+        airspeed_check=check,
+        setpoint_gap_s=max(GAP_S, GAP_TICKS / scenario.law.rate_hz),
+    )

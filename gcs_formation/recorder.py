@@ -187,5 +187,5 @@ class Note(Protocol):
         vehicle: Vehicle | None = None,
         details: Mapping[str, Detail] | None = None,
     ) -> None:
-        """Record it."""
+        """Record an event."""
         ...

@@ -13,21 +13,20 @@ from airlink.frame import Frame, ParserCounts, Receiver
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
+from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
-from gcs_formation.fleet.dispatch import Dispatch, HeartbeatScheduler
-from gcs_formation.fleet.interval_watch import MessageIntervals
-from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch, TelemetryWatch
+from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
-from gcs_formation.fleet.senders import Senders
+from gcs_formation.fleet.routing import Dispatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.telemetry_watch import CommonClock, MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
-from gcs_formation.mission.starting import CARELESS, Caution, PreFlight, Starting
+from gcs_formation.mission.starting import UNCHECKED, PreFlight, PreFlightOptions, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -47,7 +46,7 @@ class Station(Engine):
         recorder: Recorder,
         until_s: float | None = None,
         utc_at_0_s: float | None = None,
-        caution: Caution = CARELESS,
+        caution: PreFlightOptions = UNCHECKED,
         resumed: Resumption | None = None,
     ) -> None:
         """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
@@ -65,15 +64,13 @@ class Station(Engine):
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         note, fleet = self._note, (self.vehicles, self._note)
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
-        self.course = Course(
-            scenario, self.controller, membership, self._dispatch, *fleet, lambda: self.preflight.passed
-        )
+        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
+        self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
         self._telemetry = TelemetryWatch(*fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self.course.fail)
         self._takeover = Takeover(resumed, *fleet)
         self._starting = Starting(
             self.vehicles,
@@ -322,10 +319,13 @@ class Station(Engine):
         if not self.recorded_ticks and not any(vehicle.airborne for vehicle in self.vehicles.values()):
             return
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
-        mission_s, unused = self.flight.mission_time_s(now), [math.nan] * len(links)
-        tick = self.controller.blank_tick(now, mission_s, self.flight.phase.value, links, unused)
-        self._dispatch.look_on(tick, now)
-        self._record(tick)
+        seen = dict[int, tuple[FlightState, float]]()
+        for vehicle in self._each:
+            found = vehicle.sampler.carried_on(now)
+            if found is not None:
+                seen[vehicle.column] = found
+        mission_s, phase = self.flight.mission_time_s(now), self.flight.phase.value
+        self._record(self.controller.look_on(now, mission_s, phase, links, seen))
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)
@@ -343,6 +343,10 @@ class Station(Engine):
     ) -> None:
         """Record an event, of a vehicle or of the run: the `Note` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
+
+    def _fail(self, text: str, now: Instant) -> None:
+        """End the run: the `GiveUp` of what is made before its course."""
+        self.course.fail(text, now)
 
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
         link = vehicle.connection

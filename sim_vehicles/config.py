@@ -35,7 +35,7 @@ class Pitot:
 
 @dataclass(frozen=True)
 class VehicleConfig:
-    """One vehicle."""
+    """The configuration of one emulated vehicle."""
 
     identity: VehicleId
     endpoint: Endpoint

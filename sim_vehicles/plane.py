@@ -18,14 +18,14 @@ from airlink.messages.mission import MissionItemReached
 from flight_model.autopilot_model import wrap
 from flight_model.earth import GeodeticOrigin
 from flight_model.energy import GRAVITY_MPS2
-from sim_vehicles.airframe.motion import Motion
+from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.mission_items import E7, Item
 from sim_vehicles.autopilot.missions import Missions
 from sim_vehicles.autopilot.modes_and_failsafe import LONG_FAILSAFE, STRAIGHT_ON, FlightMode, Mode, select
 from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
-from sim_vehicles.autopilot.pilot import Pilot, Target
+from sim_vehicles.autopilot.pilot import PlanePilot, Target
 from sim_vehicles.autopilot.telemetry import UNASKED
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import INFO, WARNING, Vehicle
@@ -69,7 +69,9 @@ class Leg(NamedTuple):
 class MissionFlight:
     """Flies a vehicle through its mission while it is armed and in AUTO."""
 
-    def __init__(self, missions: Missions, pilot: Pilot, parameters: ParameterServer, origin: GeodeticOrigin) -> None:
+    def __init__(
+        self, missions: Missions, pilot: PlanePilot, parameters: ParameterServer, origin: GeodeticOrigin
+    ) -> None:
         """Steer by `pilot`."""
         self._missions, self._pilot, self._parameters, self._origin = missions, pilot, parameters, origin
         self._jumps: Counter[int] = Counter()
@@ -211,17 +213,24 @@ class Plane(Vehicle):
     by_hand = STRAIGHT_ON | {Mode.INITIALISING}
     failsafe_keys = LONG_FAILSAFE
     handlers = commands.HANDLERS
+    flier: PlanePilot
+    """Its pilot, typed as such."""
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`."""
         self._arrives = False
         """Whether it is on its way to a place that it was told in GUIDED."""
         super().__init__(index, config, fleet, now)
-        self._mission_flight = MissionFlight(self.missions, self.pilot, self.parameters, fleet.origin)
+        self._mission_flight = MissionFlight(self.missions, self.flier, self.parameters, fleet.origin)
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduPlane's parameters."""
         return ParameterServer(plane_parameters(config, self.fleet.config.cruise_mps))
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
+        """Return who flies a fixed wing."""
+        self.flier = PlanePilot(config, steering, self.parameters)
+        return self.flier
 
     @property
     def flies_mission(self) -> bool:
@@ -246,7 +255,7 @@ class Plane(Vehicle):
         mode = select(self.pilot.condition, number)
         if number not in frozenset(Mode):
             self.say(WARNING, f"No such mode {number:g}")
-        if mode == Mode.AUTOLAND and (not self.pilot.airborne or self.pilot.landing_rad is None):
+        if mode == Mode.AUTOLAND and (not self.pilot.airborne or self.flier.landing_rad is None):
             flies = self.pilot.airborne
             self.say(WARNING, "Takeoff initial direction not set" if flies else "Must already be flying!")
             return False
@@ -264,10 +273,19 @@ class Plane(Vehicle):
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Circle a position; a height that a setpoint has set is kept."""
         north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
-        if self.pilot.guided_by_setpoints:
+        if self.flier.guided_by_setpoints:
             height_m = self.body.steering.height_m
-        self.pilot.circle_guided(north_m, east_m, height_m)
+        self.flier.circle_guided(north_m, east_m, height_m)
         self._arrives = True
+
+    def ask_circle(self, radius_m: float, side: float) -> None:
+        """Take the radius and the side of the circles that it is told next in GUIDED."""
+        self.flier.ask_circle(radius_m, side)
+
+    def climb_to(self, height_m: float) -> None:
+        """Climb or sink to a height, unless setpoints have told one."""
+        if not self.flier.guided_by_setpoints:
+            self.flier.change_height(height_m)
 
     def take_other(self, frame: Frame) -> bool:
         """Take a setpoint of place, of which an ArduPlane flies the height alone; return whether the frame is one.
@@ -279,8 +297,8 @@ class Plane(Vehicle):
             return False
         if self.pilot.mode is Mode.GUIDED and not self.ignores:
             height_m = self._told_height_m(message)
-            if height_m is not None and not self.pilot.guided_by_setpoints:
-                self.pilot.change_height(height_m)
+            if height_m is not None:
+                self.climb_to(height_m)
         return True
 
     def _told_height_m(self, setpoint: position_targets.Setpoint) -> float | None:
@@ -312,7 +330,7 @@ class Plane(Vehicle):
 
     def follow_time(self) -> None:
         """Continue a mission, and tell of the arrival at a place."""
-        if self._arrives and self.pilot.to_go(self.body.motion)[1] < ON_CIRCLE * self.pilot.radius_m:
+        if self._arrives and self.flier.to_go(self.body.motion)[1] < ON_CIRCLE * self.flier.radius_m:
             self._arrives = False
             self.broadcast(MissionItemReached(0))
         if self.flies_mission:

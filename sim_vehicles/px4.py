@@ -14,6 +14,7 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMod
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import Heartbeat, Ping, Statustext
 from formation_scenario.surroundings import Fault
+from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import delayed
 from sim_vehicles.autopilot.commands import ACCEPTED
@@ -30,6 +31,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     select,
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
+from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
@@ -308,26 +310,33 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = PX4_AS_PLANE
+    flier: PlanePilot
+    """Its pilot, typed as such."""
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
+        """Return who flies a fixed wing."""
+        self.flier = PlanePilot(config, steering, self.parameters)
+        return self.flier
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at an airspeed in HOLD from now on."""
-        self.pilot.change_speed(self.airspeed(speed_mps), math.inf)
+        self.flier.change_speed(self.airspeed(speed_mps), math.inf)
 
     def change_height(self, height_m: float) -> None:
         """Circle at a height above the origin."""
-        self.pilot.change_height(height_m)
+        self.flier.change_height(height_m)
 
     def lift_off(self, height_m: float) -> None:
         """Roll and climb."""
         self.pilot.enter(Mode.TAKEOFF, self.body.motion)
-        self.pilot.take_off(height_m, self.body.motion)
+        self.flier.take_off(height_m, self.body.motion)
 
     def follow(self, message: Setpoint) -> None:
         """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
         place_m = position_targets.place_of(self, message)
         if place_m is not None:
-            self.pilot.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
-            self.pilot.circle(*place_m)
+            self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
+            self.flier.circle(*place_m)
 
     def follow_time(self) -> None:
         """Dive into the ground if it has left it before its height reference came up to the field."""
@@ -339,5 +348,5 @@ class Px4Plane(Px4):
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:
         """Fly straight to a place far away, and circle it."""
         if speed_mps > 0.0:
-            self.pilot.change_speed(self.airspeed(speed_mps), math.inf)
-        self.pilot.circle(*place_m)
+            self.flier.change_speed(self.airspeed(speed_mps), math.inf)
+        self.flier.circle(*place_m)

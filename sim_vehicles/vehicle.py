@@ -259,9 +259,9 @@ class Vehicle(ABC):
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return its parameters."""
 
+    @abstractmethod
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
         """Return who flies it, by sticks, setpoints or a mission."""
-        return Pilot(config, steering, self.parameters)
 
     @abstractmethod
     def enter(self, mode: FlightMode) -> None:
@@ -286,6 +286,14 @@ class Vehicle(ABC):
     @abstractmethod
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Fly to a place, whose height is above the fleet's origin, and stay there or circle it."""
+
+    def ask_circle(self, radius_m: float, side: float) -> None:  # noqa: ARG002 - what stands flies none
+        """Take the radius, m, and the side of the circles that it is told next."""
+        return
+
+    def climb_to(self, height_m: float) -> None:  # noqa: ARG002 - what stands keeps its own
+        """Take a height above the origin that was told without a place."""
+        return
 
     def fly_to(self, item: MissionItem | MissionItemInt) -> int:
         """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
@@ -325,12 +333,11 @@ class Vehicle(ABC):
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER
-        self.pilot.landing_rad = None
         self.streams = Streams(now, self.unasked, self.builders)
         self.failsafe = self.failsafe_of()
         self.link.restart()
         self.missions.restart()
-        self.pilot.mode = self.boot_mode
+        self.pilot.restart(self.boot_mode)
 
     def _restart(self) -> None:
         if self.pilot.request(Request.RESTART):

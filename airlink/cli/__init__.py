@@ -89,7 +89,7 @@ class Command(click.Command):
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: click.Context) -> object:
-        """Carry it out."""
+        """Run the command."""
         with heard():
             return super().invoke(ctx)
 

@@ -8,6 +8,7 @@ with a unit means "unknown", the field is NaN. Trailing fields that nothing here
 
 from typing import Final
 
+from airlink import mavlink as m
 from airlink.messages import command, mission, system, telemetry
 from airlink.messages.payload import Kind, Message
 
@@ -18,8 +19,19 @@ for _place, _kind in enumerate(KINDS.values()):
 _BY_ID: Final[list[Kind | None]] = [KINDS.get(message_id) for message_id in range(max(KINDS) + 1)]
 MISSION_TIME: Final = "MISSION_T"
 """Name of the NAMED_VALUE_FLOAT in which the ground station tells vehicles the mission time, s."""
+EKF_READY: Final = (
+    m.EKF_ATTITUDE
+    | m.EKF_VELOCITY_HORIZ
+    | m.EKF_VELOCITY_VERT
+    | m.EKF_POS_HORIZ_REL
+    | m.EKF_POS_HORIZ_ABS
+    | m.EKF_POS_VERT_ABS
+    | m.EKF_PRED_POS_HORIZ_REL
+    | m.EKF_PRED_POS_HORIZ_ABS
+)
+"""EKF_STATUS_FLAGS of an ArduPilot that may take off: all that flying in GUIDED needs."""
 
-__all__ = ["KINDS", "MISSION_TIME", "Kind", "Message", "kind_of"]
+__all__ = ["EKF_READY", "KINDS", "MISSION_TIME", "Kind", "Message", "kind_of"]
 
 
 def kind_of(message_id: int) -> Kind | None:

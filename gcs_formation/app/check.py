@@ -17,8 +17,8 @@ from formation_scenario.feasibility import refused_orders, slots_without_room, u
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
-from gcs_formation.app import check_gusts, check_law, check_links, check_room
-from gcs_formation.app.loop_waits import configured_loop_delay_s, longest_hold, longest_round_trip_s
+from gcs_formation.app import check_law, check_links, check_room
+from gcs_formation.app.check_law import configured_loop_delay_s, longest_hold, longest_round_trip_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
@@ -135,7 +135,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
-    yield from check_gusts.errors(scenario)
+    yield from check_law.gust_errors(scenario)
     yield from check_links.split_errors(scenario)
     yield from check_links.narrow_links(scenario)
     yield from check_room.drifts(scenario)

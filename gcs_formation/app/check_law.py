@@ -1,4 +1,12 @@
-"""What `check` says of what the law makes of links: who is held for jitter, late places, slow answers."""
+"""What `check` says of what the law makes of links and gusts: delays of its loops, who is held, late places, errors.
+
+A gust moves a vehicle at its own velocity until the law has answered. With d the gust's velocity, L the open loop
+without its delay T, and O = exp(-sT) w/(s + w) the wind's observer, whose answer is led over the autopilot's lags, the
+error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and 1 - exp(-sT) L/(1 + L) with it. Under the
+consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise. The error's
+variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on leader and
+follower are independent. Vehicles that hover hold their velocity over ground by themselves, and aren't judged.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +18,102 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from airlink.endpoint import VehicleId
+from flight_model.arrays import Array, Complex
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
+from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
-from gcs_formation.app.loop_waits import Arrivals
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import DEVIATIONS
+from gcs_formation.stability.pid_margins import Loop
+
+NO_LOSS = 0.5
+"""Mean age of the newest of periodic messages, in periods, where none is lost."""
+
+
+def message_age(way: Impairment) -> tuple[float, float]:
+    """Return mean and variance of the newest message's age, in periods, over a way that loses some; delay apart.
+
+    Messages are lost by Gilbert's two-state channel; where nothing arrives both are infinite.
+    N being the periods from one message that arrives to the next, the age has the mean E[N^2]/(2 E[N]) and the mean
+    square E[N^3]/(3 E[N]). With the probability g = loss/(b (1 - loss)) a run of losses follows an arrival; its
+    length is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and
+    E[N^3] = 1 + g (b + 6 b^3). If each is lost on its own, b = 1/(1 - loss) and the mean is
+    (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
+    """
+    if way.outage or way.loss >= 1.0:
+        return math.inf, math.inf
+    odds = way.loss / (1.0 - way.loss)
+    b = 1.0 + odds if way.mean_burst is None else max(way.mean_burst, odds, 1.0)
+    mean = 1.0 + odds
+    square, cube = (1.0 + odds / b * each for each in (b + 2.0 * b**2, b + 6.0 * b**3))
+    mean_age = square / (2.0 * mean)
+    return mean_age, cube / (3.0 * mean) - mean_age**2
+
+
+class Hold(NamedTuple):
+    """For how long a setpoint is held until the next one comes, on average, s."""
+
+    mean_s: float
+    ticks: float
+    loss: float
+    """Share of the setpoints that are lost."""
+
+    def __str__(self) -> str:
+        lossy = f" ({self.loss:.0%} of them are lost)" if self.loss else ""
+        return f"setpoints are held for {self.mean_s:.3g} s on average{lossy}"
+
+
+def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float:
+    """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
+
+    Under a mutual law every loop waits for the latest state of all vehicles. With `lossy`, states and setpoints are
+    older on average by what losses add; what nothing comes over is left out.
+    """
+    sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
+    ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
+    for step in commanded_steps(scenario):
+        (up_s, down_s), (held, age) = ways_s(step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
+        if math.isfinite(held + age):
+            ways.append((up_s + held * tick_s, down_s + age * sample_s))
+    if law_kind(scenario).mutual:
+        return max(up_s for up_s, _ in ways) + max(down_s for _, down_s in ways)
+    return max(up_s + down_s for up_s, down_s in ways)
+
+
+def longest_hold(scenario: Scenario) -> Hold:
+    """Return the longest mean hold of a setpoint over any link that the law commands somebody over."""
+    holds = [Hold(NO_LOSS / scenario.law.rate_hz, NO_LOSS, 0.0)]
+    for step in commanded_steps(scenario):
+        held, _ = _mean_ages(step)
+        if math.isfinite(held):
+            holds.append(Hold(held / scenario.law.rate_hz, held, step.uplink.loss))
+    return max(holds)
+
+
+def commanded_steps(scenario: Scenario) -> list[LinkStep]:
+    """Return the states of the links of all vehicles that the law commands."""
+    mutual = law_kind(scenario).mutual
+    following = {} if mutual else planned_slots(scenario)
+    flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
+    return [step for vehicle in flown for step in scenario.link_steps(vehicle)]
+
+
+def longest_round_trip_s(scenario: Scenario) -> float:
+    """Return the longest delay of a link up and down, s, at any time of the run."""
+    steps = (step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
+    return max((sum(ways_s(step)) for step in steps), default=0.0)
+
+
+def _mean_ages(step: LinkStep) -> tuple[float, float]:
+    return message_age(step.uplink)[0], message_age(step.downlink)[0]
+
 
 UNPAIRED_M = 1.75
 """Standard deviation of what different instants look like along the path that is worth a warning."""
@@ -131,7 +223,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
     enough = (
         f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MOST_HZ else ""
     )
-    lossy = ", of which some is lost," if leads + variance > 2.0 * Arrivals.over(Impairment()).age_variance else ""
+    lossy = ", of which some is lost," if leads + variance > 2.0 * message_age(Impairment())[1] else ""
     return (
         f"law.delay_compensation: found false; at telemetry.rate_hz {rate_hz:g}{lossy} the newest states of the leader "
         f"and of vehicle {vehicle.vehicle_id} are of instants {periods / rate_hz:.2g} s apart (standard deviation), "
@@ -142,7 +234,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
 
 def _age_variance(step: LinkStep) -> float:
     """Return the variance of a state's age, in periods; 0 over a link that nothing comes over."""
-    variance = Arrivals.over(step.downlink).age_variance
+    _, variance = message_age(step.downlink)
     return variance if math.isfinite(variance) else 0.0
 
 
@@ -188,3 +280,84 @@ def _faster(scenario: Scenario) -> str:
         if time_s <= SLOW_S and getattr(law, key) != value:
             return f"{why}; law.{key} of {value} takes {time_s:.0f} s"
     return why
+
+
+AXES = "xyz"
+NAMES = {"x": "along the path", "y": "across it", "z": "in height"}
+SIGMAS = 2.0
+"""Standard deviations within which errors are for 95 % of the time."""
+WORTH_M = 2.0
+"""Error by gusts, `SIGMAS` of it, that is worth a warning."""
+
+
+def gust_errors(scenario: Scenario) -> Iterator[str]:
+    """Yield what errors each entry of turbulence leaves, beside those that it would leave without the links' delay."""
+    if scenario.hovers or not scenario.followers:
+        return
+    delay_s = configured_loop_delay_s(scenario)
+    at_once_s = 0.5 / scenario.telemetry.rate_hz + 0.5 / scenario.law.rate_hz
+    for index, entry in enumerate(scenario.disturbances):
+        if not isinstance(entry, DrydenTurbulence):
+            continue
+        left_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, delay_s).items()}
+        if max(left_m.values(), default=0.0) < WORTH_M:
+            continue
+        least_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, at_once_s).items()}
+        found = ", ".join(f"{each_m:.1f} m {NAMES[axis]}" for axis, each_m in left_m.items())
+        least = ", ".join(f"{each_m:.1f}" for each_m in least_m.values())
+        without = f"; {least} m without the links' delay" if delay_s > at_once_s else ""
+        yield f"disturbances.{index}: gusts leave errors of up to {found} for 95% of the time{without}"
+
+
+def gust_errors_m(scenario: Scenario, entry: DrydenTurbulence, delay_s: float) -> dict[str, float]:
+    """Return the largest standard deviation of any follower's error by turbulence on each axis that the law closes.
+
+    The lowest point of the path counts, and a loop's delay `delay_s`.
+    """
+    lowest_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
+    sigma_mps, scale_m = (each[:, 0].tolist() for each in entry.scales(lowest_m))
+    mutual, pair = law_kind(scenario).mutual, math.sqrt(1.0 if scenario.leader is None else 2.0)
+    found = dict[str, float]()
+    for name, loops in {each for axes in law_loops(scenario).values() for each in axes.items()}:
+        for axis in "xy" if mutual else name:
+            i = AXES.index(axis)
+            spectrum = _dryden(i, sigma_mps[i], scale_m[i] / scenario.path.speed_mps)
+            for loop in loops:
+                response = _of_mode(scenario, loop, delay_s) if mutual else _of_channel(scenario, loop, delay_s, axis)
+                variance = float(np.trapezoid(spectrum * np.abs(response) ** 2, FREQUENCIES))
+                found[axis] = max(found.get(axis, 0.0), pair * math.sqrt(variance))
+    return dict(sorted(found.items()))
+
+
+def _dryden(axis: int, sigma_mps: float, scale_s: float) -> Array:
+    """Return the one-sided spectrum at `FREQUENCIES` of gusts along the path, or across and vertical."""
+    turned = np.square(FREQUENCIES * scale_s)
+    shape = 2.0 / (1.0 + turned) if axis == 0 else (1.0 + 3.0 * turned) / np.square(1.0 + turned)
+    return sigma_mps**2 * scale_s / math.pi * shape
+
+
+def _of_channel(scenario: Scenario, loop: Loop, delay_s: float, axis: str) -> Complex:
+    """Return the response from a gust's velocity to the error, at `FREQUENCIES`, of a PID channel."""
+    s = 1j * FREQUENCIES
+    late, open_loop = np.exp(-s * delay_s), loop.open_loop().at(FREQUENCIES)
+    if loop.aircraft is not None:
+        open_loop = open_loop * loop.aircraft.by_model
+    observer_radps = scenario.law.disturbance_observer_radps if axis != "z" else 0.0
+    unseen = (1.0 - late * observer_radps / (s + observer_radps)) / s
+    if scenario.law.delay_compensation:
+        return np.asarray(unseen * (1.0 - late * open_loop / (1.0 + open_loop)), np.complex128)
+    return np.asarray(unseen / (1.0 + late * open_loop), np.complex128)
+
+
+def _of_mode(scenario: Scenario, loop: Loop, delay_s: float) -> Complex:
+    """Return the same of a mode of the consensus; none of the speed that all have in common."""
+    s = 1j * FREQUENCIES
+    (_, integral), (_, damping) = loop.plant.state
+    if integral != 1.0 and damping == -1.0:
+        return np.zeros(s.shape, np.complex128)
+    position, velocity = loop.plant.output
+    late = np.exp(-s * delay_s)
+    answer = position / (s - damping + velocity)
+    if scenario.law.delay_compensation:
+        return np.asarray((1.0 - late * answer / (s + answer)) / s, np.complex128)
+    return np.asarray(1.0 / (s + late * answer), np.complex128)

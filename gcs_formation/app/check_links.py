@@ -22,8 +22,8 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
-from gcs_formation.fleet.common_clock import SLACK_S
-from gcs_formation.fleet.dispatch import HEARTBEAT_S, PROBE_S
+from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
+from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute
@@ -73,7 +73,7 @@ def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
     Nothing arrives before it was sent, over the link that the flight begins with.
     """
     up_s, down_s = ways_s(scenario.link_steps(vehicle)[0])
-    known = vehicle.clock.utc and -up_s - SLACK_S <= vehicle.clock.utc_error_s <= down_s + SLACK_S
+    known = vehicle.clock.utc and -up_s - UTC_SLACK_S <= vehicle.clock.utc_error_s <= down_s + UTC_SLACK_S
     return scenario.telemetry.by_utc and known
 
 

@@ -24,11 +24,11 @@ from gcs_formation.app.result_text import status_page
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.mission.starting import Caution
+from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import Gathering, Truth, tables
+from gcs_formation.record.flight import FlightBuilder, Truth, tables
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
@@ -52,7 +52,7 @@ class TimedStation(Station):
         recorder: RunDirectory,
         until_s: float | None,
         utc_at_0_s: float | None,
-        caution: Caution,
+        caution: PreFlightOptions,
         resumed: Resumption | None,
     ) -> None:
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
@@ -119,7 +119,7 @@ class Session:
             resume=resumed is not None,
         )
         read = not emulated and resumed is None
-        caution = Caution(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
+        caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
         given = scenario.telemetry.station_utc
         self._keeps_utc = emulated if given is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
@@ -227,7 +227,7 @@ class Session:
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL
-        rows, gathering = Spool(spool), Gathering(self.scenario)
+        rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))
         if self.options.record in {"full", "series"}:

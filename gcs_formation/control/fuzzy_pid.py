@@ -49,7 +49,7 @@ PH PH PH PH PH
 """
 
 
-def rule_tables(kind: Literal["printed", "symmetric"] = "printed") -> Array:
+def rule_tables(kind: Literal["printed", "symmetric"]) -> Array:
     """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as printed, or made symmetric in the error's sign (29g)."""
     tables = np.stack([_parse(table) for table in (TABLE_P, TABLE_I, TABLE_D)], axis=-1)
     return tables if kind == "printed" else (tables + tables[::-1, ::-1]) / 2

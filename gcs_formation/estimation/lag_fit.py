@@ -50,7 +50,7 @@ class Nodes:
     """Interpolation between simulations: n Chebyshev points of [-BOUND, BOUND] for each of P parameters, 1 or 2."""
 
     def __init__(self, count: int, parameters: int) -> None:
-        """Take n and P."""
+        """Take the number n of points and the number P of parameters."""
         points = [BOUND * math.cos((2 * place + 1) * math.pi / (2 * count)) for place in range(count)]
         self.parameters = parameters
         self.at = [[one] for one in points] if parameters == 1 else [[one, two] for one in points for two in points]

@@ -186,7 +186,7 @@ class Samples:
     """What a vehicle's telemetry had at the ticks of a batch; the first ended the batch before."""
 
     def __init__(self, most: int) -> None:
-        """Hold so many at most."""
+        """Make room for `most` samples."""
         self.count: i64 = 0
         self.stamps = vec[i64]([0] * most)
         """In order, ns."""

@@ -30,10 +30,10 @@ class VehicleLags:
     """A vehicle's batch of samples, its simulations, and the lags that fit them."""
 
     def __init__(
-        self, model: AutopilotModel, air: Nodes, height: Nodes, samples: int, hz: float, *, in_use: bool
+        self, model: AutopilotModel, air: Nodes, height: Nodes, samples: int, hz: float, *, learnt: bool, in_use: bool
     ) -> None:
         """Start with the lags that `model` has; so many `samples` are a batch, `hz` a second of them are measured."""
-        self.lagging = True
+        self._learnt = learnt
         """Whether it flies by (7); of others, whose model only comes near them, no lags are learnt."""
         self.model = model
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
@@ -67,7 +67,7 @@ class VehicleLags:
         It begins with the newest sample; the simulations that didn't teach begin anew from it.
         """
         learnt, changed = [False, False, False], False
-        if self._learning and self.lagging and self._bank.flying and self._samples.span_s <= GAP_S + BATCH_S:
+        if self._learning and self._learnt and self._bank.flying and self._samples.span_s <= GAP_S + BATCH_S:
             learnt = self._bank.fly(self._samples, sent, self._batch)
         for place, tracks in enumerate(self._batch):
             if not learnt[place]:
@@ -102,13 +102,19 @@ class LagEstimator:
         law_hz: float,
         *,
         in_use: bool,
+        learnt: list[bool] | None = None,
     ) -> None:
         """Start with the lags that `models` have; `history` holds what was commanded.
 
-        Not `in_use`, the models stay as they are, and only their misfit is watched.
+        Not `in_use`, the models stay as they are, and only their misfit is watched. `learnt` (C,): who flies by (7), so
+        that its lags can be found; everybody by default.
         """
         air, height, self._ticks = Nodes(5, 1), Nodes(4, 2), max(2, round(BATCH_S * law_hz))
-        self.vehicles = [VehicleLags(each, air, height, self._ticks, telemetry_hz, in_use=in_use) for each in models]
+        size = air, height, self._ticks, telemetry_hz
+        self.vehicles = [
+            VehicleLags(model, *size, learnt=flies, in_use=in_use)
+            for model, flies in zip(models, learnt or [True] * len(models), strict=True)
+        ]
         self._history = history
         self._noted = 0
 

@@ -27,7 +27,7 @@ Band = tuple[float, float]
 """The lowest and the highest of the heights at one of which a vehicle is that nobody can move, m."""
 
 
-class Top(NamedTuple):
+class HighestGround(NamedTuple):
     """The lowest height that clears the ground around a position, and where that ground is highest."""
 
     height_m: float
@@ -47,18 +47,18 @@ class GroundFloor:
         within = np.hypot(north, east) <= AROUND_M
         self._north_m, self._east_m = north[within], east[within]
 
-    def top(self, north_m: float, east_m: float) -> Top:
+    def top(self, north_m: float, east_m: float) -> HighestGround:
         """Return the lowest height of a circle that begins at a position."""
         if self._ground is None:
-            return Top(-math.inf, north_m, east_m)
+            return HighestGround(-math.inf, north_m, east_m)
         north, east = north_m + self._north_m, east_m + self._east_m
         height_m = np.nan_to_num(self._ground.height(north, east), nan=-math.inf)
         highest = int(np.argmax(height_m))
-        return Top(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
+        return HighestGround(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
-    def highest(self, places: Iterable[tuple[float, float]]) -> Top:
+    def highest(self, places: Iterable[tuple[float, float]]) -> HighestGround:
         """Return the highest `top` of several positions; those that can't have it aren't looked at."""
-        begins, best = list(places), Top(-math.inf, math.nan, math.nan)
+        begins, best = list(places), HighestGround(-math.inf, math.nan, math.nan)
         if self._ground is None or not begins:
             return best
         north_m, east_m = np.array([north for north, _ in begins]), np.array([east for _, east in begins])
@@ -98,7 +98,7 @@ class GroundFloor:
 
 def loiter_heights(
     places: Mapping[VehicleId, ReportedMotion],
-    floor_m: float = -math.inf,
+    floor_m: float,
     taken: Sequence[Band] = (),
     apart_m: float = STACK_M,
     *,

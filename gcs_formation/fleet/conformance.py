@@ -23,8 +23,6 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 STEP_LAG_S: Final = 4.0
 """Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
-GAP_S: Final = 0.5
-"""Acknowledgements of setpoints that come later than this may mean that setpoints didn't arrive."""
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
@@ -67,9 +65,6 @@ class ConformanceMonitor:
             FlownSetpoints(each, models[each.column], noise[each.column], prompt[each.column])
             for each in self._vehicles
         ]
-        for vehicle in self._vehicles:
-            for channel in vehicle.setpoint_channels:
-                channel.allow(max(GAP_S, 2.5 / scenario.law.rate_hz))
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
         """Columns that refuse or don't acknowledge setpoints, or don't seem to follow those that they do, (C,)."""

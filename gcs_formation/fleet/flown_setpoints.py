@@ -85,7 +85,7 @@ class FlownSetpoints:
         vehicle: Vehicle,
         model: AutopilotModel,
         sigma: tuple[float, float, float],
-        prompt_share: float = 1.0,
+        prompt_share: float,
     ) -> None:
         """Expect changes by `model`.
 

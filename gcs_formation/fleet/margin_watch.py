@@ -1,4 +1,4 @@
-"""How good links and telemetry are in flight: delays against margins, noise and airspeeds against what they can be."""
+"""How good links are in flight: delays of the loops against their margins, and against what gains are designed for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
-from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleNoise
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import LAGS_NOTED
@@ -39,17 +38,11 @@ CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
 """The channel of each axis."""
 EVERY_PLACE: Final = list(range(len(CHANNELS)))
-OFF: Final = 1.8
-"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
-BACK: Final = 1.4
-"""Ratio below which it is again."""
 UNDESIGNED_S: Final = 0.05
 """By how much links may be slower than gains by design are for before these are designed anew."""
 SLOW_LOOKS: Final = 5
 """Consecutive looks, one a second, for which they must have been slower in flight: a machine may be held up."""
 DESIGN_STEP_S: Final = 0.01
-UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
-BELIEVED_AGAIN: Final = "what it measures is believed again"
 
 
 class DesignWatch:
@@ -270,44 +263,3 @@ class MarginWatch:
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
         details: dict[str, Detail] = {f"bandwidth_{channel}": share for channel, share in shares.items()}
         self._note(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})
-
-
-class TelemetryWatch:
-    """Says, once a second, whose noise isn't as declared, whose airspeed isn't believed, and that it is again."""
-
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Watch `vehicles`."""
-        self._vehicles, self._note = vehicles, note
-        self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
-
-    def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
-        """Compare the noise that is seen, by which the law goes, with the declared one; name what is farthest off."""
-        for identity, vehicle in self._vehicles.items():
-            ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
-            for place, each in enumerate(ratios):
-                if max(each, 1.0 / each) > apart:
-                    worst, apart = place, max(each, 1.0 / each)
-            if not was_off and apart >= OFF:
-                self._off.add(identity)
-                sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
-                text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
-                self._note(now, "noise", text, vehicle, {"ratio": ratio})
-            elif was_off and apart < BACK:
-                self._off.remove(identity)
-                details: dict[str, Detail] = {"ratio": ratios[worst]}
-                self._note(now, "noise", "is as noisy as declared again", vehicle, details)
-
-    def watch_airspeeds(self, now: Instant) -> None:
-        """Say which measured airspeeds aren't believed."""
-        for identity, vehicle in self._vehicles.items():
-            check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
-            if check is None or check.believes == was_believed:
-                continue
-            if was_believed:
-                self._unbelieved.add(identity)
-                shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
-                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures isn't believed: {shown}"
-                self._note(now, "airspeed", text, vehicle, {"begins": True})
-            else:
-                self._unbelieved.remove(identity)
-                self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})

@@ -37,7 +37,7 @@ UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
 """Memberships of vehicles that haven't been told to loiter."""
 
 
-class Sight(NamedTuple):
+class MembershipInputs(NamedTuple):
     """What the membership depends on, at one tick."""
 
     started: bool
@@ -54,7 +54,7 @@ class Sight(NamedTuple):
     """Whether a command to loiter was sent so recently that it may still reach the vehicle."""
 
 
-def following(member: Member, sight: Sight) -> Member:
+def following(member: Member, sight: MembershipInputs) -> Member:
     """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
 
     A vehicle that is not heard is told nothing at first. Whether it hears or not, it then flies on as it was told last,
@@ -163,12 +163,12 @@ class Membership:
             )
             self._command(vehicle, now)
 
-    def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Sight:
+    def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
         link = vehicle.connection  # who is heard again has a moment to answer: it may have hung, and hear as before
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         commanded = self._commanded_to_loiter.get(vehicle.identity)
-        return Sight(
+        return MembershipInputs(
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,

@@ -156,7 +156,7 @@ class FormationPlan:
         self._fly(way)
 
     def adopt(self, arrangement: Arrangement, way: Transition) -> None:
-        """Fly a change."""
+        """Change to another arrangement, along a planned transition."""
         self.arrangement, self.goal_m, self._late_s = arrangement, way.goal_m, 0.0
         self._fly(way)
 
@@ -211,7 +211,7 @@ class FormationPlan:
 
 
 @dataclass(frozen=True)
-class Outlook:
+class TrackAhead:
     """The future track of the leader and of the slots."""
 
     route: Route
@@ -239,7 +239,7 @@ class SlotClearance:
         self._control_m = np.zeros((0, 4))
         self._held = np.zeros((3, 0))
 
-    def look_ahead(self, outlook: Outlook, at_m: Array) -> None:
+    def look_ahead(self, outlook: TrackAhead, at_m: Array) -> None:
         """Compute the lifts again if it is time to; `at_m` (N,) is the leader's distance at each follower's instant.
 
         On the same route they continue the present lifts; on another one, possibly with another leader, the last
@@ -302,7 +302,7 @@ class SlotClearance:
         rows = np.arange(at_m.size)
         return blend([self._control_m[rows, index + i] for i in range(4)], steps - index)
 
-    def _needed(self, outlook: Outlook, places: Array, points: list[PathPoint]) -> Array:
+    def _needed(self, outlook: TrackAhead, places: Array, points: list[PathPoint]) -> Array:
         """Return the required lifts (N, K) for the leader at distances `places` (K,)."""
         north, east, height, course, curvature = np.array([point.values() for point in points]).T[:5]
         leader = outlook.leader

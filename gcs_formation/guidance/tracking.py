@@ -191,7 +191,7 @@ class JoinRoute:
     """Legs, and a height that changes from that of the first point to that of the last at `slope`."""
 
     def __init__(self, legs: tuple[Leg, ...], begin_height_m: float, end_height_m: float, slope: float) -> None:
-        """Take three legs."""
+        """Take the legs, the heights at both ends, and how steeply the height changes."""
         self.legs = legs
         self.begin_height_m = begin_height_m
         self.end_height_m = end_height_m

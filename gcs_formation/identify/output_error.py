@@ -1,17 +1,24 @@
-"""Output-error estimation of equation (7) from whole flights by their setpoints alone.
+"""Estimation of equation (7) from whole flights by their setpoints alone, with a model of the noise (Box and Jenkins).
 
 Ljung, "System Identification", 2nd ed., 4.2; Jategaonkar, "Flight Vehicle System Identification", chapter 4. No
 measurement enters the simulation, so noise of the telemetry doesn't bias what is found: the states at a recording's
 beginning, and what a channel is constantly off its setpoint, are estimated with the parameters. Errors are taken where
 something was measured, not between: setpoints answer to what was measured before them.
+
+What disturbs a vehicle lasts, and the law answers it by its setpoints: a gust from ahead comes together with a lower
+setpoint of speed, as if the vehicle hardly followed setpoints. So what counts of an error is what the errors before it
+don't tell: an autoregressive model predicts it by them. With that the parameters are found in closed loop too (Ljung,
+13.4). Where errors are white, the model has no coefficient, and this is output-error estimation.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
 
 from flight_model.arrays import Array, Indices, Mask, wrap
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
@@ -24,6 +31,10 @@ BEGIN_NUDGES = np.array([0.1, 0.01, 0.3, 0.1])
 BEGINS, CHANNELS = len(BEGIN_NUDGES), len(RESOLUTION)
 HUBER = 2.0
 """Errors larger than so many standard deviations count by their size, not by its square."""
+ORDER_MAX = 40
+"""Errors before one that it is predicted by, at most."""
+OUTLYING = 4.0
+"""Errors larger than so many standard deviations count as so large in the model of the noise."""
 ALIKE_S = 20.0
 """Errors this far apart count as independent in the deviations."""
 ITERATIONS = 15
@@ -46,7 +57,7 @@ class Point(NamedTuple):
     """What the search knows at a set of parameters, of one recording: M errors in standard deviations, in one row."""
 
     error: Array
-    """(M,) weighed, less what the beginning and the offsets explain."""
+    """(M,) weighed, what the errors before don't tell, less what the beginning and the offsets explain."""
     slopes: Array
     """(P, M) by the parameters, likewise."""
     begin: Array
@@ -72,9 +83,19 @@ class Search:
         self._begins = [np.concatenate((each.seen[:, 0], np.zeros(CHANNELS))) for each in recordings]
         self._durations_s = [each.duration_s for each in recordings]
         self._scales = RESOLUTION
+        self._coloured = False
+        self._predictors: list[Array] = [np.ones(1)] * CHANNELS
 
     def find(self) -> None:
-        """Search; against the prior errors count as seldom as they are repeated."""
+        """Search; against the prior errors count as seldom as they are repeated.
+
+        First as if errors were white: far from the parameters, what is wrong with those isn't noise.
+        """
+        self._search()
+        self._coloured = True
+        self._search()
+
+    def _search(self) -> None:
         for _ in range(ITERATIONS):
             points = self.points(self.logs)
             count = sum(int(each.there.sum()) for each in self._measured)
@@ -93,26 +114,29 @@ class Search:
                 return
 
     def points(self, logs: Array, *, anew: bool = True) -> list[Point]:
-        """Return what is known of each recording at these logarithms; `anew`: by the scale of the errors there."""
+        """Return what is known of each recording at these logarithms; `anew`: by the noise of the errors there."""
         tried = [logs, *(logs + NUDGE * each for each in np.eye(len(logs))), *[logs] * BEGINS]
         nudged = np.vstack((np.zeros((1 + len(logs), BEGINS)), np.diag(BEGIN_NUDGES)))
         errors = self._errors(tried, nudged)
         by_begin = errors[1 + len(logs) :]
+        if anew and self._coloured:
+            units = [each / RESOLUTION[:, None] for each in errors[0]]
+            self._predictors = [predictor(self._there(units, channel)) for channel in range(CHANNELS)]
         if anew:
-            each_sigma = [1.4826 * self._median(errors[0], channel) for channel in range(CHANNELS)]
+            left = [self._unpredicted(each) for each in errors[0]]
+            each_sigma = [_sigma(np.concatenate(self._there(left, channel))) for channel in range(CHANNELS)]
             self._scales = np.maximum(RESOLUTION, each_sigma)
         found = list[Point]()
         for place, seen in enumerate(errors[0]):
-            error = seen / self._scales[:, None]
-            weights = np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
-            weigh = self._measured[place].there * weights / self._scales[:, None]
             moved = [(each[place] - seen) / NUDGE for each in errors[1 : 1 + len(logs)]]
             begun = [(each[place] - seen) / nudge for each, nudge in zip(by_begin, BEGIN_NUDGES.tolist(), strict=True)]
             offsets = [np.repeat(each[:, None], seen.shape[1], axis=1) for each in np.eye(CHANNELS)]
-            slopes = np.stack([(each * weigh).ravel() for each in moved])
-            basis = np.stack([(each * weigh).ravel() for each in (*begun, *offsets)])
+            each_row = (seen, *moved, *begun, *offsets)
+            error, *every = (self._unpredicted(each) / self._scales[:, None] for each in each_row)
+            weights = self._counted(place) * np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
+            full, rows = (error * weights).ravel(), np.stack([(each * weights).ravel() for each in every])
+            slopes, basis = rows[: len(logs)], rows[len(logs) :]
             directions = np.linalg.qr(basis.T)[0]
-            full = (seen * weigh).ravel()
             without = [each - (each @ directions) @ directions.T for each in (full, slopes)]
             found.append(Point(without[0], without[1], basis, full, slopes))
         return found
@@ -155,10 +179,21 @@ class Search:
             found.append([measured.errors(motion, begin[BEGINS:]) for motion, measured, begin in each])
         return found
 
-    def _median(self, errors: Sequence[Array], channel: int) -> float:
-        """Return the median of a channel's errors, without their signs."""
-        each = [error[channel, of.there[channel]] for error, of in zip(errors, self._measured, strict=True)]
-        return float(np.median(np.abs(np.concatenate(each))))
+    def _there(self, errors: Sequence[Array], channel: int) -> list[Array]:
+        """Return each recording's errors of a channel, where something was measured."""
+        return [error[channel, of.there[channel]] for error, of in zip(errors, self._measured, strict=True)]
+
+    def _unpredicted(self, errors: Array) -> Array:
+        """Return of errors (3, M) what those before them don't tell."""
+        each = zip(errors, self._predictors, strict=True)
+        return np.stack([np.convolve(error, weights)[: error.size] for error, weights in each])
+
+    def _counted(self, place: int) -> Mask:
+        """Return which errors (3, M) of a recording count: where something was measured, and enough before it."""
+        there = self._measured[place].there.copy()
+        for channel, weights in enumerate(self._predictors):
+            there[channel, : weights.size - 1] = False
+        return there
 
 
 class _Measured(NamedTuple):
@@ -187,6 +222,34 @@ class _Measured(NamedTuple):
         error = (1.0 - self.part) * before + self.part * after + offsets[:, None] - self.value
         error[1] = wrap(error[1])
         return np.where(self.there, error, 0.0)
+
+
+def predictor(errors: Sequence[Array]) -> Array:
+    """Return the weights (1 + P,) of an error and of those before it, whose sum is what those before it don't tell.
+
+    By the equations of Yule and Walker, of the order P that is worth its coefficients by Schwarz's criterion.
+
+    Args:
+        errors: of each recording (M,), one after another, in units of what counts as white noise whatever they are.
+    """
+    count, alike = sum(each.size for each in errors), np.eye(1, ORDER_MAX + 1)[0]
+    for each in errors:
+        most = OUTLYING * _sigma(each)
+        kept = np.clip(each - np.median(each), -most, most)
+        for lag in range(min(ORDER_MAX + 1, kept.size)):
+            alike[lag] += kept[lag:] @ kept[: kept.size - lag] / count
+    found, least = np.ones(1), math.inf
+    for order in range(ORDER_MAX + 1):
+        weights = np.append(1.0, -solve_toeplitz(alike[:order], alike[1 : order + 1])) if order else np.ones(1)
+        criterion = count * math.log(weights @ alike[: order + 1]) + order * math.log(count)
+        if criterion < least:
+            found, least = weights, criterion
+    return found
+
+
+def _sigma(errors: Array) -> float:
+    """Return the standard deviation of errors by the median of their sizes."""
+    return 1.4826 * float(np.median(np.abs(errors)))
 
 
 def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array) -> list[Array]:

@@ -38,7 +38,7 @@ def probable_run(loss: float, probability: float) -> float:
     return math.log(probability) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
 
 
-class Mark:
+class FrameCounts:
     """What had been counted of a vehicle's frames by an instant."""
 
     def __init__(self, at: Instant, received: i64, sent: i64, answers: i64, asked: i64) -> None:
@@ -103,7 +103,7 @@ class SequenceTracker:
         """Messages sent to the vehicle that it answers."""
         self.silence: Silence | None = None
         """The last one, until the vehicle's clock has told for how long it sent."""
-        self._since = self._next = Mark(Instant(0), 0, 0, 0, 0)
+        self._since = self._next = FrameCounts(Instant(0), 0, 0, 0, 0)
         """From which rates are counted, and the next such."""
         self._own_hz = 0.0
         """At what rate the vehicle sent by itself before the last silence."""
@@ -212,8 +212,8 @@ class SequenceTracker:
         answered = answers / (passes * asked) if since.at and asked else 1.0
         return max(0.0, answered * float(self.asked - until.asked) - float(self.answers - until.answers) / passes)
 
-    def _mark(self, now: Instant) -> Mark:
-        return Mark(now, self.received, self.received + self.lost, self.answers, self.asked)
+    def _mark(self, now: Instant) -> FrameCounts:
+        return FrameCounts(now, self.received, self.received + self.lost, self.answers, self.asked)
 
     def _observe_late(self, sequence: i64) -> bool:
         late = sequence in self._missing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
@@ -13,12 +12,13 @@ from formation_scenario.orders import Answer, End, Order, OrderError, parse_orde
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
-from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.routing import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending_and_landings import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
+from gcs_formation.mission.starting import PreFlight
 from gcs_formation.mission.vertical_separation import Opening, stays
 from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
@@ -90,7 +90,7 @@ class Orders:
         return None if order.change is None else self._reconfiguration.order_change(order.change, now)
 
 
-class WayToStart:
+class ProgressToStart:
     """Whether the leader gets on towards the start of its path: against too much wind it doesn't."""
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class Course:
         dispatch: Dispatch,
         vehicles: dict[VehicleId, Vehicle],
         note: Note,
-        may_command: Callable[[], bool],
+        preflight: PreFlight,
     ) -> None:
         """Begin in the phase of connecting.
 
@@ -131,7 +131,7 @@ class Course:
             dispatch: holds setpoints back, which aren't sent any more once vehicles loiter.
             vehicles: all of them.
             note: reports events.
-            may_command: whether vehicles may be commanded yet; before that a run ends without a command.
+            preflight: says whether vehicles may be commanded yet; before that a run ends without a command.
         """
         self.flight = Flight()
         self.failure: str | None = None
@@ -144,16 +144,16 @@ class Course:
         """Whether every follower was in its slot when the path began; None before."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
-        self._vehicles, self._note, self._may_command = vehicles, note, may_command
-        self._ground, self._late, self._way = GroundFloor(scenario), False, WayToStart()
-        self._ending = Ending({}, self._ground)
+        self._vehicles, self._note, self._preflight = vehicles, note, preflight
+        self._ground, self._late, self._way = GroundFloor(scenario), False, ProgressToStart()
+        self._ending: Ending | None = None
         self.opening: Opening | None = None
         """The opening of the formation at its end, while it lasts."""
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
         unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
-        if not self._may_command() or (cause is Cause.FAILURE and unheard):
+        if not self._preflight.passed or (cause is Cause.FAILURE and unheard):
             cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
@@ -162,7 +162,7 @@ class Course:
         self._note(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)
-        if self.flight.phase is Phase.LOITERING:
+        if self.flight.phase is Phase.LOITERING and self._ending is not None:
             self._dispatch.clear()
             self._ending.leave(now)
         return True
@@ -207,7 +207,8 @@ class Course:
         """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
         if self.move(Cause.STOP, now):
             self.cut_short = True
-        self._ending.hasten()
+        if self._ending is not None:
+            self._ending.hasten()
 
     def go_home_at_once(self, now: Instant) -> bool:
         """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
@@ -240,20 +241,21 @@ class Course:
 
     def bring_to_end(self, now: Instant) -> None:
         """Look after vehicles at the end of the flight, in the phases in which it is over."""
+        assert self._ending is not None, "it begins with the first of these phases"
         if self.flight.phase is Phase.LOITERING:
-            self._wait_for_loiter(now)
+            self._wait_for_loiter(self._ending, now)
         else:
             self._ending.judge(now)
 
-    def _wait_for_loiter(self, now: Instant) -> None:
+    def _wait_for_loiter(self, ending: Ending, now: Instant) -> None:
         """Continue to bring vehicles to where they may be left alone; end the run when all are there."""
-        self._ending.advance(now)
-        if self._ending.landings.failure and not self.failure:
-            self.fail(self._ending.landings.failure, now)
-        if self._ending.over(seconds_between(self.flight.since, now)):
-            pending = self._ending.pending()
+        ending.advance(now)
+        if ending.landings.failure and not self.failure:
+            self.fail(ending.landings.failure, now)
+        if ending.over(seconds_between(self.flight.since, now)):
+            pending = ending.pending()
             for vehicle in pending:
-                text = f"has not acknowledged that it loiters{self._ending.lacks(vehicle)}"
+                text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
                 self._note(now, "unacknowledged", text, vehicle)
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)
@@ -267,17 +269,18 @@ class Course:
 
         What can stand is stopped first where it loiters: braking one by one, as each hears it, they would meet.
         """
-        opens, landings = self.flight.phase is Phase.ENDING, self._ending.landings.call_off()
+        opens = self.flight.phase is Phase.ENDING
+        landings = None if self._ending is None else self._ending.landings.call_off()
         ahead = self._controller.ahead_m if opens else stays
         gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
         climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)
-        self._ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
-        self._ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
-        self.opening = None
+        ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
+        self._ending, self.opening = ending, None
+        ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
         if opens:
-            stands, limit_s = self._ending.stands, self._ending.limit_s
+            stands, limit_s = ending.stands, ending.limit_s
             if stands:
                 self._controller.guidance.fly_at(0.0)
-            to = self._ending.stack, self._controller, self._vehicles
+            to = ending.stack, self._controller, self._vehicles
             self.opening = Opening(*to, now, limit_s, climb_mps, stops=stands)
-            self._membership.end(self._ending.stack.heights_m)
+            self._membership.end(ending.stack.heights_m)

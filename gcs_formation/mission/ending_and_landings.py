@@ -174,7 +174,7 @@ def _circles(vehicle: Vehicle, height_m: float) -> bool:
     return away_m < CIRCLES_MEET_M and abs(seen.height_m - height_m) < AT_HEIGHT_M
 
 
-class Told(Enum):
+class EndCommand(Enum):
     """What a vehicle is told at the end."""
 
     NOTHING = "to go on"
@@ -184,7 +184,7 @@ class Told(Enum):
     STAY = "to circle here first, as it refuses to do so at home"
 
 
-LEFT: Final = (Told.LEAVE, Told.STAY)
+FOR_GOOD: Final = (EndCommand.LEAVE, EndCommand.STAY)
 """What a vehicle is told for good."""
 
 
@@ -231,7 +231,7 @@ class Ending:
         self._loiter_s = 0.0
         self._manner: End = manner
         self._vehicles = vehicles
-        self._told: dict[VehicleId, tuple[Told, int]] = {}
+        self._told: dict[VehicleId, tuple[EndCommand, int]] = {}
         """What each was told, and how often it had restarted then."""
         self._leaving = False
         """Whether vehicles leave; before that only those on the ground are told anything."""
@@ -253,9 +253,9 @@ class Ending:
         climbs_out = False
         for identity, vehicle in self._ours.items():
             told = self._heeds(identity, vehicle)
-            if told is Told.LEAVE:
+            if told is EndCommand.LEAVE:
                 self._watch_way_home(identity, vehicle, now)
-            elif told is not Told.STAY and vehicle.member is not Member.PARTED:
+            elif told is not EndCommand.STAY and vehicle.member is not Member.PARTED:
                 climbs_out = climbs_out or self._is_pending(identity, vehicle)
         self.landings.advance(now, climbs_out=climbs_out)
 
@@ -265,33 +265,33 @@ class Ending:
             if vehicle.member is Member.PARTED:
                 continue
             told = self._heeds(identity, vehicle)
-            wanted = told if told in LEFT else self._wanted(vehicle)
+            wanted = told if told in FOR_GOOD else self._wanted(vehicle)
             if wanted is not told:
                 self._tell(identity, vehicle, wanted, now)
 
-    def _heeds(self, identity: VehicleId, vehicle: Vehicle) -> Told:
+    def _heeds(self, identity: VehicleId, vehicle: Vehicle) -> EndCommand:
         """Return what a vehicle was told; one that flew and has restarted since has forgotten it."""
-        told, restarts = self._told.get(identity, (Told.NOTHING, 0))
-        return told if told is Told.DOWN or vehicle.restarts == restarts else Told.NOTHING
+        told, restarts = self._told.get(identity, (EndCommand.NOTHING, 0))
+        return told if told is EndCommand.DOWN or vehicle.restarts == restarts else EndCommand.NOTHING
 
-    def _wanted(self, vehicle: Vehicle) -> Told:
+    def _wanted(self, vehicle: Vehicle) -> EndCommand:
         autopilot, seen = vehicle.autopilot, vehicle.telemetry
         if not vehicle.may_fly:
-            return Told.DOWN
+            return EndCommand.DOWN
         if not self._leaving or autopilot.climbs_out(seen):
-            return Told.NOTHING
-        return Told.LEAVE if seen.motion and autopilot.is_airborne(seen) else Told.HOLD
+            return EndCommand.NOTHING
+        return EndCommand.LEAVE if seen.motion and autopilot.is_airborne(seen) else EndCommand.HOLD
 
-    def _tell(self, identity: VehicleId, vehicle: Vehicle, what: Told, now: Instant) -> None:
+    def _tell(self, identity: VehicleId, vehicle: Vehicle, what: EndCommand, now: Instant) -> None:
         self._told[identity] = what, vehicle.restarts
         self.landings.drop(vehicle)
         autopilot, seen = vehicle.autopilot, vehicle.telemetry
-        if what is Told.DOWN:
+        if what is EndCommand.DOWN:
             _keep_down(vehicle, now)
-        elif what is Told.HOLD:
+        elif what is EndCommand.HOLD:
             asked = autopilot.requests(vehicle.rates_hz)
             vehicle.commands.begin((*autopilot.hold(), *asked), now, insist=True)
-        elif what is Told.LEAVE:
+        elif what is EndCommand.LEAVE:
             height_m = self._height_m(identity, vehicle)
             vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now, insist=True)
             if self._manner == "land":
@@ -323,7 +323,7 @@ class Ending:
             self.landings.refuse(f"vehicle {identity} refuses {vehicle.refusal}{seen.last_words}")
         height_m = self._height_m(identity, vehicle)
         here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
-        self._told[identity] = Told.STAY, vehicle.restarts
+        self._told[identity] = EndCommand.STAY, vehicle.restarts
         commands.begin(here if homeward else (*here, *home), now, insist=True)
 
     def _places(self) -> dict[VehicleId, ReportedMotion]:
@@ -348,7 +348,9 @@ class Ending:
         """Return why one may not be left alone, as the end of a sentence; nothing if it just hasn't answered."""
         if vehicle.refusal:
             return f": it refuses {vehicle.refusal}{vehicle.telemetry.last_words}"
-        held = self._heeds(vehicle.identity, vehicle) is Told.HOLD and vehicle.commands.outcome is Outcome.ACCEPTED
+        held = (
+            self._heeds(vehicle.identity, vehicle) is EndCommand.HOLD and vehicle.commands.outcome is Outcome.ACCEPTED
+        )
         return " at a height of its own: whether and where it flies isn't known" if held else ""
 
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
@@ -357,7 +359,7 @@ class Ending:
         if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
             return True
         ours = identity in self._ours and vehicle.member is not Member.PARTED
-        return ours and self._heeds(identity, vehicle) not in LEFT and may_be_armed(vehicle)
+        return ours and self._heeds(identity, vehicle) not in FOR_GOOD and may_be_armed(vehicle)
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:

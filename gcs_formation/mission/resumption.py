@@ -25,7 +25,7 @@ BEYOND = 1.5
 
 
 @dataclass(frozen=True)
-class Known:
+class RecordedVehicle:
     """What the record says of a vehicle at its end."""
 
     mode: str | None
@@ -41,7 +41,7 @@ class Resumption:
 
     at: Instant
     """The present instant, on the record's clock."""
-    vehicles: Mapping[VehicleId, Known]
+    vehicles: Mapping[VehicleId, RecordedVehicle]
     mission_s: float
     """Mission time of the last tick, s; NaN before the path."""
     path_began: Instant | None
@@ -69,7 +69,7 @@ class Resumption:
 
 
 def why_left(
-    known: Known, resumed: Resumption, mode: str, *, airborne: bool, guided: bool, homeward: bool
+    known: RecordedVehicle, resumed: Resumption, mode: str, *, airborne: bool, guided: bool, homeward: bool
 ) -> str | None:
     """Return why a vehicle that is found in a mode is left as it is, in words; None if it is taken.
 

@@ -30,7 +30,7 @@ CONNECT_LIMIT_S = 30.0
 
 
 @dataclass(frozen=True)
-class Caution:
+class PreFlightOptions:
     """What is done before anybody is commanded: changes of mode, arming, setpoints."""
 
     parameters: bool = False
@@ -41,14 +41,19 @@ class Caution:
     """Whether the run ends there."""
 
 
-CARELESS = Caution()
+UNCHECKED = PreFlightOptions()
 
 
 class PreFlight:
     """Holds all vehicles' start-ups before their first command until everybody may begin."""
 
     def __init__(
-        self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], caution: Caution, note: Note, give_up: GiveUp
+        self,
+        scenario: Scenario,
+        vehicles: dict[VehicleId, Vehicle],
+        caution: PreFlightOptions,
+        note: Note,
+        give_up: GiveUp,
     ) -> None:
         """Read parameters of `vehicles`, unless the scenario starts emulators in the air."""
         self.vehicles, self._caution = vehicles, caution
@@ -153,7 +158,7 @@ class Starting:
         note: Note,
         give_up: GiveUp,
         *,
-        together: bool = False,
+        together: bool,
     ) -> None:
         """Start up `vehicles`, the leader first; `endpoints` are where they should be heard.
 

@@ -47,11 +47,11 @@ Ahead = Callable[[float], Sequence[tuple[float, float]]]
 
 
 def stays(_: float) -> Sequence[tuple[float, float]]:
-    """Return that it gets nowhere."""
+    """Return the way on of a formation that stays where it is: none."""
     return ((0.0, 0.0),)
 
 
-class Flier:
+class FlyingVehicle:
     """A vehicle in the air, at the end of a flight."""
 
     def __init__(
@@ -77,7 +77,7 @@ class Stack:
 
     def __init__(
         self,
-        gap_m: float = 0.0,
+        gap_m: float,
         floor_m: float = -math.inf,
         *,
         sway_m: float = 0.0,
@@ -100,7 +100,7 @@ class Stack:
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 
-    def take(self, fliers: dict[VehicleId, Flier]) -> bool:
+    def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Give a height to everybody who has none, and another one where somebody can't be moved out of the way.
 
         All others keep theirs: given anew from where all are on their way, they would begin their climb again. Return
@@ -146,7 +146,7 @@ class Stack:
         heights_m = loiter_heights(places, self._floor_m, (), self._apart_m, together=self._together)
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
 
-    def apart(self, fliers: dict[VehicleId, Flier]) -> bool:
+    def apart(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
         names, each = list(fliers), list(fliers.values())
         for place, flier in enumerate(each):
@@ -167,7 +167,7 @@ class Stack:
         height_m = self.heights_m[identity]
         return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
 
-    def _clear(self, name: VehicleId, one: Flier, others_name: VehicleId, other: Flier) -> bool:
+    def _clear(self, name: VehicleId, one: FlyingVehicle, others_name: VehicleId, other: FlyingVehicle) -> bool:
         """Return whether two are far enough apart in height, or can't meet anyway."""
         low_m = high_m = one.place.height_m
         others_low_m = others_high_m = other.place.height_m
@@ -247,11 +247,11 @@ class Opening:
         """
         self._stack, self._controller, self._climb_mps, self._stops = stack, controller, climb_mps, stops
         self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
-        self._fliers = dict[VehicleId, Flier]()
+        self._fliers = dict[VehicleId, FlyingVehicle]()
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
         """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
-        self._fliers = dict[VehicleId, Flier]()
+        self._fliers = dict[VehicleId, FlyingVehicle]()
         for vehicle in self._vehicles:
             flier = self._flier(vehicle, links, now)
             if flier is not None:
@@ -279,21 +279,21 @@ class Opening:
         steered = (flier.place for flier in self._fliers.values() if flier.steered)
         return any(math.hypot(place.north_mps, place.east_mps) > STANDS_MPS for place in steered)
 
-    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> Flier | None:
+    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
         place, column = vehicle.telemetry.motion, vehicle.column
         unheard_s = seconds_between(vehicle.connection.last_heard, now)
         if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
             return None
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             place = _climbed_out(place, vehicle)
-            return Flier(place, place.height_m)
+            return FlyingVehicle(place, place.height_m)
         answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNMOVED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
         if led and answers and not links[column].disobeying:
-            return Flier(place, self._commanded_m(column), steered=True)
+            return FlyingVehicle(place, self._commanded_m(column), steered=True)
         orders_m = self._orders_m(vehicle, column, links, answers=answers)
         heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
-        return Flier(place, heights_m[-1], (min(heights_m), max(heights_m)))
+        return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
 
     def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
         """Return the heights that one may be on its way to, the last order last; NaN where there was none."""

@@ -184,7 +184,7 @@ def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
     return RecordedFlight(vehicles, TRUTH[0] in columns)
 
 
-class Gathering:
+class FlightBuilder:
     """Takes columns of `tables` as they pass, to make a flight of them: what isn't taken needn't be held at once."""
 
     def __init__(self, scenario: Scenario) -> None:

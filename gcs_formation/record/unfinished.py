@@ -19,7 +19,7 @@ from formation_scenario.slot_assignment import Arrangement, column_ids, first_ar
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership_and_succession import PARTED
 from gcs_formation.guidance.tracking import nearest, project
-from gcs_formation.mission.resumption import Known, Resumption
+from gcs_formation.mission.resumption import RecordedVehicle, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.json_shape import misfit
 from gcs_formation.record.run_directory import EVENTS, FLUSH_S, PORT, RECORDING, SCENARIO, SPOOL, SUMMARY, event_shape
@@ -112,7 +112,7 @@ def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
 def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:
     """Return where a flight stands of which no tick was recorded: the last second before the end isn't on the disk."""
     order = [identity for identity in column_ids(scenario) if identity is not None]
-    known = {identity: Known(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
+    known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
         raise RecordError(f"found no flight in {directory}: nobody had been heard; allowed: fly it from its start")
     arrangement = first_arrangement(scenario)
@@ -164,9 +164,9 @@ def _began(events: Events) -> Instant | None:
     return None if at_s is None else Instant(round(at_s * NANOSECONDS))
 
 
-def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Known:
+def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> RecordedVehicle:
     row = (last["network"] == identity.network) & (last["vehicle"] == identity.system)
-    return Known(
+    return RecordedVehicle(
         mode=_last(events, identity, "mode"),
         parted=(_last(events, identity, "member") or "").startswith(PARTED),
         flew=bool((last["airborne"][row] > 0).any()),

@@ -256,7 +256,7 @@ def _parsed(text: str, path: Path, line: int = 0) -> Any:  # noqa: ANN401 - what
 
 
 def _run_data(
-    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: RecordedFlight, missing: tuple[str, ...] = ()
+    scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: RecordedFlight, missing: tuple[str, ...]
 ) -> RunData:
     any_vehicle = next(iter(whole.vehicles.values()))
     mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]

@@ -32,8 +32,8 @@ OVER_S: Final = 2.0
 """What hasn't been held for so long isn't held any more: nobody is told of every tick at a limit."""
 
 
-class Held:
-    """Since when something was held last, by its key, of what is held: it is said once, until it is over."""
+class HeldEvents:
+    """Which setpoints are kept within a limit, by a key each, and when each was last: said once, until it is over."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
@@ -69,7 +69,7 @@ class FenceLimits:
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
         """-1, 1: to which side a column is being turned away."""
-        self._held = Held()
+        self._held = HeldEvents()
 
     def keep(self, tick: Tick) -> None:
         """Put setpoints inside in the place of a tick's that aren't."""
@@ -153,7 +153,7 @@ class HeightFloor:
         """The first column that is a vehicle."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
         """Where each looked around last, north and east, and the height that is clear of all ground there."""
-        self._held = Held()
+        self._held = HeldEvents()
 
     def keep(self, tick: Tick) -> None:
         """Put heights clear of the ground in the place of a tick's that aren't."""

@@ -47,7 +47,7 @@ class MinimumDistance(NamedTuple):
     """Timing uncertainty of both together, s: the faster they pass each other, the more distance it adds."""
 
     def times(self, share: float) -> MinimumDistance:
-        """Return a share of both."""
+        """Return a share of the distance and of the timing."""
         return MinimumDistance(share * self.distance_m, share * self.timing_s)
 
 

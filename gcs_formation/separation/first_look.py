@@ -20,7 +20,7 @@ SLOT_SHARE: Final = 0.8
 doesn't fight the formation."""
 
 
-class Kept:
+class KeptDistance:
     """The distance that two commanded vehicles keep: less where their slots are near each other."""
 
     __slots__ = ("each_m", "most_m", "rows")
@@ -39,7 +39,7 @@ class Kept:
         """The same, for the first look."""
 
 
-class Spot:
+class VehicleBounds:
     """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
 
     __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "place", "slot_m", "timing_s")
@@ -72,7 +72,7 @@ class FirstLook:
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
-        self._spots = [Spot(place, model) for place, model in enumerate(models)]
+        self._spots = [VehicleBounds(place, model) for place, model in enumerate(models)]
         self._order = list(self._spots)
         """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
         self._first_s, self._horizon_s = first_s, horizon_s
@@ -134,7 +134,7 @@ class FirstLook:
         self._fast_most_mps = max(self._fast_most_mps, spot.fast_mps)
         self._off_most_s = max(self._off_most_s, timing_s)
 
-    def all_apart(self, kept: Kept) -> bool:
+    def all_apart(self, kept: KeptDistance) -> bool:
         """Return whether all that were seen keep their distance: along one axis, those far apart need no look."""
         most_m = kept.most_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
         self._sort()
@@ -174,7 +174,7 @@ class FirstLook:
             order[to] = spot
 
 
-def _kept_m(kept: Kept, one: Spot, other: Spot) -> float:
+def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> float:
     """Return the distance that two keep; the most where the slot of one of them isn't known."""
     first, second = one.slot_m, other.slot_m
     forward_m, right_m, up_m = first[0] - second[0], first[1] - second[1], first[2] - second[2]

@@ -22,7 +22,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
-from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, Kept
+from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S, Unresponsive, Wandering
 
@@ -82,7 +82,7 @@ class ConflictResolver:
         """The list of a tick that tells nothing new."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
-        self._kept_in_slots = self._kept_moving = Kept(self._kept_from_others_m)
+        self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_from_others_m)
         self._apart_m: Array | None = None
         """The planned ways that `_kept_moving` is for."""
         self._identities = column_ids(scenario)
@@ -117,7 +117,7 @@ class ConflictResolver:
         self._replace(tick, picture.vehicles, resolution)
         self._note(tick, picture, resolution.conflicts)
 
-    def kept_on_the_way(self, apart_m: Array) -> Kept:
+    def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
         """Return what is kept while slots change: the limit and some room, and more where two's own ways leave that.
 
         Slots on their way are no reason to come nearer to anybody than what is safe.
@@ -126,10 +126,10 @@ class ConflictResolver:
             self._apart_m, limit_m = apart_m, self._limit_m
             least_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
             kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_from_others_m)
-            self._kept_moving = Kept(self._kept_from_others_m, kept_m, self._first)
+            self._kept_moving = KeptDistance(self._kept_from_others_m, kept_m, self._first)
         return self._kept_moving
 
-    def _nobody_near(self, tick: Tick, measured: Measured, kept: Kept) -> bool:
+    def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
         """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
         if not self._predicted or self._encounters or self._unresponsive.any or self._wandering.any_astray:
             return False
@@ -178,7 +178,7 @@ class ConflictResolver:
             counted.insert(0, tick.leader)
         return counted
 
-    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: Kept) -> TrafficPicture:
+    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: KeptDistance) -> TrafficPicture:
         """Return the traffic that the rule looks at.
 
         Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn

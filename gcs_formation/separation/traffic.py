@@ -13,7 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
-from gcs_formation.separation.first_look import SLOT_SHARE, Kept
+from gcs_formation.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
@@ -41,7 +41,7 @@ class TrafficPicture:
     commanded: Mask
     vehicles: Indices
     """(N,) whose columns they are: one that may be in two places has two, which don't keep apart."""
-    kept: Kept
+    kept: KeptDistance
     """Distance that two keep that are commanded, as far as their slots leave so much."""
     slots_m: Array
     """(3, N) their slots, from the leader; NaN where no other's is taken to be near."""

@@ -31,6 +31,8 @@ REFUSED_HEARTBEATS: Final = 2
 that a pilot has just taken refuses what was on its way."""
 SILENT_S: Final = 5.0
 """A setpoint isn't acknowledged when it has been told so long, again and again, without an answer."""
+GAP_S: Final = 0.5
+"""Acknowledgements of setpoints that come later than this may mean that setpoints didn't arrive."""
 REPEAT_S: Final = 1.0
 """After this long a setpoint is sent again, though nothing has changed."""
 QUICKEST: Final = 0.75
@@ -231,8 +233,11 @@ class EffectWatch:
 class SetpointChannel:
     """One of the setpoints of a vehicle that acknowledges them: what was sent last, and what has been acknowledged."""
 
-    def __init__(self, command: int) -> None:
-        """Start with nothing sent; `command`: the id of what carries the setpoint."""
+    def __init__(self, command: int, gap_s: float) -> None:
+        """Start with nothing sent; `command`: the id of what carries the setpoint.
+
+        Acknowledgements that come up to `gap_s` later than they can don't break their run.
+        """
         self.command = command
         self.result = m.MAV_RESULT_ACCEPTED
         """The MAV_RESULT of its last refusal."""
@@ -246,11 +251,7 @@ class SetpointChannel:
         self._since = NEVER
         self._waiting = NEVER
         """Since when an acknowledgement has been waited for."""
-        self._gap_s, self._round_trip_s = 0.0, 0.0
-
-    def allow(self, gap_s: float) -> None:
-        """Let acknowledgements that come up to this much later than they can not break their run."""
-        self._gap_s = gap_s
+        self._gap_s, self._round_trip_s = gap_s, 0.0
 
     def sent(self, command: CommandInt, at: Instant, round_trip_s: float) -> None:
         """Take what is sent at an instant, over a link that takes so long there and back."""

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from airlink import mavlink as m
-from airlink.messages import Message
+from airlink.messages import EKF_READY, Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
@@ -30,7 +30,7 @@ from gcs_formation.vehicle.autopilot_family import (
     STATION_SYSTEM,
     Autopilot,
     Command,
-    Known,
+    KnownSetpoints,
     StartUpStep,
 )
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
@@ -39,8 +39,6 @@ from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLe
 
 HEARTBEATS_S: Final = 3.0
 """A failsafe that waits less takes a few lost heartbeats for the end of the link."""
-EKF_READY: Final = 831
-"""Attitude, velocities and positions, relative and absolute: all that flying in GUIDED needs."""
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 STANDBY: Final = m.MAV_STATE_STANDBY
 
@@ -202,7 +200,7 @@ class ArduPlane(ArduPilot):
         """
         return tuple(self.news(setpoint, where, [None, None, None]))
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of no place
+    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of no place
         """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
         speed, heading, altitude = known
         speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m

@@ -25,6 +25,8 @@ STATION_SYSTEM: Final = 255
 """Our own system id."""
 AIRBORNE_M: Final = 10.0
 """Height above its home from which an armed vehicle flies, whatever it says."""
+NO_MODE: Final = -1
+"""A mode that no heartbeat shows, not even one that hasn't come."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
@@ -33,7 +35,7 @@ in four starts of a million."""
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words of texts that say so."""
 Command = CommandLong | CommandInt
-Known = list[CommandInt | None]
+KnownSetpoints = list[CommandInt | None]
 """What a vehicle has been told of airspeed, heading and height; None where it must be told again."""
 
 
@@ -79,10 +81,10 @@ class Autopilot(ABC):
     """Period of the autopilot's main loop, on which it answers, s."""
     take_off_m: ClassVar[float]
     """Height above home at which a take-off is complete, m."""
-    take_off_mode: ClassVar[int] = -1
-    """In which it takes off; -1: in the guided mode."""
-    taken_off_mode: ClassVar[int] = -1
-    """That follows its take-off by itself; -1: none."""
+    take_off_mode: ClassVar[int] = NO_MODE
+    """In which it takes off; `NO_MODE`: in the guided mode."""
+    taken_off_mode: ClassVar[int] = NO_MODE
+    """That follows its take-off by itself."""
     loiter_mode: ClassVar[int]
     home_mode: ClassVar[int]
     """In which its failsafe flies home."""
@@ -105,8 +107,8 @@ class Autopilot(ABC):
     """Whether each setpoint also commands the guided mode, and so undoes a pilot's choice of another."""
     acknowledges_early: ClassVar[bool] = False
     """Whether it acknowledges a change of mode before it has decided on it: heartbeats alone are to be believed."""
-    circling_mode: ClassVar[int] = -1
-    """In which it turns onto a circle, clockwise by default, as soon as it is told; -1: in none."""
+    circling_mode: ClassVar[int] = NO_MODE
+    """In which it turns onto a circle, clockwise by default, as soon as it is told."""
     stands_after_s: ClassVar[float] = math.inf
     """How long after the last setpoint it stands; infinite where it flies on, or leaves the mode by its failsafe."""
     returns_after_s: ClassVar[float] = 0.0
@@ -256,7 +258,7 @@ class Autopilot(ABC):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages that carry a setpoint, which acts when the vehicle is in that state."""
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: Known) -> list[Message]:  # noqa: ARG002 - of most
+    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of most
         """Return the messages of a setpoint that say more than what the vehicle knows; most must hear all of them."""
         return list(self.setpoint(setpoint, where))
 

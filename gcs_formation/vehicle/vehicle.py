@@ -18,12 +18,11 @@ from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
-from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import TURN_S, SourceBinding
-from gcs_formation.vehicle.acknowledgement import UNDER_WAY, CommandQueue, EffectWatch, Outcome, SetpointChannel
+from gcs_formation.vehicle.acknowledgement import GAP_S, UNDER_WAY, CommandQueue, EffectWatch, Outcome, SetpointChannel
 from gcs_formation.vehicle.autopilot_family import (
     AIRBORNE_M,
     STATION_SYSTEM,
@@ -66,22 +65,23 @@ class Vehicle:
         column: int,
         autopilot: Autopilot,
         connection: Connection,
-        origin: GeodeticOrigin,
         telemetry_rate_hz: float,
         *,
         by_utc: bool = False,
         airspeed_check: AirspeedCheck | None = None,
+        setpoint_gap_s: float = GAP_S,
     ) -> None:
         """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known.
 
         With an `airspeed_check`, a fixed wing's, its airspeeds are believed as far as that says so.
+        Acknowledgements of setpoints may come `setpoint_gap_s` late.
         """
         self.identity, self.column = identity, column
         """Who it is, and its place in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
         self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
         """Its autopilot's."""
-        self.telemetry = Telemetry(origin, autopilot.stands)
+        self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
         self.source_binding = SourceBinding(connection, self.clock)
@@ -98,7 +98,7 @@ class Vehicle:
         # The height is the one at which it was last told to loiter while the others fly on.
         self.member, self.holds_at_m, self.frames_out = Member.STARTING, math.nan, 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
-        channels = {command: SetpointChannel(command) for command in autopilot.setpoint_commands}
+        channels = {command: SetpointChannel(command, setpoint_gap_s) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
         self.restarts, self._flew_before = 0, False

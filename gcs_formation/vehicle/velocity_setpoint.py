@@ -138,7 +138,7 @@ def velocity_setpoint(
     setpoint: Setpoint,
     where: FlightState,
     lead: VelocityLead,
-    nose_rad: float = math.nan,
+    nose_rad: float,
 ) -> SetPositionTargetLocalNed:
     """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves.
 

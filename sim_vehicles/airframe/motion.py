@@ -1,4 +1,4 @@
-"""One vehicle's motion as telemetry reports it, the targets that its autopilot flies to, and how fixed wings take off.
+"""One vehicle's motion as telemetry reports it, its autopilot's targets, and how planes take off and land.
 
 Source of take-offs: ArduPlane 4.7's and PX4 1.17's simulated planes (docs/real-autopilots.md). One whose scenario names
 no aircraft rolls and climbs by equation (7) and its limits.
@@ -31,6 +31,12 @@ PX4S_SHARE: Final = 0.8
 """The same of a PX4's highest airspeed: 16 m/s, 2.4 s after arming."""
 PX4S_CLIMB_SHARE: Final = 0.9
 """Share of its highest airspeed at which a PX4 climbs with full throttle: 18 m/s."""
+LINED_UP_RAD: Final = math.radians(10.0)
+AT_HEIGHT_M: Final = 3.0
+LOOK_AHEAD_M: Final = 60.0
+"""Look-ahead distance along the approach line, from abreast of the vehicle."""
+BELOW_GROUND_M: Final = 3.0
+"""How far below the ground the glide slope is continued, because the height lags."""
 PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
@@ -181,6 +187,54 @@ class Steering:
         if abs(off_rad) < ON_CIRCLE_RAD:
             course_rad += tau_psi_s * state.airspeed_mps / self.radius_m
         return course_rad
+
+
+class Approach(NamedTuple):
+    """The final approach to home: the touch-down point, the direction, and the length and height at its start."""
+
+    north_m: float
+    east_m: float
+    direction_rad: float
+    length_m: float
+    height_m: float
+    lead_m: float
+    """Distance by which the height setpoint leads the glide slope, to make up for the height's lag."""
+
+    @property
+    def begin_m(self) -> tuple[float, float]:
+        """Where it begins, north and east."""
+        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
+        return self.north_m - self.length_m * cos, self.east_m - self.length_m * sin
+
+    def circle(self, radius_m: float) -> tuple[float, float]:
+        """Return the centre, north and east, m, of the circle tangent to the approach at its start.
+
+        `radius_m`: negative of an anticlockwise one.
+        """
+        north_m, east_m = self.begin_m
+        return north_m - radius_m * math.sin(self.direction_rad), east_m + radius_m * math.cos(self.direction_rad)
+
+    def begins(self, motion: Motion) -> bool:
+        """Return whether a vehicle on that circle is low enough and aligned with the approach."""
+        course_rad = math.atan2(motion.velocity_east_mps, motion.velocity_north_mps)
+        off_rad = math.remainder(course_rad - self.direction_rad, math.tau)
+        low = abs(motion.height_m - self.height_m) < AT_HEIGHT_M
+        return low and abs(off_rad) < LINED_UP_RAD and abs(self._aside_m(motion)) < LOOK_AHEAD_M
+
+    def guide(self, motion: Motion) -> tuple[float, float]:
+        """Return the course back to the approach line, rad, and the height of the glide slope, m."""
+        share = (self._to_go_m(motion) - self.lead_m) / self.length_m
+        course_rad = self.direction_rad - math.atan(self._aside_m(motion) / LOOK_AHEAD_M)
+        return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
+
+    def _to_go_m(self, motion: Motion) -> float:
+        north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m
+        return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
+
+    def _aside_m(self, motion: Motion) -> float:
+        """Return how far right of the line it is."""
+        north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
+        return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
 
 
 def lift_off_mps(model: VehicleModel) -> float:

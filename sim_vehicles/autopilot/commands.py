@@ -21,6 +21,7 @@ from sim_vehicles.autopilot.mission_items import from_message
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
 
 if TYPE_CHECKING:
+    from sim_vehicles.plane import Plane
     from sim_vehicles.vehicle import Vehicle
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
@@ -113,41 +114,41 @@ def _flag(value: float, flag: int) -> bool:
     return math.isfinite(value) and bool(int(value) & flag)
 
 
-def _change_speed(vehicle: Vehicle, given: GivenCommand) -> int:
+def _change_speed(vehicle: Plane, given: GivenCommand) -> int:
     kind, speed_mps, accel_mps2, _ = given.params
-    if vehicle.pilot.mode is not GUIDED:
+    if vehicle.flier.mode is not GUIDED:
         return FAILED
     if kind != AIRSPEED or not finite(speed_mps) or math.isnan(accel_mps2):
         return DENIED
     if not vehicle.parameters.is_airspeed(speed_mps):
         return FAILED
-    vehicle.pilot.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
+    vehicle.flier.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
     return ACCEPTED
 
 
-def _change_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
-    if vehicle.pilot.mode is not GUIDED:
+def _change_altitude(vehicle: Plane, given: GivenCommand) -> int:
+    if vehicle.flier.mode is not GUIDED:
         return FAILED
     height_m = height_of(vehicle, given.z, given.frame)
     if height_m is None or given.z in (0.0, -1.0):
         return DENIED
-    vehicle.pilot.guide_height(height_m)
+    vehicle.flier.guide_height(height_m)
     return ACCEPTED
 
 
-def _change_heading(vehicle: Vehicle, given: GivenCommand) -> int:
+def _change_heading(vehicle: Plane, given: GivenCommand) -> int:
     kind, degrees, lateral_mps2, _ = given.params
-    if vehicle.pilot.mode is not GUIDED:
+    if vehicle.flier.mode is not GUIDED:
         return FAILED
     if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
         return DENIED
     if kind == AGAIN:
-        vehicle.pilot.circle_again()
+        vehicle.flier.circle_again()
         return ACCEPTED
     course = kind == COURSE
     if not course and kind != HEADING:
         return DENIED
-    vehicle.pilot.steer(degrees * DEGREE, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    vehicle.flier.steer(degrees * DEGREE, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
     return ACCEPTED
 
 
@@ -184,13 +185,13 @@ def _arm_disarm(vehicle: Vehicle, given: GivenCommand) -> int:
     return ACCEPTED if granted else FAILED
 
 
-def _legacy_speed(vehicle: Vehicle, given: GivenCommand) -> int:
+def _legacy_speed(vehicle: Plane, given: GivenCommand) -> int:
     """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air.
 
     A throttle is accepted, and has no effect.
     """
     kind, speed_mps, throttle, _ = given.params
-    if vehicle.pilot.mode not in SPEED_MODES:
+    if vehicle.flier.mode not in SPEED_MODES:
         return FAILED
     if not math.isfinite(speed_mps):
         return DENIED
@@ -200,8 +201,8 @@ def _legacy_speed(vehicle: Vehicle, given: GivenCommand) -> int:
         speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
     elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
         return ACCEPTED if 0.0 < throttle <= MOST_PERCENT else FAILED
-    if not vehicle.pilot.guided_by_setpoints:
-        vehicle.pilot.change_speed(speed_mps, math.inf)
+    if not vehicle.flier.guided_by_setpoints:
+        vehicle.flier.change_speed(speed_mps, math.inf)
     return ACCEPTED
 
 
@@ -209,8 +210,7 @@ def _legacy_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
     height_m = height_of(vehicle, given.params[0], given.params[1])
     if height_m is None:
         return DENIED
-    if not vehicle.pilot.guided_by_setpoints:
-        vehicle.pilot.change_height(height_m)
+    vehicle.climb_to(height_m)
     return ACCEPTED
 
 
@@ -227,7 +227,7 @@ def reposition(vehicle: Vehicle, given: GivenCommand) -> int:
         return FAILED
     if _enter(vehicle, guided) != ACCEPTED:
         return FAILED
-    vehicle.pilot.ask_circle(given.params[2], given.params[3])
+    vehicle.ask_circle(given.params[2], given.params[3])
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
     return ACCEPTED
 
@@ -241,10 +241,10 @@ def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
     if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not vehicle.guided_mode):
         return m.MAV_MISSION_ERROR
     if item.current == PLACE_NOW:
-        vehicle.pilot.ask_circle(0.0, 0.0)
+        vehicle.ask_circle(0.0, 0.0)
         vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
-    elif not vehicle.pilot.guided_by_setpoints:
-        vehicle.pilot.change_height(height_m)
+    else:
+        vehicle.climb_to(height_m)
     return m.MAV_MISSION_ACCEPTED
 
 

@@ -63,8 +63,7 @@ class CopterPilot(Pilot):
         self.paused = False
         self.told_cmps: dict[str, float] = {}
         """Speeds that stand in for parameters."""
-        super().__init__(config, steering, parameters)
-        self.mode = CopterMode.STABILIZE
+        super().__init__(config, steering, parameters, CopterMode.STABILIZE)
 
     @property
     def under_way(self) -> bool:

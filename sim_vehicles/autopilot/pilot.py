@@ -1,4 +1,4 @@
-"""What an emulated fixed wing does in each of ArduPlane's modes. It writes the vehicle's `Steering`.
+"""What an emulated vehicle does in its modes, and a fixed wing in ArduPlane's. It writes the vehicle's `Steering`.
 
 Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, there is no flare.
 """
@@ -6,21 +6,16 @@ Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, there is no
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant
-from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Motion, Steering, lift_off_mps
+from sim_vehicles.airframe.motion import CIRCLE, COURSE, HEADING, Approach, Motion, Steering, lift_off_mps
 from sim_vehicles.autopilot.modes_and_failsafe import STRAIGHT_ON, TRANSITIONS, Condition, FlightMode, Mode, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 
-LINED_UP_RAD: Final = math.radians(10.0)
-AT_HEIGHT_M: Final = 3.0
-LOOK_AHEAD_M: Final = 60.0
-"""Look-ahead distance along the approach line, from abreast of the vehicle."""
-BELOW_GROUND_M: Final = 3.0
-"""How far below the ground the glide slope is continued, because the height lags."""
 TAKEOFF_DONE_M: Final = 2.0
 NO_WAY_M: Final = 1e-3
 """A way shorter than this has no direction."""
@@ -34,54 +29,6 @@ TIGHTEST_SHARE: Final = 1.05
 """Smallest radius of a circle, relative to that of the tightest turn."""
 
 
-class Approach(NamedTuple):
-    """The final approach to home: the touch-down point, the direction, and the length and height at its start."""
-
-    north_m: float
-    east_m: float
-    direction_rad: float
-    length_m: float
-    height_m: float
-    lead_m: float
-    """Distance by which the height setpoint leads the glide slope, to make up for the height's lag."""
-
-    @property
-    def begin_m(self) -> tuple[float, float]:
-        """Where it begins, north and east."""
-        cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
-        return self.north_m - self.length_m * cos, self.east_m - self.length_m * sin
-
-    def circle(self, radius_m: float) -> tuple[float, float]:
-        """Return the centre, north and east, m, of the circle tangent to the approach at its start.
-
-        `radius_m`: negative of an anticlockwise one.
-        """
-        north_m, east_m = self.begin_m
-        return north_m - radius_m * math.sin(self.direction_rad), east_m + radius_m * math.cos(self.direction_rad)
-
-    def begins(self, motion: Motion) -> bool:
-        """Return whether a vehicle on that circle is low enough and aligned with the approach."""
-        course_rad = math.atan2(motion.velocity_east_mps, motion.velocity_north_mps)
-        off_rad = math.remainder(course_rad - self.direction_rad, math.tau)
-        low = abs(motion.height_m - self.height_m) < AT_HEIGHT_M
-        return low and abs(off_rad) < LINED_UP_RAD and abs(self._aside_m(motion)) < LOOK_AHEAD_M
-
-    def guide(self, motion: Motion) -> tuple[float, float]:
-        """Return the course back to the approach line, rad, and the height of the glide slope, m."""
-        share = (self._to_go_m(motion) - self.lead_m) / self.length_m
-        course_rad = self.direction_rad - math.atan(self._aside_m(motion) / LOOK_AHEAD_M)
-        return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
-
-    def _to_go_m(self, motion: Motion) -> float:
-        north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m
-        return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
-
-    def _aside_m(self, motion: Motion) -> float:
-        """Return how far right of the line it is."""
-        north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
-        return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
-
-
 class Target(NamedTuple):
     """The place that is flown to or circled, and where the way there begins, north and east, m; None: it is circled."""
 
@@ -90,31 +37,19 @@ class Target(NamedTuple):
     begin_m: tuple[float, float] | None = None
 
 
-class Pilot:
+class Pilot(ABC):
     """One vehicle's condition and mode, and the resulting flight. The ground is level, at the origin's height."""
 
-    def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
-        """Start in the condition of booting."""
+    def __init__(
+        self, config: VehicleConfig, steering: Steering, parameters: ParameterServer, mode: FlightMode
+    ) -> None:
+        """Start in the condition of booting, in a mode."""
         self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
-        self.mode: FlightMode = Mode.INITIALISING
-        self.guided_by_setpoints = False
-        """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
-        other commands that change speed or height are ignored."""
+        self.mode = mode
         self.takeoff_m: float | None = None
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.silent_at: Instant = NEVER
         """When a setpoint that isn't repeated is over: never, of a plane's."""
-        self.target: Target | None = None
-        """Where it flies to, or circles, or did so last; None: nowhere yet."""
-        self.final: Approach | None = None
-        """The final approach of a mission's landing; None: it flies no such."""
-        self._asked_m = 0.0
-        """Radius that the present circle was asked for with, m; 0: WP_LOITER_RAD."""
-        self._guided_m = 0.0
-        """Radius that GUIDED was told since it was entered, m, 0 for WP_LOITER_RAD; and whether anticlockwise."""
-        self._guided_left = False
-        self.landing_rad: float | None = None
-        """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
         self._config = config
         self._steering = steering
         self._parameters = parameters
@@ -127,13 +62,85 @@ class Pilot:
 
     @property
     def booting(self) -> bool:
-        """Whether it isn't up yet."""
+        """Whether its autopilot is still booting."""
         return self.condition is BOOTING or self.condition is BOOTING_IN_AIR
 
     @property
     def crashed(self) -> bool:
         """Whether it lies on the ground for good."""
         return self.condition is CRASHED
+
+    @property
+    @abstractmethod
+    def under_way(self) -> bool:
+        """Whether `progress` is due in each cycle."""
+
+    @property
+    @abstractmethod
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE."""
+
+    @abstractmethod
+    def arm(self, motion: Motion) -> bool:
+        """Arm, and start what the mode does; return whether arming was allowed."""
+
+    @abstractmethod
+    def enter(self, mode: FlightMode, motion: Motion) -> None:
+        """Change the mode; setpoints of the previous one are dropped."""
+
+    @abstractmethod
+    def fly_straight(self, motion: Motion) -> None:
+        """Do what it does without setpoints: fly straight on, or stand."""
+
+    @abstractmethod
+    def progress(self, motion: Motion) -> bool:
+        """Go on with what it does; return whether the vehicle has just left or touched the ground."""
+
+    def restart(self, mode: FlightMode) -> None:
+        """Begin anew in a mode: its autopilot has restarted."""
+        self.mode = mode
+
+    def to_go(self, motion: Motion) -> tuple[float, float, float]:
+        """Return its target's bearing, rad, and distance, m, and how far left of the way, or off the circle, it is."""
+        return motion.heading_setpoint_rad, 0.0, 0.0
+
+    def request(self, request: Request) -> bool:
+        """Make the transition that the table of conditions allows; return whether there is one."""
+        following = TRANSITIONS.get((self.condition, request))
+        if following is None:
+            return False
+        self.condition = following
+        self._tell_condition()
+        return True
+
+    def _tell_condition(self) -> None:
+        steering, rises = self._steering, self.takeoff_m is not None
+        rolls = self.condition is Condition.ARMED and rises
+        steering.stopped = not (self.airborne or rolls)
+        steering.airborne = self.airborne
+        steering.takes_off = rolls or (steering.takes_off and self.airborne and rises)
+
+
+class PlanePilot(Pilot):
+    """What flies a fixed wing in ArduPlane's modes."""
+
+    def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
+        """Start in the condition of booting."""
+        super().__init__(config, steering, parameters, Mode.INITIALISING)
+        self.guided_by_setpoints = False
+        """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
+        other commands that change speed or height are ignored."""
+        self.target: Target | None = None
+        """Where it flies to, or circles, or did so last; None: nowhere yet."""
+        self.final: Approach | None = None
+        """The final approach of a mission's landing; None: it flies no such."""
+        self._asked_m = 0.0
+        """Radius that the present circle was asked for with, m; 0: WP_LOITER_RAD."""
+        self._guided_m = 0.0
+        """Radius that GUIDED was told since it was entered, m, 0 for WP_LOITER_RAD; and whether anticlockwise."""
+        self._guided_left = False
+        self.landing_rad: float | None = None
+        """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
 
     @property
     def under_way(self) -> bool:
@@ -155,14 +162,10 @@ class Pilot:
         """Whether it is in AUTOLAND, or lands by a mission, and hasn't touched down."""
         return self.airborne and (self.mode is AUTOLAND or self.final is not None)
 
-    def request(self, request: Request) -> bool:
-        """Make the transition that the table of conditions allows; return whether there is one."""
-        following = TRANSITIONS.get((self.condition, request))
-        if following is None:
-            return False
-        self.condition = following
-        self._tell_condition()
-        return True
+    def restart(self, mode: FlightMode) -> None:
+        """Begin anew in a mode, and forget the heading of the take-off."""
+        super().restart(mode)
+        self.landing_rad = None
 
     def arm(self, motion: Motion) -> bool:
         """Arm, and start what the mode does; return whether arming was allowed."""
@@ -201,7 +204,7 @@ class Pilot:
         """
         target = self.target
         if target is None:
-            return motion.heading_setpoint_rad, 0.0, 0.0
+            return super().to_go(motion)
         north_m, east_m = target.north_m - motion.north_m, target.east_m - motion.east_m
         distance_m, bearing_rad = math.hypot(north_m, east_m), math.atan2(east_m, north_m)
         if target.begin_m is None:
@@ -332,10 +335,3 @@ class Pilot:
         tightest_m = self._steering.speed_mps / self._config.model.turn_rate_max_rps
         asked_m = self._asked_m or self._parameters["WP_LOITER_RAD"]
         return math.copysign(max(abs(asked_m), TIGHTEST_SHARE * tightest_m), asked_m)
-
-    def _tell_condition(self) -> None:
-        steering, rises = self._steering, self.takeoff_m is not None
-        rolls = self.condition is Condition.ARMED and rises
-        steering.stopped = not (self.airborne or rolls)
-        steering.airborne = self.airborne
-        steering.takes_off = rolls or (steering.takes_off and self.airborne and rises)

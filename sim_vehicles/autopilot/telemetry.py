@@ -11,7 +11,7 @@ from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant
-from airlink.messages import Message
+from airlink.messages import EKF_READY, Message
 from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
 from airlink.messages.telemetry import (
     Attitude,
@@ -46,7 +46,6 @@ SENSORS: Final = (
     | m.MAV_SYS_STATUS_AHRS
     | m.MAV_SYS_STATUS_SENSOR_BATTERY
 )
-EKF_READY: Final = 831
 EKF_STARTING: Final = 1024
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50

@@ -14,7 +14,7 @@ from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fault, FaultKind
 from gcs_formation.app.link_injection import impair
-from gcs_formation.mission.starting import CARELESS, Caution
+from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config
@@ -142,7 +142,7 @@ class World:
     def __init__(
         self,
         between: type[Between] = Between,
-        caution: Caution = CARELESS,
+        caution: PreFlightOptions = UNCHECKED,
         notes: Callable[[Scenario], Notes] = lambda _: Notes(),
         **keys: Any,
     ) -> None:

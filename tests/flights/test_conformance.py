@@ -303,7 +303,7 @@ def judged(
     planned, history, estimator = load_scenario(scenario(), overrides), SetpointHistory(10.0), SimpleNamespace()
     controller: Any = SimpleNamespace(history=history, estimator=estimator)
     origin, notes = planned.origin.geodetic, Noted()
-    plane = Vehicle(VehicleId(1, 2), 1, ArduPlane(2, origin, 0.25), Connection(0), origin, 10.0)
+    plane = Vehicle(VehicleId(1, 2), 1, ArduPlane(2, origin, 0.25), Connection(0), 10.0)
     monitor = ConformanceMonitor(planned, controller, {plane.identity: plane}, notes)
     commanded: Any = SimpleNamespace(active=[False, True, False])
     for tick in range(400):

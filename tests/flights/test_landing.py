@@ -81,7 +81,7 @@ def test_none_lands_while_one_that_restarted_as_it_landed_is_still_low() -> None
 def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:
     """Return a vehicle that took off from a place on the ground, and circles over it."""
     connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
-    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
+    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, 10.0)
     for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
         tell(vehicle, north_m, east_m, up_m, armed=armed, course_rad=course_rad)
     vehicle.commands.begin((), NOW)

@@ -17,14 +17,14 @@ from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.operator import question
 from gcs_formation.app.run import rehearsal_text, rehearsed
-from gcs_formation.mission.starting import Caution
+from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 
 GROUND: dict[str, Any] = {"start": {"in_air": False}, "vehicles": {"count": 2}, "formation": {"shape": "follower"}}
-READ = Caution(parameters=True)
+READ = PreFlightOptions(parameters=True)
 TIMESYNC = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 UTC_S = 1_800_000_000
 
@@ -121,7 +121,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
 @pytest.mark.parametrize("in_air", [False, True])
 def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
     keys: Any = GROUND | {"start": {"in_air": in_air}}
-    world = World(Listening, Caution(parameters=True, confirm=True), **keys)
+    world = World(Listening, PreFlightOptions(parameters=True, confirm=True), **keys)
     world.run(20.0 if in_air else 95.0)  # longer than the step that is waited for may take
     assert world.station.preflight.awaits_word
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
@@ -134,7 +134,7 @@ def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
 
 
 def test_stopped_while_the_word_is_awaited_everybody_is_left_as_found() -> None:
-    world = World(Listening, Caution(confirm=True), vehicles={"count": 2})
+    world = World(Listening, PreFlightOptions(confirm=True), vehicles={"count": 2})
     world.vehicle(1).enter(Mode.MANUAL)
     world.run(3.0)
     world.station.course.stop(world.clock.now())
@@ -145,7 +145,7 @@ def test_stopped_while_the_word_is_awaited_everybody_is_left_as_found() -> None:
 
 
 def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() -> None:
-    world = World(Listening, Caution(parameters=True, rehearse=True), **GROUND)
+    world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), **GROUND)
     world.run(60.0)
     assert world.station.flight.phase is Phase.DONE
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
@@ -168,7 +168,7 @@ def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() 
 @pytest.mark.parametrize("confirm", [False, True])
 def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
     """The last one has no position: it's waited for, and then the run ends with all on the ground."""
-    world = World(WithoutPosition, Caution(parameters=True, confirm=confirm), **GROUND)
+    world = World(WithoutPosition, PreFlightOptions(parameters=True, confirm=confirm), **GROUND)
     world.run(60.0)
     assert world.station.flight.phase is Phase.FAILED
     assert world.station.course.failure
@@ -179,7 +179,7 @@ def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
 
 
 @pytest.mark.parametrize("in_air", [False, True])
-@pytest.mark.parametrize("caution", [READ, Caution(parameters=True, rehearse=True)])
+@pytest.mark.parametrize("caution", [READ, PreFlightOptions(parameters=True, rehearse=True)])
 @pytest.mark.parametrize(
     ("between", "why"),
     [
@@ -193,7 +193,7 @@ def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
     ids=["none", "of another epoch"],
 )
 def test_one_whose_clock_is_not_known_is_not_ready_and_nobody_is_commanded(
-    between: type[Listening], why: str, caution: Caution, in_air: bool
+    between: type[Listening], why: str, caution: PreFlightOptions, in_air: bool
 ) -> None:
     """It would be armed and take off, and never get a setpoint: nothing that it tells becomes a state of now."""
     keys: Any = GROUND | {"start": {"in_air": in_air}}
@@ -209,9 +209,11 @@ def test_one_whose_clock_is_not_known_is_not_ready_and_nobody_is_commanded(
     assert world.times_s("member", 2) == world.times_s("duplicate") == []
 
 
-@pytest.mark.parametrize("caution", [Caution(parameters=True, rehearse=True), Caution(parameters=True, confirm=True)])
+@pytest.mark.parametrize(
+    "caution", [PreFlightOptions(parameters=True, rehearse=True), PreFlightOptions(parameters=True, confirm=True)]
+)
 def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_nor_before_the_word(
-    caution: Caution,
+    caution: PreFlightOptions,
 ) -> None:
     world = World(Listening, caution, vehicles={"count": 2})
     for vehicle in world.fleet.vehicles:
@@ -227,7 +229,7 @@ def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_no
 
 def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
     """Its phase is over by then, which no time series has."""
-    world = World(Listening, Caution(parameters=True, rehearse=True), vehicles={"count": 2})
+    world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), vehicles={"count": 2})
     world.run(20.0)
     assert world.station.flight.phase is Phase.DONE
     assert {tick.phase for tick in world.notes.ticks} == {"connecting"}

@@ -11,9 +11,13 @@ import pytest
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check import check_report
-from gcs_formation.app.check_gusts import errors, gust_errors_m
-from gcs_formation.app.check_law import of_different_instants, slow_answer
-from gcs_formation.app.loop_waits import configured_loop_delay_s
+from gcs_formation.app.check_law import (
+    configured_loop_delay_s,
+    gust_errors,
+    gust_errors_m,
+    of_different_instants,
+    slow_answer,
+)
 
 PATH = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100], [4200, 0, 100]]}
 
@@ -111,7 +115,7 @@ def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps:
     law = {"type": "pid", "gains": "noise", "delay_compensation": False}
     keys = {"disturbances": [gust], "law": law, "telemetry": {"rate_hz": 2}, "links": {"default": {"delay_ms": 150}}}
     scenario = planned(count=3, **keys, path=PATH | {"speed_mps": 25})
-    said = list(errors(scenario))
+    said = list(gust_errors(scenario))
     assert bool(said) == told
     if told:
         assert said[0] in check_report(scenario)["warnings"]

@@ -11,10 +11,9 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
-from gcs_formation.control.laws import FormationLaw
+from gcs_formation.control.laws import FormationLaw, VelocityController
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.control.situation import Situation
-from gcs_formation.control.velocity_law import VelocityController
 from tests.gcs_formation import tables
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,

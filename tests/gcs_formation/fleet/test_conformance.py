@@ -83,7 +83,7 @@ class Ground:
 
 
 def vehicle(number: int) -> Vehicle:
-    made = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), Connection(0), 10.0)
     made.member, made.round_trips._answered = Member.FLYING, START
     return made
 

@@ -85,7 +85,6 @@ def vehicle(identity: VehicleId) -> Vehicle:
         (LEADER, FOLLOWER).index(identity),
         ArduPlane(identity.system, ORIGIN, 0.25),
         Connection(0),
-        ORIGIN,
         10.0,
     )
     made.start_up = StartUp((), index=0)

@@ -8,7 +8,7 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.estimation.noise_and_plausibility import VehicleNoise
-from gcs_formation.fleet.margin_watch import TelemetryWatch
+from gcs_formation.fleet.telemetry_watch import TelemetryWatch
 from tests.gcs_formation.noted import Noted
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]

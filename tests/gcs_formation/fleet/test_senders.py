@@ -15,7 +15,7 @@ from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.fleet.senders import Senders
+from gcs_formation.fleet.routing import Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
@@ -36,7 +36,7 @@ class Ground:
     def __init__(self, phase: Phase) -> None:
         plane = ArduPlane(2, ORIGIN, 0.25)
         self.vehicles = {
-            identity: Vehicle(identity, socket, plane, Connection(socket), ORIGIN, 10.0)
+            identity: Vehicle(identity, socket, plane, Connection(socket), 10.0)
             for socket, identity in enumerate((FIRST, SECOND))
         }
         self.notes, self.given_up = Noted(), GivenUp()

@@ -2,14 +2,14 @@
 
 import pytest
 
-from gcs_formation.fleet.membership_and_succession import Sight, following
+from gcs_formation.fleet.membership_and_succession import MembershipInputs, following
 from gcs_formation.vehicle.vehicle import Member
 
-GUIDED = Sight(started=True, guided=True, loiters=False, fresh=True)
-LOITERS = Sight(started=True, guided=False, loiters=True, fresh=True)
-ELSEWHERE = Sight(started=True, guided=False, loiters=False, fresh=True)
-SILENT = Sight(started=True, guided=True, loiters=False, fresh=False)
-STARTS_ANEW = Sight(started=False, guided=True, loiters=True, fresh=True)
+GUIDED = MembershipInputs(started=True, guided=True, loiters=False, fresh=True)
+LOITERS = MembershipInputs(started=True, guided=False, loiters=True, fresh=True)
+ELSEWHERE = MembershipInputs(started=True, guided=False, loiters=False, fresh=True)
+SILENT = MembershipInputs(started=True, guided=True, loiters=False, fresh=False)
+STARTS_ANEW = MembershipInputs(started=False, guided=True, loiters=True, fresh=True)
 
 
 @pytest.mark.parametrize("member", list(Member))

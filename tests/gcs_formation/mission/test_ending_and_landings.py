@@ -40,7 +40,7 @@ def place() -> Place:
 
     def placed(number: int, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> Vehicle:
         connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
-        vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, ORIGIN, 10.0)
+        vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, 10.0)
         tell(vehicle, mode, height_m, armed=armed, status=status)
         return vehicle
 

@@ -10,7 +10,7 @@ import pytest
 from airlink.clock import Instant
 from formation_scenario import load_scenario
 from formation_scenario.slot_assignment import first_arrangement
-from gcs_formation.mission.resumption import Known, Resumption, why_left
+from gcs_formation.mission.resumption import RecordedVehicle, Resumption, why_left
 from tests.flights.conftest import scenario
 
 
@@ -35,8 +35,8 @@ def found(mode: str, *, airborne: bool = True) -> dict[str, Any]:
     return {"mode": mode, "airborne": airborne, "guided": guided, "homeward": mode == "RTL"}
 
 
-GUIDED, LOITER = Known("GUIDED", parted=False, flew=True), Known("LOITER", parted=False, flew=True)
-PILOTS = Known("LOITER", parted=True, flew=True)
+GUIDED, LOITER = RecordedVehicle("GUIDED", parted=False, flew=True), RecordedVehicle("LOITER", parted=False, flew=True)
+PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
 
 
 @pytest.mark.parametrize(
@@ -52,9 +52,9 @@ PILOTS = Known("LOITER", parted=True, flew=True)
         (PILOTS, found("LOITER"), resumed(), "in LOITER, its pilot's or its failsafe's already before"),
         (PILOTS, found("RTL"), resumed(retake=True), "in RTL, its pilot's or its failsafe's already before"),
         (PILOTS, found("GUIDED"), resumed(), None),  # given back
-        (Known("TAKEOFF", parted=False, flew=True), found("TAKEOFF"), resumed(), None),
+        (RecordedVehicle("TAKEOFF", parted=False, flew=True), found("TAKEOFF"), resumed(), None),
         (
-            Known(None, parted=False, flew=False),
+            RecordedVehicle(None, parted=False, flew=False),
             found("MANUAL"),
             resumed(),
             "in MANUAL, and the flight had left it in an",
@@ -64,7 +64,7 @@ PILOTS = Known("LOITER", parted=True, flew=True)
     ],
 )
 def test_only_who_flies_as_the_flight_had_left_it_is_taken(
-    known: Known, now: dict[str, Any], flight: Resumption, left: str | None
+    known: RecordedVehicle, now: dict[str, Any], flight: Resumption, left: str | None
 ) -> None:
     reason = why_left(known, flight, **now)
     assert (reason is None) == (left is None)

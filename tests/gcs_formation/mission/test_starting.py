@@ -59,7 +59,7 @@ class Ground:
 
     def _vehicle(self, number: int) -> Vehicle:
         plane = ArduPlane(number, ORIGIN, 0.25)
-        made = Vehicle(VehicleId(1, number), number - 1, plane, Connection(number - 1), ORIGIN, 10.0)
+        made = Vehicle(VehicleId(1, number), number - 1, plane, Connection(number - 1), 10.0)
         made.start_up = StartUp((self.step,))
         return made
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from airlink.endpoint import VehicleId
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
-from gcs_formation.mission.vertical_separation import Flier, Stack
+from gcs_formation.mission.vertical_separation import FlyingVehicle, Stack
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 GAP_M = 10.0
@@ -21,15 +21,15 @@ def at(height_m: float, north_m: float = 0.0) -> ReportedMotion:
     return ReportedMotion(0.0, north_m, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
 
 
-def obeys(height_m: float, commanded_m: float = 100.0, north_m: float = 0.0) -> Flier:
-    return Flier(at(height_m, north_m), commanded_m, steered=True)
+def obeys(height_m: float, commanded_m: float = 100.0, north_m: float = 0.0) -> FlyingVehicle:
+    return FlyingVehicle(at(height_m, north_m), commanded_m, steered=True)
 
 
-def deaf(height_m: float, commanded_m: float) -> Flier:
-    return Flier(at(height_m), commanded_m, (min(height_m, commanded_m), max(height_m, commanded_m)))
+def deaf(height_m: float, commanded_m: float) -> FlyingVehicle:
+    return FlyingVehicle(at(height_m), commanded_m, (min(height_m, commanded_m), max(height_m, commanded_m)))
 
 
-def named(*fliers: Flier) -> dict[VehicleId, Flier]:
+def named(*fliers: FlyingVehicle) -> dict[VehicleId, FlyingVehicle]:
     return {VehicleId(1, number): flier for number, flier in enumerate(fliers, 1)}
 
 
@@ -107,7 +107,7 @@ def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
         "nobody can be moved",
     ],
 )
-def test_they_may_circle_once_it_no_longer_matters_who_hears(fliers: tuple[Flier, ...], apart: bool) -> None:
+def test_they_may_circle_once_it_no_longer_matters_who_hears(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
     stack = Stack(GAP_M)
     stack.take(named(*fliers))
     assert stack.apart(named(*fliers)) is apart

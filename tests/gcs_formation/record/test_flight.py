@@ -7,7 +7,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
-from gcs_formation.record.flight import SCORED, Gathering, split, tables
+from gcs_formation.record.flight import SCORED, FlightBuilder, split, tables
 from gcs_formation.record.timeseries import MEASURED, PHASES
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
@@ -148,7 +148,7 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     rng = np.random.default_rng(ticks)
     injected = {each: rng.random((TIME_S.size, 2)) for each in (LEADER, FOLLOWER, THIRD)}
     blocks = [{name: each[at : at + 3 * ticks] for name, each in rows.items()} for at in range(0, 303, 3 * ticks)]
-    gathering = Gathering(SCENARIO)
+    gathering = FlightBuilder(SCENARIO)
     passed = list(gathering.passing(tables(blocks, SCENARIO, lambda *_: true, injected)))
     assert [len(each["t_s"]) for each in passed[:-1]] == [ticks] * (len(blocks) - 1)
     whole = split(next(tables([rows], SCENARIO, lambda *_: true, injected)), SCENARIO)

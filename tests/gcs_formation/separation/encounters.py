@@ -15,7 +15,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.separation.approach import Traffic, sample_times
 from gcs_formation.separation.evasive_manoeuvre import resolve
-from gcs_formation.separation.first_look import Kept
+from gcs_formation.separation.first_look import KeptDistance
 from gcs_formation.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 
@@ -92,7 +92,7 @@ def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s
         setpoints=Setpoints(*np.where(ours, setpoints.table, np.nan)),
         commanded=ours,
         vehicles=np.arange(count),
-        kept=Kept(KEPT_M),
+        kept=KeptDistance(KEPT_M),
         slots_m=100.0 * np.arange(count) * np.ones((3, 1)),
         kept_from_others_m=KEPT_M,
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),

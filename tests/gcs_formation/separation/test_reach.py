@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
-from gcs_formation.separation.first_look import FirstLook, Kept
+from gcs_formation.separation.first_look import FirstLook, KeptDistance
 from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
@@ -48,7 +48,7 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hover
     made = picture(vehicles, winds, setpoints)
     slots_m, each_m = random.uniform(-15, 15, (3, count)), random.uniform(0, 2 * KEPT_M, (count, count))
     slots_m[:, random.random(count) < 0.2] = np.nan
-    kept = Kept(KEPT_M, np.minimum(each_m, each_m.T) if random.random() < 0.5 else None)
+    kept = KeptDistance(KEPT_M, np.minimum(each_m, each_m.T) if random.random() < 0.5 else None)
     made = replace(made, slots_m=slots_m, kept=kept)
     return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers))
 

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import pytest
 
 from airlink import mavlink as m
+from airlink.messages import EKF_READY
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.ardupilot import EKF_READY, ArduPlane
+from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 20.0)

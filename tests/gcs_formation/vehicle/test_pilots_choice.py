@@ -34,7 +34,7 @@ class Flight:
 
     def __init__(self) -> None:
         identity = VehicleId(1, 1)
-        self.plane = Vehicle(identity, 0, Px4Plane(1, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+        self.plane = Vehicle(identity, 0, Px4Plane(1, ORIGIN, 0.25), Connection(0), 10.0)
         self.plane.start_up = StartUp(())
         self.plane.start_up.index, self.plane.member = 1, Member.FLYING
         keys = scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid"})

@@ -38,7 +38,7 @@ def hand_over(vehicle: Vehicle, telemetry: Telemetry) -> None:
 @pytest.fixture
 def vehicle(tell, telemetry) -> Vehicle:
     """A vehicle whose clock is 50 s ahead of ours, and that has told everything but an attitude of now."""
-    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), 10.0)
     tell(0, armed=True, above_home_m=100.0)
     hand_over(made, telemetry)
     made.clock.observe(NOW, round(STAMP_S * NANOSECONDS), NOW)
@@ -142,7 +142,7 @@ def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> No
 
 
 def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
-    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), 10.0)
     tell(0, armed=True, above_home_m=100.0)
     hand_over(made, telemetry)
     assert made.sampler.new(NOW, flew=made.flew) is None

@@ -32,7 +32,7 @@ class Told:
     """A vehicle that is given a setpoint every 0.1 s and acknowledges what is sent."""
 
     def __init__(self, kind: type[Autopilot] = ArduPlane) -> None:
-        self.vehicle = Vehicle(VehicleId(1, 2), 0, kind(2, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+        self.vehicle = Vehicle(VehicleId(1, 2), 0, kind(2, ORIGIN, 0.25), Connection(0), 10.0)
         self.now, self._number = START, 0
 
     def tick(self, setpoint: Setpoint = STEADY, *, answers: bool = True, later_s: float = 0.1) -> list[int]:
@@ -160,6 +160,6 @@ def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
 def test_families_that_must_hear_setpoints_get_each():
     told = Told(Px4Plane)
     assert len(told.tick()) == len(told.tick()) == 1
-    copter = Vehicle(VehicleId(1, 2), 0, ArduCopter(2, ORIGIN, 0.25), Connection(0), ORIGIN, 10.0)
+    copter = Vehicle(VehicleId(1, 2), 0, ArduCopter(2, ORIGIN, 0.25), Connection(0), 10.0)
     messages = copter.autopilot.setpoint(STEADY, SOMEWHERE)
     assert all(copter.new_setpoints(STEADY, SOMEWHERE, START) == [*messages] for _ in range(2))

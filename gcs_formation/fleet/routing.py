@@ -1,9 +1,13 @@
-"""What is sent to whom and when: heartbeats, mission time and delay probes; setpoints that act at the same time."""
+"""Who sent what came: one of our vehicles, a stranger, or our own echo; and what is sent to whom and when.
+
+Which of two remotes with a vehicle's system id is that vehicle is decided by `link.source_binding`. Heartbeats, mission
+time and delay probes are sent at times of their own, setpoints so that they act at the same time.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from typing import Final
 
 from librt.vecs import vec
@@ -12,14 +16,82 @@ from mypy_extensions import i64
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.engine import DelayQueue
+from airlink.engine import Datagram, DelayQueue
+from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.recorder import Note, Tick, VehicleLink
+from gcs_formation.phases import Flight, Phase
+from gcs_formation.recorder import GiveUp, Note, Tick, VehicleLink
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
 from gcs_formation.vehicle.vehicle import Member, Vehicle
+
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
+SYSTEMS: Final = 256
+EVERYONE = 0
+"""MAVLink's broadcast id, which no sender may have."""
+
+
+class Senders:
+    """Finds the vehicle that sent a frame; reports each other sender on the network once."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        networks: tuple[int, ...],
+        flight: Flight,
+        note: Note,
+        give_up: GiveUp,
+    ) -> None:
+        """Know `vehicles`; `networks[s]` is the network of socket s."""
+        self._networks = networks
+        self._vehicles: list[list[Vehicle | None]] = [[None] * SYSTEMS for _ in networks]
+        """By socket and system id."""
+        for identity, vehicle in vehicles.items():
+            for socket, network in enumerate(networks):
+                if network == identity.network:
+                    self._vehicles[socket][identity.system] = vehicle
+        self._flight = flight
+        self._note = note
+        self._give_up = give_up
+        self._strangers: set[VehicleId] = set()
+
+    def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
+        """Return the vehicle whose autopilot sent a frame, None if another sender did."""
+        socket, message = datagram.socket, frame.message
+        vehicle = self._vehicles[socket][frame.system]
+        if vehicle is None:
+            self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
+            return None
+        if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
+            return None  # that of a device that isn't an autopilot, such as a companion computer
+        admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
+        if finding is not None:
+            self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
+        return vehicle if admitted else None
+
+    def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
+        self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
+        if admitted:
+            vehicle.sequence.restart()
+        elif self._flight.phase is Phase.CONNECTING:
+            self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
+
+    def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
+        if not isinstance(frame.message, Heartbeat) or identity in self._strangers:
+            return
+        self._strangers.add(identity)
+        details = {"peer": str(datagram.peer)}
+        if identity.system == STATION_SYSTEM:
+            text = f"system {identity} is our own id: another ground station has it, or our own frames come back"
+            self._note(now, "own_id", text, None, details)
+        else:
+            why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
+            self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+
 
 HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are held back."""
@@ -49,9 +121,9 @@ class Dispatch:
         self._guided = [False] * self._count
         """Which columns got a setpoint at this tick, (C,)."""
         self._without: list[Instant | None] = [None] * self._count
+        """Since when there has been no setpoint for a column that should get some."""
         self._last_due = vec[i64]([0] * self._count)
         """Until when each column's newest setpoint is held back."""
-        """Since when there has been no setpoint for a column that should get some."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
         """Return the present link to every column, and how long the setpoints of column `leader` are held back, s.
@@ -79,14 +151,6 @@ class Dispatch:
         hold_s = self._hold_s(leader, links)
         links[leader].lag_s += hold_s
         return links, hold_s
-
-    def look_on(self, tick: Tick, now: Instant) -> None:
-        """Fill in a blank tick at which nobody is commanded: where everyone is by its newest position, and its age."""
-        tick.active = [False] * len(tick.active)
-        for vehicle in self._vehicles:
-            found = vehicle.sampler.carried_on(now)
-            if found is not None:
-                tick.state[vehicle.column], tick.age_s[vehicle.column] = found
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""

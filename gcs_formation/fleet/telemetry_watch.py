@@ -1,0 +1,338 @@
+"""What vehicles tell, watched in flight: whether messages still come as asked for, noise, airspeeds, and UTC.
+
+Another ground station may have set its own rates (REQUEST_DATA_STREAM), or switched messages off
+(MAV_CMD_SET_MESSAGE_INTERVAL): a vehicle has one set of intervals for everybody on a link. All vehicles' stamps are
+mapped to one clock by their UTC, once that agrees with causality and with the other vehicles'.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Final, NamedTuple
+
+from librt.vecs import vec
+from mypy_extensions import i64, mypyc_attr
+
+from airlink import mavlink as m
+from airlink.clock import Instant, after, seconds_between
+from airlink.endpoint import VehicleId
+from airlink.messages import KINDS
+from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleNoise
+from gcs_formation.link.link_health import LinkState
+from gcs_formation.recorder import Detail, Note
+from gcs_formation.vehicle.acknowledgement import Outcome
+from gcs_formation.vehicle.vehicle import Member, Vehicle
+
+NOISE_OFF: Final = 1.8
+"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
+NOISE_BACK: Final = 1.4
+"""Ratio below which it is again."""
+UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
+BELIEVED_AGAIN: Final = "what it measures is believed again"
+LOOK_S: Final = 0.5
+FEWEST: Final = 16
+"""Messages expected within the time over which they are counted, 2 s or more."""
+WINDOW_S: Final = 2.0
+LEAST_SHARE: Final = 0.5
+SIGMAS: Final = 4.0
+"""Standard deviations of a binomial distribution beyond which the link's loss doesn't explain missing messages."""
+ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
+"""Interval between requests, doubled after each that changes nothing, up to the second value."""
+
+
+@mypyc_attr(acyclic=True)
+class MessageCounts:
+    """Counts of what a vehicle has sent up to an instant."""
+
+    def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
+        """Take the time during which it was heard at all, the frames, and the count of each requested message."""
+        self.heard_s = heard_s
+        self.received: i64 = received
+        self.lost: i64 = lost
+        self.messages = messages
+
+
+class RequestedMessages:
+    """The messages requested from one vehicle, and what has arrived."""
+
+    def __init__(self, rates_hz: Mapping[int, float]) -> None:
+        """Keep counts for as long as the slowest message needs."""
+        self.rates_hz = dict(rates_hz)
+        self.missing: tuple[int, ...] = ()
+        self.refused = False
+        self.next_request = self.last_look = Instant(0)
+        self.wait_s = ASK_AGAIN_S
+        self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
+        spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self._rates]
+        self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
+        self._spans, self._most = vec[i64](spans), 1 + max(spans)
+        self._places = vec[i64]([KINDS[each].place for each in self._ids])
+        self.looks = list[MessageCounts]()
+        """The last ones, as many as the slowest message needs."""
+
+    def look(self, vehicle: Vehicle, now: Instant) -> None:
+        """Record the counts; time in which nothing arrives isn't counted against a single message."""
+        sequence, messages_in, messages = vehicle.sequence, vehicle.messages_in, vec[i64]([0] * len(self._places))
+        for place in range(len(messages)):
+            messages[place] = messages_in[self._places[place]]
+        heard_s, arrived = 0.0, True
+        if self.looks:
+            before = self.looks[-1]
+            arrived = sequence.received > before.received
+            heard_s = before.heard_s + (seconds_between(self.last_look, now) if arrived else 0.0)
+        self.last_look = now
+        if len(self.looks) == self._most:
+            self.looks.pop(0)
+        self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages))
+
+    def too_few(self) -> tuple[int, ...]:
+        """Return the messages of which less than half of what the link lets through arrives."""
+        newest: i64 = len(self.looks) - 1
+        last, found = self.looks[newest], list[int]()
+        for place in range(len(self._spans)):
+            span = self._spans[place]
+            if newest < span:
+                continue
+            first = self.looks[newest - span]
+            count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
+            if float(count) < self._least_hz[place] * heard_s:
+                sent = self._rates[place] * heard_s
+                if _is_too_few(count, sent, _share_arriving(first, last)):
+                    found.append(self._ids[place])
+        return tuple(found)
+
+    def judged(self, message_ids: tuple[int, ...]) -> bool:
+        """Return whether these messages have been counted for long enough."""
+        return len(self.looks) > max([self._spans[self._ids.index(message_id)] for message_id in message_ids])
+
+
+class MessageIntervals:
+    """Requests missing messages again, and records events `streams`."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._streams = [(each, RequestedMessages(each.rates_hz)) for each in vehicles.values()]
+        self._note = note
+        self._next_look = Instant(0)
+
+    def watch(self, now: Instant) -> None:
+        """Look at every vehicle, if that's due."""
+        if now < self._next_look:
+            return
+        self._next_look = after(now, LOOK_S)
+        for vehicle, streams in self._streams:
+            if not vehicle.start_up.asked_for_telemetry or not vehicle.connection.talks:
+                streams.looks.clear()
+            elif vehicle.commands.outcome is not Outcome.WAITING:
+                self._judge(vehicle, streams, now)
+
+    def _judge(self, vehicle: Vehicle, streams: RequestedMessages, now: Instant) -> None:
+        streams.look(vehicle, now)
+        missing = streams.too_few()
+        if vehicle.connection.state is LinkState.MUTE and m.MAVLINK_MSG_ID_HEARTBEAT not in missing:
+            missing = (*missing, m.MAVLINK_MSG_ID_HEARTBEAT)
+        if streams.missing and not streams.refused and _refuses(vehicle):
+            streams.refused = True
+            self._note(now, "streams", f"refuses to send {_names(streams.missing)} as often as asked for", vehicle)
+        if missing and now >= streams.next_request:
+            self._request(vehicle, streams, missing, now)
+        elif streams.missing and not missing and streams.judged(streams.missing):
+            self._note(now, "streams", f"sends {_names(streams.missing)} again", vehicle)
+            streams.missing, streams.refused, streams.wait_s = (), False, ASK_AGAIN_S
+
+    def _request(self, vehicle: Vehicle, streams: RequestedMessages, missing: tuple[int, ...], now: Instant) -> None:
+        if not set(missing) <= set(streams.missing):
+            text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
+            self._note(now, "streams", text, vehicle, {"messages": _names(missing)})
+            streams.missing = tuple(dict.fromkeys((*streams.missing, *missing)))
+        requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in missing)
+        vehicle.commands.begin(tuple(requests), now)
+        streams.next_request = after(now, streams.wait_s)
+        streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
+        streams.looks.clear()
+
+
+def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
+    """Whether `count` is too few of `sent` messages that arrive with a probability each."""
+    expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
+    return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
+
+
+def _share_arriving(first: MessageCounts, last: MessageCounts) -> float:
+    received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
+    return received / (received + lost) if received + lost > 0.0 else 1.0
+
+
+def _refuses(vehicle: Vehicle) -> bool:
+    refusal = vehicle.commands.refusal
+    refused = vehicle.commands.outcome is Outcome.REFUSED
+    return refused and refusal is not None and refusal[0] == m.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+def _names(message_ids: tuple[int, ...]) -> str:
+    return ", ".join(KINDS[message_id].name for message_id in message_ids)
+
+
+class TelemetryWatch:
+    """Says, once a second, whose noise isn't as declared, whose airspeed isn't believed, and that it is again."""
+
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+        """Watch `vehicles`."""
+        self._vehicles, self._note = vehicles, note
+        self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
+
+    def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
+        """Compare the noise that is seen, by which the law goes, with the declared one; name what is farthest off."""
+        for identity, vehicle in self._vehicles.items():
+            ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
+            for place, each in enumerate(ratios):
+                if max(each, 1.0 / each) > apart:
+                    worst, apart = place, max(each, 1.0 / each)
+            if not was_off and apart >= NOISE_OFF:
+                self._off.add(identity)
+                sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
+                text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
+                self._note(now, "noise", text, vehicle, {"ratio": ratio})
+            elif was_off and apart < NOISE_BACK:
+                self._off.remove(identity)
+                details: dict[str, Detail] = {"ratio": ratios[worst]}
+                self._note(now, "noise", "is as noisy as declared again", vehicle, details)
+
+    def watch_airspeeds(self, now: Instant) -> None:
+        """Say which measured airspeeds aren't believed."""
+        for identity, vehicle in self._vehicles.items():
+            check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
+            if check is None or check.believes == was_believed:
+                continue
+            if was_believed:
+                self._unbelieved.add(identity)
+                shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
+                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures isn't believed: {shown}"
+                self._note(now, "airspeed", text, vehicle, {"begins": True})
+            else:
+                self._unbelieved.remove(identity)
+                self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})
+
+
+UTC_SLACK_S = 5e-3
+"""How far UTC may be beyond what causality allows: the errors of stamps and of round trips."""
+UTC_IN_USE_S = 10e-3
+"""The same of UTC that is in use."""
+UTC_AGAIN_S = 10.0
+"""UTC that was given up is used again once nothing has been against it for so long."""
+UTC_SLEW = 0.01
+"""Rate at which the mapping of stamps in flight follows what is found, s a second."""
+
+
+UTC_LOOKED_AT = 12
+"""Round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
+
+
+class UtcBounds(NamedTuple):
+    """UTC minus our clock by one vehicle, s: causality allows what is within `reach_s` of `middle_s`."""
+
+    middle_s: float
+    """If its link took equally long up and down."""
+    reach_s: float
+    """Half of its shortest round trip."""
+
+    def allows(self, utc_s: float, slack_s: float = UTC_SLACK_S) -> bool:
+        """Return whether no datagram would have arrived before it was sent."""
+        return abs(utc_s - self.middle_s) <= self.reach_s + slack_s
+
+
+def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
+    """Return UTC minus our clock that most vehicles allow; NaN without vehicles, or where there is no majority.
+
+    What was agreed before stands while most allow it. Else it's the median of those that agree, within what they allow.
+    """
+    if not bounds:
+        return math.nan
+    if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
+        return before_s
+    edges = [each.middle_s + sign * each.reach_s for each in bounds for sign in (-1.0, 1.0)]
+    most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
+    agreeing = [each for each in bounds if each.allows(most)]
+    if 2 * len(agreeing) <= len(bounds):
+        return math.nan
+    low_s = max(each.middle_s - each.reach_s for each in agreeing)
+    high_s = min(each.middle_s + each.reach_s for each in agreeing)
+    return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
+
+
+class CommonClock:
+    """Decides whose UTC is used, and what it is on our clock."""
+
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
+        """Serve `vehicles`; `known_s` is UTC minus our clock, None where that doesn't keep UTC."""
+        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.round_trips.gnss is not None]
+        self._known_s = known_s
+        self._note = note
+        self._utc_s = math.nan
+        """UTC minus our clock, as used; NaN before there is any."""
+        self._said: dict[VehicleId, tuple[bool, bool]] = {}
+        self._given_up: dict[VehicleId, tuple[Instant, str]] = {}
+        """Whose UTC was in use and isn't: when something was against it last, and what."""
+        self._last: Instant | None = None
+
+    def watch(self, now: Instant) -> None:
+        """Look at every vehicle's clock, at each tick: agree on UTC, and use or refuse each vehicle's."""
+        if not self._vehicles:
+            return
+        elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
+        self._last = now
+        bounds = {each.identity: _bounds(each) for each in self._vehicles}
+        known = [each for each in bounds.values() if each is not None]
+        flying = any(each.member is Member.FLYING for each in self._vehicles)
+        found_s = self._known_s if self._known_s is not None else agreed_s(known, self._utc_s if flying else math.nan)
+        self._move(found_s, UTC_SLEW * elapsed_s if flying else math.inf)
+        for vehicle in self._vehicles:
+            self._judge(vehicle, bounds[vehicle.identity], now, UTC_SLEW * elapsed_s)
+
+    def _move(self, found_s: float, most_s: float) -> None:
+        if not math.isnan(found_s):
+            change_s = 0.0 if math.isnan(self._utc_s) else found_s - self._utc_s
+            self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
+
+    def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
+        why = self._still(vehicle, self._why_not(vehicle, bounds), now)
+        flies = vehicle.member is Member.FLYING
+        vehicle.round_trips.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
+        jump_s = vehicle.round_trips.gnss.jump_s if vehicle.round_trips.gnss else 0.0
+        state = (why is None, bool(jump_s))
+        if vehicle.clock.samples >= UTC_LOOKED_AT and state != self._said.get(vehicle.identity):
+            self._said[vehicle.identity] = state
+            went_on = f"its UTC jumped by {jump_s:+.3f} s in flight; its clock goes on as before"
+            found = went_on if jump_s else "its stamps are mapped by its UTC"
+            self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
+
+    def _still(self, vehicle: Vehicle, why: str | None, now: Instant) -> str | None:
+        """Return why a vehicle's UTC isn't used: it isn't taken up again at once where it was given up."""
+        given_up = self._given_up.get(vehicle.identity)
+        if why is not None and (given_up or vehicle.round_trips.stamps.by_utc):
+            self._given_up[vehicle.identity] = now, why
+        elif given_up and seconds_between(given_up[0], now) < UTC_AGAIN_S:
+            return given_up[1]
+        elif given_up:
+            del self._given_up[vehicle.identity]
+        return why
+
+    def _why_not(self, vehicle: Vehicle, bounds: UtcBounds | None) -> str | None:
+        stamps = vehicle.round_trips.stamps
+        if bounds is None:
+            return stamps.gnss.why_not(used=stamps.by_utc) if stamps.gnss else None
+        if math.isnan(self._utc_s):
+            return "vehicles disagree about it, and no majority is right"
+        if bounds.allows(self._utc_s, UTC_IN_USE_S if stamps.by_utc else UTC_SLACK_S):
+            return None
+        least_s = abs(bounds.middle_s - self._utc_s) - bounds.reach_s
+        return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
+
+
+def _bounds(vehicle: Vehicle) -> UtcBounds | None:
+    clock = vehicle.round_trips.gnss
+    if clock is None or clock.why_not(used=vehicle.round_trips.stamps.by_utc) is not None:
+        return None
+    return UtcBounds(clock.station_utc_s(), clock.shortest_s / 2)
