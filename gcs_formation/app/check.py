@@ -150,6 +150,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_law.ahead_of_virtual,
         check_law.of_different_instants,
         check_law.slow_answer,
+        check_law.long_silences,
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,

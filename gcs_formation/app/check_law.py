@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from airlink.endpoint import VehicleId
+from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.frequency_response import FREQUENCIES
-from formation_scenario import Scenario
+from formation_scenario import Scenario, Vehicle
 from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
@@ -19,7 +20,10 @@ from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
 from gcs_formation.app.loop_waits import Arrivals
 from gcs_formation.control.laws import law_kind
+from gcs_formation.fleet.dispatch import HEARTBEAT_S, PROBE_S
 from gcs_formation.fleet.margin_watch import NEAR
+from gcs_formation.fleet.membership_and_succession import SUCCESSION_S
+from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import DEVIATIONS
 
@@ -27,6 +31,8 @@ UNPAIRED_M = 1.75
 """Standard deviation of what different instants look like along the path that is worth a warning."""
 SLOW_S = 30.0
 """Time in which a loop should have made an error e times smaller: 14 % of it are left after a minute."""
+BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
+"""Rates of the law that are tried where bursts of losses last too long."""
 FASTER_HZ = 5.0, 10.0, 20.0
 """Rates of the law that are tried where its gains by design are slow."""
 
@@ -188,3 +194,37 @@ def _faster(scenario: Scenario) -> str:
         if time_s <= SLOW_S and getattr(law, key) != value:
             return f"{why}; law.{key} of {value} takes {time_s:.0f} s"
     return why
+
+
+def long_silences(scenario: Scenario) -> str | None:
+    """Return that bursts of losses silence uplinks for so long that vehicles leave the formation; None if hardly ever.
+
+    The fewer datagrams are sent, the longer a burst of them lasts. Whoever hears nothing flies on as it was told last,
+    can't give way, and has to come back: in slots near each other some pass others at less than the distance kept.
+    """
+    every_s = 1.0 / _silences_hz(scenario, scenario.law.rate_hz)
+    if every_s > scenario.duration_s:
+        return None
+    enough = (each for each in BURSTS_HZ if _silences_hz(scenario, each) * scenario.duration_s < 1.0)
+    found_hz = next(enough, None)
+    slower = "" if found_hz is None else f"; law.rate_hz of {found_hz:g} or more makes that rare"
+    return (
+        f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s about every "
+        f"{every_s:.0f} s: it flies on as it was told last, and can't give way{slower}"
+    )
+
+
+def _silences_hz(scenario: Scenario, rate_hz: float) -> float:
+    """Return how often some uplink is silent for `SUCCESSION_S` at a rate of the law, 1/s, by Gilbert's channel."""
+    return sum((_silence_hz(scenario, each, rate_hz) for each in scenario.vehicles), start=1e-9)
+
+
+def _silence_hz(scenario: Scenario, vehicle: Vehicle, rate_hz: float) -> float:
+    setpoints = autopilot_for(vehicle, scenario).setpoint(Setpoint(0.0, 0.0, 0.0), FlightState(*[0.0] * 8))
+    sent_hz, often_hz = 1.0 / PROBE_S + 1.0 / HEARTBEAT_S + len(setpoints) * rate_hz, 0.0
+    for step in scenario.link_steps(vehicle):
+        loss, burst = step.uplink.loss, step.uplink.mean_burst or 1.0
+        if 0.0 < loss < 1.0 and not step.uplink.outage:
+            burst = max(burst, 1.0 / (1.0 - loss))
+            often_hz = max(often_hz, sent_hz * loss / burst * (1.0 - 1.0 / burst) ** (SUCCESSION_S * sent_hz))
+    return often_hz
