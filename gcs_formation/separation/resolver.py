@@ -205,7 +205,8 @@ class ConflictResolver:
             loitering = traffic.take(np.array(circling))
             told_m = [tick.links[members[at]].holds_at_m for at in circling]
             traffic = traffic.beside(loitering.turning()).beside(loitering.turning()).beside(loitering)
-            setpoints += [(math.nan, math.nan, each) for each in (*loitering.state.height_m.tolist(), *told_m, *told_m)]
+            heights_m: list[float] = loitering.state.height_m.tolist()
+            setpoints += [(math.nan, math.nan, each) for each in heights_m + told_m + told_m]
             vehicles += 3 * [members[at] for at in circling]
         wandering = self._wandering.about(tick, members, measured)
         if wandering:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from formation_scenario import load_scenario
+from formation_scenario import Scenario, load_scenario
 from formation_scenario.ground_and_fence import starts_without_room
 from gcs_formation.app.check import check_report
 from gcs_formation.app.check_law import ahead_of_virtual, held_by_links, long_silences
@@ -77,11 +77,14 @@ def test_bursts_of_losses_that_last_for_seconds_at_a_slow_law_are_named_with_the
 
     At 2 Hz, 11 datagrams a second: 0.22 bursts a second, of which 0.9^33 last longer than 3 s; four vehicles.
     """
-    keys = {"vehicles": FOUR, "duration_s": 100, "links": {"default": {"loss": 0.2, "mean_burst": 10}}}
+    bursts: dict[str, Any] = {"loss": 0.2, "mean_burst": 10}
+
+    def planned(rate_hz: float, **ways: Any) -> Scenario:
+        keys = {"law": {"rate_hz": rate_hz}, "links": {"default": bursts | ways}}
+        return load_scenario(flight(vehicles=FOUR, duration_s=100, **keys))
 
     def said(rate_hz: float, **ways: Any) -> str | None:
-        default = {"default": keys["links"]["default"] | ways}
-        return long_silences(load_scenario(flight(**keys | {"law": {"rate_hz": rate_hz}, "links": default})))
+        return long_silences(planned(rate_hz, **ways))
 
     slow = said(2.0)
     assert slow is not None
@@ -90,4 +93,4 @@ def test_bursts_of_losses_that_last_for_seconds_at_a_slow_law_are_named_with_the
     assert said(enough_hz) is None
     assert said(2.0, mean_burst=4) is None
     assert said(2.0, loss=0.002) is None
-    assert slow in check_report(load_scenario(flight(**keys | {"law": {"rate_hz": 2.0}})))["warnings"]
+    assert slow in check_report(planned(2.0))["warnings"]
