@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
+from formation_scenario.orders import End
 
 
 class Phase(Enum):
@@ -35,8 +36,12 @@ class Cause(Enum):
     ORDERED = "ordered to end"
     OPENED = "every vehicle that hears has a height of its own or stands, or time is up"
     LOITERED = "every vehicle loiters"
+    HOMEWARD = "every vehicle flies home or circles there"
+    LANDED = "every vehicle has landed"
     FAILURE = "the run can't go on"
     NOT_ALL_LOITERED = "not every vehicle loiters, or has acknowledged that it does, and the time for that is over"
+    NOT_ALL_HOMEWARD = "not every vehicle goes home, or has acknowledged that it does, and the time for that is over"
+    NOT_ALL_LANDED = "not every vehicle has landed, or has acknowledged what it was told, and the time for that is over"
     GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
 
 
@@ -49,6 +54,7 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.CONNECTING, Cause.ORDERED): Phase.LOITERING,
     (Phase.CONNECTING, Cause.FAILURE): Phase.LOITERING,
     (Phase.ASSEMBLING, Cause.PATH_BEGUN): Phase.FLYING,
+    (Phase.ASSEMBLING, Cause.PATH_ENDED): Phase.ENDING,
     (Phase.ASSEMBLING, Cause.STOP): Phase.ENDING,
     (Phase.ASSEMBLING, Cause.ORDERED): Phase.ENDING,
     (Phase.ASSEMBLING, Cause.FAILURE): Phase.ENDING,
@@ -62,11 +68,22 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.LOITERING, Cause.HASTE): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
+    (Phase.LOITERING, Cause.HOMEWARD): Phase.DONE,
+    (Phase.LOITERING, Cause.LANDED): Phase.DONE,
     (Phase.LOITERING, Cause.NOT_ALL_LOITERED): Phase.DONE,
+    (Phase.LOITERING, Cause.NOT_ALL_HOMEWARD): Phase.DONE,
+    (Phase.LOITERING, Cause.NOT_ALL_LANDED): Phase.DONE,
     (Phase.LOITERING, Cause.GIVEN_UP): Phase.FAILED,
 }
 """All other combinations change nothing."""
 
+ALL_ENDED: Final[dict[End, Cause]] = {"loiter": Cause.LOITERED, "rtl": Cause.HOMEWARD, "land": Cause.LANDED}
+NOT_ALL_ENDED: Final[dict[End, Cause]] = {
+    "loiter": Cause.NOT_ALL_LOITERED,
+    "rtl": Cause.NOT_ALL_HOMEWARD,
+    "land": Cause.NOT_ALL_LANDED,
+}
+"""Why a run is over, by how it was to end: all do as told, or the time for that is over."""
 BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
 """What an end becomes where nobody may be commanded yet: everybody is left as found."""
 NOBODY_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())

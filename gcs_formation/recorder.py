@@ -45,8 +45,9 @@ class VehicleLink:
         """Whether it flies, as far as it can be heard."""
         self.flew = True
         """Whether it did when it was last heard."""
-        self.circling = False
-        """Whether it isn't commanded and circles, or is about to turn onto its circle."""
+        self.circling, self.holds_at_m = False, math.nan
+        """Whether it circles, or is about to turn onto its circle, or may, as it may have been told to; and the height
+        that it was told for that, NaN if it wasn't."""
         self.flies_home_m: tuple[float, float] | None = None
         self.home_m: tuple[float, float] | None = None
         """Its home, north and east: if it isn't commanded and its mode brings it there, and as far as it is known."""

@@ -304,7 +304,9 @@ class Station(Engine):
         for event in tick.events:
             self._recorder.event(event)
         self.controlled_ticks += 1
-        if phase is Phase.ASSEMBLING and controller.guidance.started and self.course.move(Cause.PATH_BEGUN, now):
+        begins = phase is Phase.ASSEMBLING and controller.guidance.started
+        over = mission_s >= self.scenario.duration_s  # of a flight that was taken up again; NaN before the path
+        if begins and not over and self.course.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
         if opening is None:
             self.course.end_in_time(self._until_s, now)

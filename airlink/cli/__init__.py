@@ -198,9 +198,9 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
     Raises:
         OSError: the directory can't be read.
     """
-    if any("\ud800" <= each <= "\udfff" for each in str(path)):
-        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
     encoding = sys.getfilesystemencoding()
+    if encoding == "utf-8" and not _has_letters(str(path), encoding):
+        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
     if not _has_letters(str(path), encoding):
         return f"found {str(path)!a}; allowed: a name in {encoding}, in which file names are written here"
     if not path.is_dir() or next(path.iterdir(), None) is None:

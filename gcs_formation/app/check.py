@@ -18,7 +18,7 @@ from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
 from gcs_formation.app import check_law, check_links, check_room
-from gcs_formation.app.check_law import configured_loop_delay_s, longest_hold, longest_round_trip_s
+from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold, longest_round_trip_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
@@ -150,6 +150,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_law.ahead_of_virtual,
         check_law.of_different_instants,
         check_law.slow_answer,
+        long_silences,
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,

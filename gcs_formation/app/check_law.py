@@ -27,93 +27,12 @@ from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
+from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import DEVIATIONS
 from gcs_formation.stability.pid_margins import Loop
-
-NO_LOSS = 0.5
-"""Mean age of the newest of periodic messages, in periods, where none is lost."""
-
-
-def message_age(way: Impairment) -> tuple[float, float]:
-    """Return mean and variance of the newest message's age, in periods, over a way that loses some; delay apart.
-
-    Messages are lost by Gilbert's two-state channel; where nothing arrives both are infinite.
-    N being the periods from one message that arrives to the next, the age has the mean E[N^2]/(2 E[N]) and the mean
-    square E[N^3]/(3 E[N]). With the probability g = loss/(b (1 - loss)) a run of losses follows an arrival; its
-    length is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and
-    E[N^3] = 1 + g (b + 6 b^3). If each is lost on its own, b = 1/(1 - loss) and the mean is
-    (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
-    """
-    if way.outage or way.loss >= 1.0:
-        return math.inf, math.inf
-    odds = way.loss / (1.0 - way.loss)
-    b = 1.0 + odds if way.mean_burst is None else max(way.mean_burst, odds, 1.0)
-    mean = 1.0 + odds
-    square, cube = (1.0 + odds / b * each for each in (b + 2.0 * b**2, b + 6.0 * b**3))
-    mean_age = square / (2.0 * mean)
-    return mean_age, cube / (3.0 * mean) - mean_age**2
-
-
-class Hold(NamedTuple):
-    """For how long a setpoint is held until the next one comes, on average, s."""
-
-    mean_s: float
-    ticks: float
-    loss: float
-    """Share of the setpoints that are lost."""
-
-    def __str__(self) -> str:
-        lossy = f" ({self.loss:.0%} of them are lost)" if self.loss else ""
-        return f"setpoints are held for {self.mean_s:.3g} s on average{lossy}"
-
-
-def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float:
-    """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
-
-    Under a mutual law every loop waits for the latest state of all vehicles. With `lossy`, states and setpoints are
-    older on average by what losses add; what nothing comes over is left out.
-    """
-    sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
-    ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
-    for step in commanded_steps(scenario):
-        (up_s, down_s), (held, age) = ways_s(step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
-        if math.isfinite(held + age):
-            ways.append((up_s + held * tick_s, down_s + age * sample_s))
-    if law_kind(scenario).mutual:
-        return max(up_s for up_s, _ in ways) + max(down_s for _, down_s in ways)
-    return max(up_s + down_s for up_s, down_s in ways)
-
-
-def longest_hold(scenario: Scenario) -> Hold:
-    """Return the longest mean hold of a setpoint over any link that the law commands somebody over."""
-    holds = [Hold(NO_LOSS / scenario.law.rate_hz, NO_LOSS, 0.0)]
-    for step in commanded_steps(scenario):
-        held, _ = _mean_ages(step)
-        if math.isfinite(held):
-            holds.append(Hold(held / scenario.law.rate_hz, held, step.uplink.loss))
-    return max(holds)
-
-
-def commanded_steps(scenario: Scenario) -> list[LinkStep]:
-    """Return the states of the links of all vehicles that the law commands."""
-    mutual = law_kind(scenario).mutual
-    following = {} if mutual else planned_slots(scenario)
-    flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
-    return [step for vehicle in flown for step in scenario.link_steps(vehicle)]
-
-
-def longest_round_trip_s(scenario: Scenario) -> float:
-    """Return the longest delay of a link up and down, s, at any time of the run."""
-    steps = (step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
-    return max((sum(ways_s(step)) for step in steps), default=0.0)
-
-
-def _mean_ages(step: LinkStep) -> tuple[float, float]:
-    return message_age(step.uplink)[0], message_age(step.downlink)[0]
-
 
 UNPAIRED_M = 1.75
 """Standard deviation of what different instants look like along the path that is worth a warning."""

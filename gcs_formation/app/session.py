@@ -252,6 +252,7 @@ class Session:
                 cut_short=self.station.course.cut_short,
                 assembled=self.station.course.assembled,
                 undone=tuple(self.station.orders.undone),
+                unsafe=tuple(self.station.course.unsafe),
                 failure=self.station.course.failure,
                 measure=self.options.measure,
             )

@@ -137,6 +137,14 @@ class Membership:
         if parted is not None and vehicle.member is Member.PARTED and seconds_between(parted, now) <= FAILSAFE_S:
             self._note(now, "member", self._who_parted(vehicle, now), vehicle)
 
+    def _words(self, vehicle: Vehicle, now: Instant) -> str:
+        """Return the new membership in words; with why one loiters whose positions come and can't be used."""
+        if vehicle.member is Member.PARTED:
+            return self._who_parted(vehicle, now)
+        why = vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None
+        holds = vehicle.member is Member.HOLDING and why is not None
+        return f"{vehicle.member.value}: {why}" if holds else vehicle.member.value
+
     def _who_parted(self, vehicle: Vehicle, now: Instant) -> str:
         """Return that a vehicle has left the formation and, as far as that is known, by whose doing."""
         said = self._failsafes.get(vehicle.identity)
@@ -157,24 +165,22 @@ class Membership:
             self._commanded_to_loiter[vehicle.identity] = now
         member = following(vehicle.member, self._sight(vehicle, estimator, now, fresh=fresh))
         if member is not vehicle.member:
+            revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
             vehicle.member = member
-            self._note(
-                now, "member", self._who_parted(vehicle, now) if member is Member.PARTED else member.value, vehicle
-            )
-            self._command(vehicle, now)
+            self._note(now, "member", self._words(vehicle, now), vehicle)
+            self._command(vehicle, now, revokes=revokes)
 
     def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
         link = vehicle.connection  # who is heard again has a moment to answer: it may have hung, and hear as before
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
-        commanded = self._commanded_to_loiter.get(vehicle.identity)
         return MembershipInputs(
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
             fresh=fresh,
             loiter_may_be_commanded=heard or forgotten,
-            order_may_come=commanded is not None and now < after(commanded, ORDER_COMES_S),
+            order_may_come=self._order_may_come(vehicle, now),
         )
 
     def _is_fresh(
@@ -203,17 +209,23 @@ class Membership:
         """Let nobody who loiters come back at the end of the flight; take the heights of everyone's circle."""
         self._circles_m = circles_m
 
-    def _command(self, vehicle: Vehicle, now: Instant) -> None:
+    def _command(self, vehicle: Vehicle, now: Instant, *, revokes: bool) -> None:
+        """Tell a vehicle what follows from its membership; `revokes`: a command to loiter may still reach it."""
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)
             vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
-        elif vehicle.member is Member.RETURNING:
+        elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
         elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
             vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
         elif vehicle.member is not Member.STARTING:
             vehicle.commands.begin((), now)
+
+    def _order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
+        """Return whether a command to loiter was sent so recently that it may still reach a vehicle."""
+        commanded = self._commanded_to_loiter.get(vehicle.identity)
+        return commanded is not None and now < after(commanded, ORDER_COMES_S)
 
     def _holding_height_m(self, vehicle: Vehicle, now: Instant) -> float:
         """Return the height at which a vehicle loiters clear of all others, m."""

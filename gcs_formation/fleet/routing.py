@@ -140,11 +140,13 @@ class Dispatch:
                 link.up_s, link.down_s = vehicle.round_trips.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew
-            if not link.ready:
+            may_loiter = vehicle.may_loiter
+            if may_loiter or not link.ready:
                 link.circling, link.flies_home_m = vehicle.circles, vehicle.flies_home_m
+                link.holds_at_m = math.nan if vehicle.member is Member.PARTED else vehicle.holds_at_m
             link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
-            link.disobeying = disobeying[vehicle.column]
+            link.disobeying = may_loiter or disobeying[vehicle.column]
             link.speeds_mps = vehicle.autopilot.speeds_mps
             link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
             link.home_m = vehicle.telemetry.home_m

@@ -20,7 +20,7 @@ from gcs_formation.mission.ending_and_landings import Ending, why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import PreFlight
 from gcs_formation.mission.vertical_separation import Opening, stays
-from gcs_formation.phases import BEFORE_COMMANDS, OVER, Cause, Flight, Phase
+from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -142,6 +142,8 @@ class Course:
         """Whether the flight was ended before its path or time was."""
         self.assembled: bool | None = None
         """Whether every follower was in its slot when the path began; None before."""
+        self.unsafe: list[str] = []
+        """Which vehicles may circle at one height after the run."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
@@ -257,12 +259,13 @@ class Course:
             for vehicle in pending:
                 text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
                 self._note(now, "unacknowledged", text, vehicle)
+            self.unsafe = ending.at_one_height()
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)
             else:
                 heard = [each for each in self._vehicles.values() if each.connection.talks]
                 elsewhere = any(each.effects.missing is not None for each in heard)
-                self.move(Cause.NOT_ALL_LOITERED if pending or elsewhere else Cause.LOITERED, now)
+                self.move((NOT_ALL_ENDED if pending or elsewhere else ALL_ENDED)[ending.manner], now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
         """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first.

@@ -14,13 +14,14 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from enum import Enum
+from itertools import combinations
 from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
+from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor, may_meet
 from gcs_formation.mission.vertical_separation import Ahead, Stack, home_of, place_of, stacked, stays
 from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -228,8 +229,8 @@ class Ending:
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
-        self._loiter_s = 0.0
-        self._manner: End = manner
+        self._loiter_s, self._gap_m = 0.0, gap_m
+        self.manner: End = manner
         self._vehicles = vehicles
         self._told: dict[VehicleId, tuple[EndCommand, int]] = {}
         """What each was told, and how often it had restarted then."""
@@ -293,8 +294,8 @@ class Ending:
             vehicle.commands.begin((*autopilot.hold(), *asked), now, insist=True)
         elif what is EndCommand.LEAVE:
             height_m = self._height_m(identity, vehicle)
-            vehicle.commands.begin(autopilot.leave(self._manner, height_m, seen), now, insist=True)
-            if self._manner == "land":
+            vehicle.commands.begin(autopilot.leave(self.manner, height_m, seen), now, insist=True)
+            if self.manner == "land":
                 self.landings.await_turn(vehicle, height_m)
         else:
             vehicle.commands.begin((), now)
@@ -312,14 +313,14 @@ class Ending:
         So does one that doesn't answer. One that refuses its height on the way isn't sent home again. Nobody lands if
         somebody refuses.
         """
-        if self._manner == "loiter":
+        if self.manner == "loiter":
             return
         autopilot, seen, commands = vehicle.autopilot, vehicle.telemetry, vehicle.commands
         refuses, homeward = commands.refused(now), seen.custom_mode == autopilot.home_mode
         waits = commands.insists and commands.outcome is Outcome.WAITING and not homeward
         if not (refuses or (waits and seconds_between(commands.since, now) > UNANSWERED_FOR_S)):
             return
-        if refuses and self._manner == "land":
+        if refuses and self.manner == "land":
             self.landings.refuse(f"vehicle {identity} refuses {vehicle.refusal}{seen.last_words}")
         height_m = self._height_m(identity, vehicle)
         here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
@@ -343,6 +344,24 @@ class Ending:
     def pending(self) -> list[Vehicle]:
         """Return the vehicles that can be reached and may not be left alone yet."""
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
+
+    def at_one_height(self) -> list[str]:
+        """Return which pairs of vehicles may circle at one height, with the reason.
+
+        One of the two hasn't acknowledged a height of its own, and by what they told last their heights are nearer than
+        vehicles must be apart.
+        """
+        flying = {identity: each for identity, each in self._vehicles.items() if each.airborne}
+        places = {identity: place for identity, each in flying.items() if (place := each.telemetry.motion)}
+        lacking, found = {identity for identity in places if self._is_pending(identity, flying[identity])}, list[str]()
+        for one, other in combinations(places, 2):
+            off_m = abs(places[one].height_m - places[other].height_m)
+            near = off_m < self._gap_m and may_meet(places[one], places[other])
+            if near and not self.stands and not lacking.isdisjoint((one, other)):
+                who = one if one in lacking else other
+                why = f"refuses {refusal}" if (refusal := flying[who].refusal) else "hasn't acknowledged its height"
+                found.append(f"vehicles {one} and {other} may circle at heights {off_m:.1f} m apart: {who} {why}")
+        return found
 
     def lacks(self, vehicle: Vehicle) -> str:
         """Return why one may not be left alone, as the end of a sentence; nothing if it just hasn't answered."""

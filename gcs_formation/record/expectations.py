@@ -86,6 +86,8 @@ class RunOutcome:
     """Whether every follower was in its slot when the path began; None if it didn't, or where that isn't known."""
     undone: tuple[str, ...] = ()
     """What the scenario planned and the flight didn't do, in words."""
+    unsafe: tuple[str, ...] = ()
+    """What the run left unsafe at its end, in words."""
     failure: str | None = None
     """Why the run couldn't go on after the flight."""
     measure: tuple[Expectation, ...] = ()

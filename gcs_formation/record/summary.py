@@ -77,7 +77,8 @@ def summarise(outcome: RunOutcome) -> Summary:
         for wanted in (scenario.expect, outcome.measure)
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
-    return Summary(parts, verdicts, (*breaches, *outcome.undone), measured=measured)
+    unsafe = (f"safety broken: {text}" for text in outcome.unsafe)
+    return Summary(parts, verdicts, (*breaches, *unsafe, *outcome.undone), measured=measured)
 
 
 def _begun_s(flight: RecordedFlight) -> float | None:

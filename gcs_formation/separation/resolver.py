@@ -10,7 +10,7 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.arrays import Array, Indices
-from flight_model.autopilot_model import AutopilotModel, squared
+from flight_model.autopilot_model import AutopilotModel, squared, within
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario
@@ -36,8 +36,9 @@ AFAR: Final = 2.0
 """One that is farther from its slot than this many times the rule's distance keeps all of that from everybody."""
 TIMING_SHARE: Final = 0.1
 """Share of a state's age and of the way back by which instants may be off."""
-RESERVE_S: Final = 0.2
-"""How much longer than a tick a setpoint is reckoned to act: the next one may be lost."""
+RESERVE_TICKS: Final = 2.0
+RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
+"""How much longer than a tick a setpoint is reckoned to act: so many ticks, for the next ones may be lost."""
 LASTS_S: Final = 30.0
 """An encounter that hasn't ended after this is said not to end."""
 
@@ -68,7 +69,7 @@ class ConflictResolver:
         self._unresponsive = Unresponsive(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
-        self._times_s = sample_times(self._dt_s + RESERVE_S, self._keys.horizon_s)
+        self._times_s = sample_times(_acts_s(self._dt_s), self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
         """The first column that is a vehicle."""
         until_s = float(self._times_s[1]), float(self._times_s[-1])
@@ -201,10 +202,12 @@ class ConflictResolver:
             setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
-            turning = traffic.take(np.array(circling)).turning()
-            traffic = traffic.beside(turning)
-            setpoints += [(math.nan, math.nan, height_m) for height_m in turning.state.height_m.tolist()]
-            vehicles += [members[at] for at in circling]
+            loitering = traffic.take(np.array(circling))
+            told_m = [tick.links[members[at]].holds_at_m for at in circling]
+            traffic = traffic.beside(loitering.turning()).beside(loitering.turning()).beside(loitering)
+            heights_m: list[float] = loitering.state.height_m.tolist()
+            setpoints += [(math.nan, math.nan, each) for each in heights_m + told_m + told_m]
+            vehicles += 3 * [members[at] for at in circling]
         wandering = self._wandering.about(tick, members, measured)
         if wandering:
             traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
@@ -310,6 +313,11 @@ class ConflictResolver:
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
         details: dict[str, Detail] = {"other": other, **figures}
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
+
+
+def _acts_s(dt_s: float) -> float:
+    """Return for how long a setpoint is reckoned to act: until the next one that isn't lost."""
+    return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_LEAST_S, RESERVE_MOST_S)
 
 
 def _timing_s(tick: Tick, column: int) -> float:

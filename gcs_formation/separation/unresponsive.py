@@ -29,6 +29,10 @@ ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
 """A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """Age of a state that nobody keeps away from any more."""
+PROBE_S: Final = 0.27
+"""How far apart requests are at most that every vehicle answers."""
+MISSED_S: Final = 0.5
+"""For how much longer answers may be missing: over links that lose, some are."""
 STANDS: Triple = (0.0, 0.0, math.nan)
 """What one does that stands, or stops."""
 SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
@@ -74,7 +78,7 @@ class Unresponsive:
                 self._left[column] = None
             elif self._left[column] is None:
                 self._left[column] = now
-            answers = now - link.heard <= UNANSWERED_S * NANOSECONDS
+            answers = now - link.heard <= _suspect_after_s(link) * NANOSECONDS
             if answers:
                 self._held[column] = None
             elif self._held[column] is None:
@@ -241,6 +245,15 @@ class Wandering:
         if home_m is None:
             return None
         return homewards(measured.states[column], home_m, self._models[column], self._horizon_s)
+
+
+def _suspect_after_s(link: VehicleLink) -> float:
+    """Return for how long a vehicle may be without a sign that it hears before it counts as one that may not.
+
+    Its last sign is as old as the way back is long and requests are apart, where nothing is lost.
+    """
+    most_s = link.delay_s + PROBE_S + MISSED_S
+    return most_s if most_s < UNANSWERED_S else UNANSWERED_S
 
 
 def distance_m(state: FlightState, home_m: tuple[float, float]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -105,15 +105,17 @@ def compare_laws(
 
 
 def named_laws(names: str) -> tuple[str, ...]:
-    """Return the laws of a list like "pid,fuzzy_pid", each once.
+    """Return the laws of a list like "pid,fuzzy_pid".
 
     Raises:
-        ScenarioError: a name isn't one of `LAWS`.
+        ScenarioError: a name isn't one of `LAWS`, or is there twice.
     """
-    found = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
-    unknown = [f"found '{name}'{did_you_mean(name, LAWS)}" for name in found if name not in LAWS]
-    if unknown:
-        raise ScenarioError([Problem("--laws", None, None, "", text, ", ".join(LAWS)) for text in unknown])
+    found = tuple(name.strip() for name in names.split(","))
+    counts = Counter(found)
+    wrong = [(f"found '{each}'{did_you_mean(each, LAWS)}", ", ".join(LAWS)) for each in counts if each not in LAWS]
+    wrong += [(f"found '{each}' {count} times", "each law once") for each, count in counts.items() if count > 1]
+    if wrong:
+        raise ScenarioError([Problem("--laws", None, None, "", *each) for each in wrong])
     return found
 
 

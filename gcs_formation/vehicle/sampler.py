@@ -35,6 +35,8 @@ class Sampler:
         self._source_binding, self.airspeed_check = source_binding, airspeed_check
         self._sampled: ReportedMotion | None = None
         self._by_course = autopilot.flies_courses
+        self.refused = False
+        """Whether the newest position wasn't taken for a state: by its stamp it isn't of now."""
 
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None before the vehicle's clock is known.
@@ -51,7 +53,8 @@ class Sampler:
             return None
         self._sampled = motion
         stamp = self._round_trips.stamps.to_instant(motion.stamp_s)
-        if not _is_of(now, stamp) or not seen.of_one_time:
+        self.refused = not _is_of(now, stamp) or not seen.of_one_time
+        if self.refused:
             self._telemetry.implausible += 1
             return None
         heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)

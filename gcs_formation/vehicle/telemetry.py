@@ -131,9 +131,10 @@ class Telemetry:
             self.flight_status = message.system_status
 
     def take_position(self, message: GlobalPositionInt) -> None:
-        """Store a position; an autopilot that has no fix says latitude and longitude 0."""
+        """Store a position; an autopilot that has had no fix yet says latitude and longitude 0."""
         if not _is_position(message):
-            self.implausible += not message.lat_rad == message.lon_rad == 0.0
+            no_fix_yet = message.lat_rad == message.lon_rad == 0.0 and self.motion is None
+            self.implausible += not no_fix_yet
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s

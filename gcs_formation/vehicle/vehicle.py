@@ -56,6 +56,10 @@ class Member(Enum):
     RETURNING = "told to come back"
 
 
+CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
+"""Memberships of vehicles that may loiter as they were told."""
+
+
 class Vehicle:
     """All state of one vehicle. It takes and creates frames; the station moves them."""
 
@@ -214,8 +218,19 @@ class Vehicle:
 
     @property
     def circles(self) -> bool:
-        """Whether its mode is one in which it circles where it is."""
-        return self.telemetry.custom_mode == self.autopilot.circling_mode
+        """Whether its mode is one in which it circles where it is, or may be by what it was told last."""
+        if self.telemetry.custom_mode == self.autopilot.circling_mode:
+            return True
+        return self.autopilot.circling_mode >= 0 and (self.member in CIRCLING or self.may_loiter)
+
+    @property
+    def may_loiter(self) -> bool:
+        """Whether one that flies in the formation may obey an earlier command to loiter.
+
+        That is so until it acknowledges the mode in which it follows setpoints.
+        """
+        waiting = self.commands.insists and self.commands.outcome is Outcome.WAITING
+        return waiting and self.member is Member.FLYING
 
     @property
     def flies_home_m(self) -> tuple[float, float] | None:

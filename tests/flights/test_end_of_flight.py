@@ -10,6 +10,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import yaml
+from click.testing import CliRunner
 
 from airlink import mavlink as m
 from airlink.clock import Instant
@@ -17,10 +19,12 @@ from airlink.engine import Datagram
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
+from gcs_formation.cli import main
+from gcs_formation.mission.ending_and_landings import Ending
 from gcs_formation.phases import Cause, Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from sim_vehicles.fleet import Fleet
-from tests.flights.conftest import STRAIGHT, Fly
+from tests.flights.conftest import STRAIGHT, Fly, scenario
 from tests.flights.in_memory import Between, World
 
 END_S = 12.0
@@ -206,6 +210,40 @@ def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_
     assert np.diff(heights_m).min() > 10.0
     assert len(world.times_s("disobeys", text="refuses DO_CHANGE_ALTITUDE: UNSUPPORTED")) == 4
     assert len(world.times_s("unacknowledged")) == 4
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_vehicles_that_take_no_height_and_circle_at_one_are_named_as_unsafe(opens: bool) -> None:
+    """Told to go home at once, the formation isn't opened in height before: the run had ended without a fault."""
+    world = World(Deaf, duration_s=60)
+    world.fly_to(2.0)
+    between = cast("Deaf", world.between)
+    between.refuse = lambda command: (
+        m.MAV_RESULT_UNSUPPORTED if command.command == m.MAV_CMD_DO_CHANGE_ALTITUDE else None
+    )
+    world.station.course.stop(world.clock.now())
+    if not opens:
+        world.run(1.0)
+        assert world.station.course.go_home_at_once(world.clock.now())
+    world.run()
+    assert len(world.times_s("unacknowledged")) == 3
+    unsafe = world.station.course.unsafe
+    pairs = [] if opens else ["vehicles 1 and 2", "vehicles 1 and 3", "vehicles 2 and 3"]
+    assert [text.split(" may ")[0] for text in unsafe] == pairs
+    assert all("m apart: 1 refuses DO_CHANGE_ALTITUDE: UNSUPPORTED" in text for text in unsafe[:2])
+
+
+def test_a_run_that_leaves_vehicles_at_one_height_exits_with_1_and_names_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "vehicles 1 and 2 may circle at heights 0.1 m apart: 1 refuses DO_CHANGE_ALTITUDE: UNSUPPORTED"
+    monkeypatch.setattr(Ending, "at_one_height", lambda _: [text])
+    file = tmp_path / "short.yaml"
+    file.write_text(yaml.safe_dump(scenario(duration_s=2, vehicles={"count": 2})))
+    out = tmp_path / "run"
+    result = CliRunner().invoke(main, ["run", str(file), "--clock", "virtual", "--out", str(out), "--quiet"])
+    assert result.exit_code == 1
+    assert f"safety broken: {text}" in result.stderr
 
 
 def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:

@@ -15,7 +15,7 @@ import yaml
 from click.testing import CliRunner
 
 from airlink import mavlink as m
-from airlink.clock import MICROSECONDS, NANOSECONDS, Instant
+from airlink.clock import MICROSECONDS, NANOSECONDS, Instant, seconds_between
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandLong
@@ -23,7 +23,7 @@ from formation_scenario import Scenario
 from gcs_formation.app.operator import RunOptions
 from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
-from gcs_formation.phases import Phase
+from gcs_formation.phases import Cause, Phase
 from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
 from gcs_formation.record.timeseries import Spool, read_parquet
 from gcs_formation.record.unfinished import epoch_us, read_past
@@ -316,6 +316,20 @@ def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Kil
     assert world.station.flight.phase is Phase.DONE
     assert {world.vehicle(number).pilot.mode for number in (1, 2, 3)} == {Mode.LOITER}
     assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
+
+
+def test_resumed_after_its_time_the_flight_ends_at_once(killed: Callable[..., Killed]) -> None:
+    """It gathered for 20 s, began its path at 70 s of 60, and ended in the same tick."""
+    flight = killed(duration_s=8)
+    world = flight.world
+    world.fly_to(5.0)
+    flight.kill(6.0)
+    flight.resume()
+    world.run(20.0)
+    phases = [event for event in world.notes.events if event.kind == "phase"]
+    assert [each.text for each in phases[:2]] == ["assembling", "ending"]
+    assert phases[1].details["cause"] == Cause.PATH_ENDED.value
+    assert seconds_between(phases[0].now, phases[1].now) < 0.2
 
 
 @pytest.mark.slow

@@ -12,12 +12,12 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check import check_report
 from gcs_formation.app.check_law import (
-    configured_loop_delay_s,
     gust_errors,
     gust_errors_m,
     of_different_instants,
     slow_answer,
 )
+from gcs_formation.app.loop_delays import configured_loop_delay_s
 
 PATH = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100], [4200, 0, 100]]}
 

@@ -27,6 +27,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         member=Member.FLYING,
         airborne=True,
         flew=True,
+        may_loiter=False,
         clock=SimpleNamespace(one_way_s=up_s, split_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
         round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None),

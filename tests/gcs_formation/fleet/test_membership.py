@@ -12,7 +12,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandAck
-from airlink.messages.system import Heartbeat
+from airlink.messages.system import Heartbeat, Timesync
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
@@ -240,6 +240,41 @@ def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
     formation.follower.member, formation.follower.connection.state = Member.HOLDING, LinkState.MUTE
     formation.follower.connection.last_heard = formation.follower.round_trips._answered = after(Instant(0), 40.1)
     assert formation.judge(40.1, heard=False) is Member.HOLDING
+
+
+def test_a_command_to_loiter_that_may_still_arrive_is_revoked_at_once_and_until_then_others_keep_clear() -> None:
+    """It counted as following setpoints, and circled: two came within 5.2 m of each other."""
+    formation = Formation()
+    vehicle, deaf_s = formation.follower, formation.max_age_s + 1.0
+    for each in formation.vehicles.values():
+        each.connection.heard(after(Instant(0), deaf_s), heartbeat=True)
+    formation.vehicles[LEADER].round_trips._answered = after(Instant(0), deaf_s)
+    assert formation.judge(deaf_s, heard=False) is Member.HOLDING
+    assert (formation.told(), vehicle.circles) == ([LOITER], True)
+    assert formation.judge(deaf_s + 0.5) is Member.FLYING
+    assert (formation.told(), vehicle.may_loiter, vehicle.circles) == ([GUIDED], True, True)
+    assert vehicle.commands.due(formation.now) is not None
+    vehicle.commands.acknowledge(CommandAck(SET_MODE, m.MAV_RESULT_ACCEPTED), formation.now)
+    assert (vehicle.may_loiter, vehicle.circles) == (False, False)
+
+
+def test_a_command_to_loiter_that_is_shown_to_have_been_revoked_is_not_revoked_again() -> None:
+    formation = Formation()
+    formation.follower.member = Member.RETURNING
+    assert formation.judge(1.0) is Member.FLYING
+    assert formation.told() == []
+
+
+def test_one_whose_positions_cannot_be_used_is_told_to_loiter_with_the_reason() -> None:
+    formation = Formation()
+    follower, asked_at = formation.follower, after(Instant(0), 5.9)
+    sampler, formation.ages_s[1] = follower.sampler, formation.max_age_s + 0.1
+    sampler.refused = True
+    follower.round_trips.measure(Timesync(6_000_000_000, asked_at), formation.now)
+    formation.follower.telemetry.take(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
+    assert formation.judge(6.0) is Member.HOLDING
+    (said,) = formation.notes.of("member", 2)[1:]
+    assert said.startswith("told to loiter: its TIMESYNC tells another time than the stamps of its positions: ")
 
 
 def test_one_that_comes_back_needs_fresher_telemetry_than_one_that_never_left() -> None:

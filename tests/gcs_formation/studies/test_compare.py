@@ -80,6 +80,7 @@ def test_a_law_that_does_not_stand_the_delay_says_so(scenario, tmp_path):
     ("arguments", "said"),
     [
         (["--laws", "fuzy_pid"], "found 'fuzy_pid' (did you mean 'fuzzy_pid'?); allowed: pid"),
+        (["--laws", "pid,fuzzy_pid,pid"], "found 'pid' 2 times; allowed: each law once"),
         (["--from", "9", "--to", "3"], "found 9 s to 3 s; allowed: a window within 0 s to 12 s"),
         (["--from", "5", "--until", "4"], "found 5 s to 4 s; allowed: a window within 0 s to 4 s"),
         (["--set", "law.rate_hz=-1"], "law.rate_hz"),

@@ -11,7 +11,7 @@ from airlink.endpoint import Address, VehicleId
 from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.system import Timesync
-from airlink.messages.telemetry import Attitude, VfrHud
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
@@ -152,6 +152,17 @@ def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
     assert sample is not None
     assert (sample.north_m, sample.height_m) == pytest.approx((0.0, 100.0), abs=0.01)
     assert math.isclose(sample.heading_rad, 0.5)
+
+
+def test_a_place_of_zero_and_zero_is_no_error_before_the_first_fix_and_counted_after_it() -> None:
+    nowhere = GlobalPositionInt(STAMP_S, 0.0, 0.0, 100.0, 100.0, 0.0, 0.0, 0.0, 0.0)
+    telemetry = Telemetry(ORIGIN)
+    telemetry.take(nowhere)
+    assert (telemetry.motion, telemetry.implausible) == (None, 0)
+    telemetry.take(position(100.0, STAMP_S))
+    known = telemetry.motion
+    telemetry.take(nowhere)
+    assert (telemetry.motion, telemetry.implausible) == (known, 1)
 
 
 @pytest.mark.parametrize("turns_before", [0, 2])

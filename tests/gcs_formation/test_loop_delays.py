@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formation_scenario.links import Impairment
-from gcs_formation.app.check_law import message_age
+from gcs_formation.app.loop_delays import message_age
 
 
 def test_without_loss_an_age_is_uniform_within_a_period() -> None:

@@ -1,0 +1,133 @@
+"""How late the law's loops are by a scenario's links: delays, losses, bursts of losses that silence somebody."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from flight_model.autopilot_model import FlightState, Setpoint
+from formation_scenario import Scenario, Vehicle
+from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.slot_assignment import planned_slots
+from gcs_formation.app.check_links import ways_s
+from gcs_formation.control.laws import law_kind
+from gcs_formation.fleet.membership_and_succession import SUCCESSION_S
+from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
+from gcs_formation.from_scenario import autopilot_for
+
+BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
+"""Rates of the law that are tried where bursts of losses last too long."""
+NO_LOSS = 0.5
+"""Mean age of the newest of periodic messages, in periods, where none is lost."""
+
+
+def message_age(way: Impairment) -> tuple[float, float]:
+    """Return mean and variance of the newest message's age, in periods, over a way that loses some; delay apart.
+
+    Messages are lost by Gilbert's two-state channel; where nothing arrives both are infinite.
+    N being the periods from one message that arrives to the next, the age has the mean E[N^2]/(2 E[N]) and the mean
+    square E[N^3]/(3 E[N]). With the probability g = loss/(b (1 - loss)) a run of losses follows an arrival; its
+    length is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and
+    E[N^3] = 1 + g (b + 6 b^3). If each is lost on its own, b = 1/(1 - loss) and the mean is
+    (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
+    """
+    if way.outage or way.loss >= 1.0:
+        return math.inf, math.inf
+    odds = way.loss / (1.0 - way.loss)
+    b = 1.0 + odds if way.mean_burst is None else max(way.mean_burst, odds, 1.0)
+    mean = 1.0 + odds
+    square, cube = (1.0 + odds / b * each for each in (b + 2.0 * b**2, b + 6.0 * b**3))
+    mean_age = square / (2.0 * mean)
+    return mean_age, cube / (3.0 * mean) - mean_age**2
+
+
+class Hold(NamedTuple):
+    """For how long a setpoint is held until the next one comes, on average, s."""
+
+    mean_s: float
+    ticks: float
+    loss: float
+    """Share of the setpoints that are lost."""
+
+    def __str__(self) -> str:
+        lossy = f" ({self.loss:.0%} of them are lost)" if self.loss else ""
+        return f"setpoints are held for {self.mean_s:.3g} s on average{lossy}"
+
+
+def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float:
+    """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
+
+    Under a mutual law every loop waits for the latest state of all vehicles. With `lossy`, states and setpoints are
+    older on average by what losses add; what nothing comes over is left out.
+    """
+    sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
+    ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
+    for step in commanded_steps(scenario):
+        (up_s, down_s), (held, age) = ways_s(step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
+        if math.isfinite(held + age):
+            ways.append((up_s + held * tick_s, down_s + age * sample_s))
+    if law_kind(scenario).mutual:
+        return max(up_s for up_s, _ in ways) + max(down_s for _, down_s in ways)
+    return max(up_s + down_s for up_s, down_s in ways)
+
+
+def longest_hold(scenario: Scenario) -> Hold:
+    """Return the longest mean hold of a setpoint over any link that the law commands somebody over."""
+    holds = [Hold(NO_LOSS / scenario.law.rate_hz, NO_LOSS, 0.0)]
+    for step in commanded_steps(scenario):
+        held, _ = _mean_ages(step)
+        if math.isfinite(held):
+            holds.append(Hold(held / scenario.law.rate_hz, held, step.uplink.loss))
+    return max(holds)
+
+
+def commanded_steps(scenario: Scenario) -> list[LinkStep]:
+    """Return the states of the links of all vehicles that the law commands."""
+    mutual = law_kind(scenario).mutual
+    following = {} if mutual else planned_slots(scenario)
+    flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
+    return [step for vehicle in flown for step in scenario.link_steps(vehicle)]
+
+
+def longest_round_trip_s(scenario: Scenario) -> float:
+    """Return the longest delay of a link up and down, s, at any time of the run."""
+    steps = (step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
+    return max((sum(ways_s(step)) for step in steps), default=0.0)
+
+
+def _mean_ages(step: LinkStep) -> tuple[float, float]:
+    return message_age(step.uplink)[0], message_age(step.downlink)[0]
+
+
+def long_silences(scenario: Scenario) -> str | None:
+    """Return that bursts of losses silence uplinks for so long that vehicles leave the formation; None if hardly ever.
+
+    The fewer datagrams are sent, the longer a burst of them lasts. Whoever hears nothing flies on as it was told last,
+    can't give way, and has to come back: in slots near each other some pass others at less than the distance kept.
+    """
+    every_s = 1.0 / _silences_hz(scenario, scenario.law.rate_hz)
+    if every_s > scenario.duration_s:
+        return None
+    enough = (each for each in BURSTS_HZ if _silences_hz(scenario, each) * scenario.duration_s < 1.0)
+    found_hz = next(enough, None)
+    slower = "" if found_hz is None else f"; law.rate_hz of {found_hz:g} or more makes that rare"
+    return (
+        f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s about every "
+        f"{every_s:.0f} s: it flies on as it was told last, and can't give way{slower}"
+    )
+
+
+def _silences_hz(scenario: Scenario, rate_hz: float) -> float:
+    """Return how often some uplink is silent for `SUCCESSION_S` at a rate of the law, 1/s, by Gilbert's channel."""
+    return sum((_silence_hz(scenario, each, rate_hz) for each in scenario.vehicles), start=1e-9)
+
+
+def _silence_hz(scenario: Scenario, vehicle: Vehicle, rate_hz: float) -> float:
+    setpoints = autopilot_for(vehicle, scenario).setpoint(Setpoint(0.0, 0.0, 0.0), FlightState(*[0.0] * 8))
+    sent_hz, often_hz = 1.0 / PROBE_S + 1.0 / HEARTBEAT_S + len(setpoints) * rate_hz, 0.0
+    for step in scenario.link_steps(vehicle):
+        loss, burst = step.uplink.loss, step.uplink.mean_burst or 1.0
+        if 0.0 < loss < 1.0 and not step.uplink.outage:
+            burst = max(burst, 1.0 / (1.0 - loss))
+            often_hz = max(often_hz, sent_hz * loss / burst * (1.0 - 1.0 / burst) ** (SUCCESSION_S * sent_hz))
+    return often_hz
