@@ -349,15 +349,17 @@ class Ending:
         """Return which pairs of vehicles may circle at one height, with the reason.
 
         One of the two hasn't acknowledged a height of its own, and by what they told last their heights are nearer than
-        vehicles must be apart.
+        vehicles must be apart. What stands circles nowhere.
         """
+        if self.stands:
+            return []
         flying = {identity: each for identity, each in self._vehicles.items() if each.airborne}
         places = {identity: place for identity, each in flying.items() if (place := each.telemetry.motion)}
         lacking, found = {identity for identity in places if self._is_pending(identity, flying[identity])}, list[str]()
         for one, other in combinations(places, 2):
             off_m = abs(places[one].height_m - places[other].height_m)
             near = off_m < self._gap_m and may_meet(places[one], places[other])
-            if near and not self.stands and not lacking.isdisjoint((one, other)):
+            if near and not lacking.isdisjoint((one, other)):
                 who = one if one in lacking else other
                 why = f"refuses {refusal}" if (refusal := flying[who].refusal) else "hasn't acknowledged its height"
                 found.append(f"vehicles {one} and {other} may circle at heights {off_m:.1f} m apart: {who} {why}")
