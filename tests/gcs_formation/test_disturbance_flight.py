@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.record.timeseries import flying
-from gcs_formation.report.gusts import allowed_gust_error_m, met_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, response_s
 from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.testing.flight_plan import Formation, Plan
 
@@ -70,7 +70,7 @@ def test_whenever_a_gust_on_the_followers_begins_errors_are_near_the_least_possi
     for follower in (2, 3):
         series = flown.series(follower)
         time_s, up_s = series["mission_time_s"], float(np.median(series["delay_s"]))
-        response = response_s(met_s(4 + later_s) + up_s, time_s, time_s - series["age_s"], up_s)
+        response = response_s(gust_acts_s(4 + later_s) + up_s, time_s, time_s - series["age_s"], up_s)
         for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
             worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
             assert worst_m <= allowed_gust_error_m(0.6, response, most_mps2)

@@ -64,7 +64,7 @@ def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
     (axes,) = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 100)})).axes
     (tail,) = lines_of(axes, "share of flights that are worse than this value")
     assert np.asarray(tail.get_xdata())[-1] < 2.0
-    (mark,) = lines_of(axes, "at most so many beyond it")
+    (mark,) = lines_of(axes, "allowed share beyond it")
     assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[2.0, 0.01]]))
     assert axes.xaxis_inverted()
 
@@ -73,7 +73,7 @@ def test_a_share_of_less_than_half_a_flight_is_no_mark_in_the_legend():
     """1 % of 20 flights would lie below the panel, which ends at 2 %."""
     wanted = study(metrics=[ERROR, NEAREST], expect=[{"metric": NEAREST, "above": 2, "share": 0.99}])
     figure = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 20)}))
-    assert lines_of(figure.axes[0], "at most so many beyond it") == []
+    assert lines_of(figure.axes[0], "allowed share beyond it") == []
     assert "expected" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
@@ -202,7 +202,7 @@ def test_what_is_expected_of_some_flights_is_drawn_at_them_alone():
     flights = flights_of(*by_law(expect=[some, both, {"metric": ERROR, "below": 2}]))
     for axes in (distributions(flights).axes[0], exceedances(flights).axes[0]):
         assert places_of(axes, "expected") == [[2.0, 2.0]]
-        assert lines_of(axes, "at most so many beyond it") == []
+        assert lines_of(axes, "allowed share beyond it") == []
     law, delay, *_ = marginals(flights, ERROR).axes
     heights = [[np.asarray(line.get_ydata()).tolist() for line in lines_of(axes, "expected")] for axes in (law, delay)]
     assert heights == [[[2.0, 2.0], [0.7, 0.7]], [[2.0, 2.0]]]
@@ -211,7 +211,7 @@ def test_what_is_expected_of_some_flights_is_drawn_at_them_alone():
     own, of_all = lines_of(tails, "expected")
     assert (np.asarray(own.get_xdata())[0], np.asarray(of_all.get_xdata())[0]) == (0.7, 2.0)
     assert own.get_color() == lines_of(tails, "fuzzy_pid")[0].get_color()
-    (mark,) = lines_of(tails, "at most so many beyond it")
+    (mark,) = lines_of(tails, "allowed share beyond it")
     assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[0.7, 0.1]]))
     (axes, _) = heat_maps(flights, ERROR).axes
     assert not axes.lines
