@@ -1,4 +1,4 @@
-"""The stream parser: whatever comes, it doesn't raise, keeps little, and misses no sound frame."""
+"""The stream parser: it never raises, buffers little, and finds every valid frame."""
 
 import hashlib
 import importlib
@@ -94,7 +94,7 @@ def test_every_sound_frame_is_found_whatever_stands_between(parts, places):
 
 
 BEGINNINGS = [b"\xfe", b"\xfe\xff\x00\x01\x01\x1e", b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00"]
-"""Of the longest frames of known messages, one after the other."""
+"""The longest frames of known messages, one after the other."""
 
 
 @pytest.mark.parametrize("beginning", BEGINNINGS)
@@ -112,7 +112,7 @@ def test_what_looks_like_frames_within_frames_is_not_gone_over_each_time(beginni
 
 
 def one_by_one(stream):
-    """Return what each place would give by itself, from the first on."""
+    """Return what the parser finds from each position on."""
     found, place = [], 0
     while place < len(stream):
         raw = stream[place : place + frame_length(stream, place)]

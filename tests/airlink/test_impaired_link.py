@@ -17,7 +17,7 @@ PERIOD_S = 0.05
 
 
 class Vehicle(PlainEngine):
-    """Sends its time every period; keeps what it hears."""
+    """Sends its time every period; records what it hears."""
 
     def __init__(self, system, port=14550):
         super().__init__(f"udpout:127.0.0.1:{port}")
@@ -35,7 +35,7 @@ class Vehicle(PlainEngine):
 
 
 class Ground(PlainEngine):
-    """Answers each datagram with its own time and keeps when it came, from whom, and how old it was."""
+    """Answers each datagram with its own time; records when it came, from whom, and how old it was."""
 
     def __init__(self, *ports):
         super().__init__(*(f"udpin:127.0.0.1:{port}" for port in ports or (14550,)))
@@ -189,7 +189,7 @@ def test_a_cut_frame_is_its_senders_too():
 
 
 def test_a_header_alone_makes_no_sender():
-    """What isn't sound neither takes a vehicle's address over nor is kept."""
+    """An invalid frame neither changes a vehicle's address nor is kept."""
     ground = Ground()
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     for system in (1, 2):

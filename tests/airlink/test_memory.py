@@ -9,7 +9,7 @@ GROUND = Address("127.0.0.1", 14550)
 
 
 class Beacon(PlainEngine):
-    """Sends its name and a number every period, and answers whatever it hears with it."""
+    """Sends its name and a number every period, and answers each datagram with it."""
 
     def __init__(self, name, endpoint, period_s=0.0, answers=False):
         super().__init__(endpoint)

@@ -1,4 +1,4 @@
-"""The axis of slots behind a multirotor: its course where it flies, and not where a gust pushes it while it stands."""
+"""The axis of slots behind a multirotor: its course in flight, but not where a gust pushes it while it hovers."""
 
 import math
 

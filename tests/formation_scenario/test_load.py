@@ -307,7 +307,7 @@ def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):
 
 
 def test_a_scenario_goes_to_another_process_by_its_keys_alone(load):
-    """What is derived from them may be compiled, and knows no way there."""
+    """Values derived from the keys may be compiled objects, which can't be pickled."""
     scenario = load()
     end_m = scenario.leader_path.length_m
     there = pickle.loads(pickle.dumps(scenario))

@@ -1,4 +1,4 @@
-"""What a user is told while a flight lasts."""
+"""What a user is told during a flight."""
 
 import io
 import math
@@ -14,7 +14,7 @@ THREE = VehicleId(1, 3)
 
 
 def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
-    """Return the line that is said of each event, None where none is."""
+    """Return the line printed for each event, None where there is none."""
     stream = io.StringIO()
     lines = Progress(stream)
     said: list[str | None] = []

@@ -1,4 +1,4 @@
-"""The leader amid its followers, against followers that are in its slots."""
+"""The virtual leader amid its followers, from followers that are in its slots."""
 
 import math
 
@@ -16,7 +16,7 @@ COLUMN = [Slot([-30.0 * place, 5.0 * place, 2.0 * place], STILL, STILL) for plac
 
 
 def in_slots(leader, turn_rps, frame):
-    """States of followers that are in their slots, and head as these move while their axes turn."""
+    """Return states of followers in their slots, with the headings that these need while their axes turn."""
     followers = []
     for slot in COLUMN:
         heading_rad = slot_target(leader, 0.0, 0.0, turn_rps, slot, frame).heading_rad

@@ -15,7 +15,7 @@ GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)
 @pytest.mark.parametrize(
     "worse",
     [
-        GOOD._replace(delay_s=0.24, loss=0.0, jitter_s=0.0, distance_m=30.0),  # delay comes before all else
+        GOOD._replace(delay_s=0.24, loss=0.0, jitter_s=0.0, distance_m=30.0),  # delay has priority
         GOOD._replace(loss=0.2, jitter_s=0.0, distance_m=30.0),
         GOOD._replace(jitter_s=0.03, distance_m=30.0),
         GOOD._replace(distance_m=42.0),

@@ -19,9 +19,9 @@ def test_the_papers_error_along_x_is_out_of_reach_beyond_a_sixth_of_a_second():
 @pytest.mark.parametrize(
     ("begun_s", "found_s"),
     [
-        (4.02, 0.10),  # the sample of 4.04 shows it; decided on at 4.1, it acts at 4.12
+        (4.02, 0.10),  # the sample of 4.04 shows it; the setpoint of 4.1 acts at 4.12
         (4.05, 0.17),  # that sample was a moment too early
-        (4.042, 0.178),  # nearly the worst phase: a period of telemetry and all the rest
+        (4.042, 0.178),  # nearly the worst phase: a telemetry period plus everything else
         (9.0, math.nan),
     ],
 )

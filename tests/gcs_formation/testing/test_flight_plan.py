@@ -84,7 +84,7 @@ def test_an_outage_ends_after_it_begins(plan, to_s):
 
 
 def test_who_flies_is_one_of_two(plan):
-    """Everything else had been the real endpoints, whose vehicles are armed."""
+    """Anything else used to mean the real endpoints, whose vehicles are armed."""
     with pytest.raises(ValueError, match="found 'emulator'; allowed: emulators, real endpoints"):
         plan.against("emulator")
 

@@ -1,4 +1,4 @@
-"""What an ArduCopter is told, and what its own words make of it: as measured on ArduCopter 4.7."""
+"""Commands to an ArduCopter, and the meaning of its messages, as measured on ArduCopter 4.7."""
 
 from __future__ import annotations
 
