@@ -205,11 +205,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
 
 
 def _name_broken(rows: Iterable[Row], command: str) -> int:
-    """Print what each flight broke; return how many broke something.
-
-    Raises:
-        RunAbortedError: one couldn't be flown.
-    """
+    """Print what each flight broke; return how many broke something. RunAbortedError: one couldn't be flown."""
     wrong = 0
     for row in rows:
         if row[INVARIANTS] is None:

@@ -189,11 +189,7 @@ def _scenario(path: Path) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _is_finished(directory: Path) -> bool:
-    """Return whether a run wrote all its files; an unfinished one must have a spool.
-
-    Raises:
-        RecordError: it isn't the directory of a run.
-    """
+    """Return whether a run wrote all its files; an unfinished one must have a spool, or RecordError is raised."""
     if not directory.is_dir():
         raise RecordError(f"found no directory {directory}; expected: the directory of a run")
     if not (directory / SCENARIO).is_file():

@@ -129,11 +129,7 @@ def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: floa
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
-    """Make the directory and remove an earlier comparison from it.
-
-    Raises:
-        RecordError: the directory may not or can't be written.
-    """
+    """Make the directory and remove an earlier comparison from it; RecordError if that isn't allowed or possible."""
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
         if refused is not None:
@@ -242,11 +238,7 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:
-    """Write a comparison's three files into a directory; return the page's path.
-
-    Raises:
-        RecordError: they can't be written.
-    """
+    """Write a comparison's three files into a directory; return the page's path. RecordError: they can't be written."""
     picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
     try:
         (out / f"{NAME}.json").write_text(json.dumps(comparison, indent=2), encoding="utf-8")

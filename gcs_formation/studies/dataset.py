@@ -48,12 +48,7 @@ class Dataset:
     """The rows of a study on disk."""
 
     def __init__(self, path: Path, study: Study, base: Mapping[Any, Plain], *, resume: bool, overwrite: bool) -> None:
-        """Open the directory of a study.
-
-        Raises:
-            RecordError: the directory holds something else, or can't be written.
-            RecordingError: the disk is full.
-        """
+        """Open a study's directory; RecordError: it may not or can't be written, RecordingError: the disk is full."""
         self.path, self.study = path, study
         keys = study.model_dump(mode="json", by_alias=True, exclude_none=True)
         plan = {"study": keys, "base": dict(base), "version": VERSION}

@@ -139,11 +139,7 @@ class Cluster:
         self._seen = Stopwatch()
 
     def __enter__(self) -> Self:
-        """Connect.
-
-        Raises:
-            RunAbortedError: `distributed` isn't installed, or no scheduler answers.
-        """
+        """Connect; RunAbortedError: `distributed` isn't installed, or no scheduler answers."""
         try:
             connect: Any = import_module("distributed").Client
         except ImportError as error:
@@ -194,11 +190,7 @@ class Cluster:
                 yield from _again(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
-        """Wait a moment for results.
-
-        Raises:
-            RunAbortedError: there has been no worker for too long.
-        """
+        """Wait a moment for results; RunAbortedError: there has been no worker for too long."""
         if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
             raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
         sleep(POLL_S)

@@ -121,7 +121,7 @@ def test_changing_one_link_leaves_the_others_alone():
     assert a.ages(2) != b.ages(2)
 
 
-def test_what_is_sent_once_and_arrives_twice_finds_its_receiver_both_times():
+def test_both_copies_of_a_duplicate_reach_their_receiver():
     _, vehicles, _ = fly(only_for(1, Impairment(duplicate=1.0), UNIMPAIRED), 2.0)
     once, twice = ([sent_s for _, sent_s in vehicles[system].heard] for system in (2, 1))
     assert twice == [sent_s for sent_s in once for _ in range(2)]

@@ -218,7 +218,7 @@ def test_every_link_and_direction_and_seed_has_numbers_of_its_own():
         max_size=600,
     )
 )
-def test_a_datagrams_luck_does_not_depend_on_what_the_link_was_like_before(history):
+def test_a_datagrams_random_numbers_do_not_depend_on_earlier_impairments(history):
     through, undisturbed = channel(), channel()
     for number, impairment in enumerate(history):
         through.pass_on(50, Instant(number), impairment)

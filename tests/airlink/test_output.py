@@ -35,7 +35,7 @@ def test_a_full_disk_under_the_output_is_no_broken_expectation_and_no_traceback(
     assert "Traceback" not in done.stderr
 
 
-def test_a_reader_that_has_gone_is_none_either() -> None:
+def test_a_closed_pipe_is_no_broken_expectation_and_no_traceback() -> None:
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as pipe:

@@ -49,9 +49,7 @@ def test_datagrams_come_in_and_answers_go_back(port):
 
 
 def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too(port):
-    """300 datagrams, each the answer to the one before, wake the driver 300 times; checking costs more than most of
-    them.
-    """
+    """300 datagrams, each the answer to the one before, wake the driver 300 times; checking costs more than most do."""
     engine, looks = Echo(f"udpin:127.0.0.1:{port}"), []
     engine.timer = None
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"on and on"))
@@ -71,7 +69,7 @@ def test_an_address_of_another_machine_cannot_be_listened_at(port):
         open_socket(parse_endpoint(f"udpin:192.0.2.1:{port}"))
 
 
-def test_who_is_sent_to_hears_the_port_of_before_unless_somebody_has_it(port):
+def test_the_previous_source_port_is_used_again_unless_it_is_taken(port):
     to = "udpout:127.0.0.1:9"
     with UdpDriver(Echo(to, f"udpin:127.0.0.1:{port}"), RealClock()) as first:
         before = first.from_ports

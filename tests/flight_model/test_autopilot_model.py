@@ -215,7 +215,7 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(16, 28), st.floats(-3, 3), st.floats(-3, 3), st.floats(16, 28), st.floats(-9, 9), st.floats(0.01, 5))
-def test_what_responds_is_where_it_would_be_but_for_its_place(
+def test_a_response_is_the_flight_without_its_change_of_position(
     airspeed: float, climb: float, heading: float, speed: float, told_rad: float, seconds: float
 ) -> None:
     begin = state(airspeed_mps=airspeed, climb_mps=climb, heading_rad=heading)

@@ -96,9 +96,7 @@ def test_the_speed_of_the_path_must_suit_the_leader(refusal):
 
 
 def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusal, load):
-    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 14 m/s of calibrated airspeed are 16.25
-    true.
-    """
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): a reading of 14 m/s is 16.25 m/s true."""
     planes = ["vehicles={count: 2, model: arduplane}", "path.speed_mps=16"]
     assert load(*planes).path.speed_mps == 16.0
     (line,) = refusal(*planes, "origin.alt_m=3000")

@@ -59,9 +59,7 @@ def test_in_a_wind_slots_are_behind_the_nose_and_the_wind_carries_everybody() ->
 
 
 def keys(**fence: Any) -> dict[str, Any]:
-    """A leader and two followers at 22 m/s to the north, 100 m high, from -132 to 4000 m; both slots are 42 m to the
-    side.
-    """
+    """A leader and two followers at 22 m/s northwards, 100 m high, from -132 to 4000 m; both slots are 42 m aside."""
     return scenario(safety={"fence": fence})
 
 

@@ -97,9 +97,7 @@ def test_predicted_states_are_of_one_instant_and_so_are_those_of_the_consensus()
 
 
 def test_gusts_leave_what_a_loop_of_first_order_leaves_of_correlated_noise() -> None:
-    """d with the correlation time a in e' = d - B e leaves sigma^2 a / (B (1 + B a)); two vehicles have their own
-    gusts.
-    """
+    """d with the correlation time a in e' = d - B e leaves sigma^2 a / (B (1 + B a)); two vehicles have two gusts."""
     gust = {"at_s": 0, "kind": "dryden", "sigma_mps": [1.0, 1.0, 0.5], "length_m": [220.0, 220.0, 50.0]}
     law = {"type": "consensus", "rate_hz": 50, "consensus": {"k1": 20, "k2": 0, "k3": 200}}
     scenario = planned(count=2, disturbances=[gust], law=law, telemetry={"rate_hz": 50})

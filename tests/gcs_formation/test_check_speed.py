@@ -83,9 +83,7 @@ def test_what_is_warned_of_is_far_out_of_its_slot_and_what_is_not_is_near(tmp_pa
 def test_multirotors_too_near_behind_each_other_to_stop_are_warned_of_with_the_distance_that_is_enough(
     shape: str, spacing_m: float, delay_ms: float, enough: str | None
 ) -> None:
-    """Behind one that ignored its setpoints, slots 12 m apart with 300 ms at 8 m/s came to 2.4 m, 10 m at 5 m/s to 2.6
-    m.
-    """
+    """Behind one that ignored its setpoints, 12 m with 300 ms at 8 m/s became 2.4 m, and 10 m at 5 m/s 2.6 m."""
     copters: dict[str, Any] = {
         "vehicles": {"count": 3, "model": "arducopter"},
         "formation": {"shape": shape, "spacing_m": spacing_m},

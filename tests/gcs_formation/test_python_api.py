@@ -61,7 +61,7 @@ def test_a_wrong_key_is_named_as_it_was_given_and_not_as_an_option_of_the_comman
     assert "--set" not in str(refused.value)
 
 
-def test_an_empty_directory_name_is_none() -> None:
+def test_an_empty_directory_name_is_refused() -> None:
     with pytest.raises(ValueError, match="out: found ''; allowed: a directory"):
         gcs_formation.run(scenario(), out="")
 

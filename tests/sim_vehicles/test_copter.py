@@ -236,9 +236,7 @@ def test_a_place_has_the_nose_turn_to_it_again(standing):
 
 
 def test_a_yaw_rate_turns_the_nose_until_it_is_too_old(standing):
-    """A real one at 0.3 rad/s turned by 64 degrees in 4 s, by another 54 in the next 3 s without setpoints, and
-    stopped.
-    """
+    """A real one at 0.3 rad/s turned by 64 degrees in 4 s, by 54 more in 3 s without setpoints, and stopped."""
     before = standing.shown.heading_rad
     standing.fly(4.0, 0.0, mask=VELOCITY_ALONE, rate=0.3)
     assert math.degrees(standing.shown.heading_rad - before) == pytest.approx(64.0, abs=5.0)

@@ -171,7 +171,7 @@ def test_neither_arm_nor_disarm_is_only_remarked_on(px4):
     assert copter.vehicle.pilot.condition.armed
 
 
-def test_to_loiter_is_no_command(px4):
+def test_nav_loiter_unlim_is_unsupported(px4):
     copter = px4()
     copter.set_mode(RTL)
     assert copter.results(m.MAV_CMD_NAV_LOITER_UNLIM) == [UNSUPPORTED]
@@ -290,7 +290,7 @@ def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
     assert vehicle.vehicle.pilot.silent_at > vehicle.vehicle.now
 
 
-def test_setpoints_that_say_nothing_are_none(px4):
+def test_setpoints_that_ignore_every_field_are_invalid(px4):
     copter = px4()
     copter.offboard()
     copter.wait(1.2, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=0xFFF))
@@ -437,9 +437,7 @@ def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_told_with
 
 
 def test_of_a_change_of_airspeed_a_share_comes_soon_and_the_rest_with_its_integrator(px4):
-    """docs/real-autopilots.md. Of 2 m/s at the setpoint's own rate, most of the prompt share of 0.55 is flown after 6
-    s.
-    """
+    """docs/real-autopilots.md. Of 2 m/s at the setpoint's rate, most of the prompt share, 0.55, is flown after 6 s."""
     plane = px4(PLANE.model_copy(update={"rest_s": 30.0}))
     for told_mps, after_s, flown_mps in ((16.0, 80.0, 16.0), (14.0, 6.0, 16.0 - 0.55 * 2.0), (14.0, 60.0, 14.0)):
         assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, told_mps, -1) == [ACCEPTED]

@@ -90,9 +90,7 @@ class Bank:
         return (air[at, 0], air[at, 1], height[at]), np.concatenate((air_free, height_free[None]))
 
     def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
-        """Return airspeeds and headings at the ends of S segments, (S + 1, 2, C, K), and which stayed free of limits,
-        (2, C).
-        """
+        """Return airspeeds and headings at segments' ends, (S + 1, 2, C, K), and which stayed within limits, (2, C)."""
         model, count = self._air_model, self._air.shape[1] // self._columns
         told = np.repeat(told, count, axis=2)
         told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
@@ -107,7 +105,7 @@ class Bank:
         return np.array(values).reshape(-1, 2, self._columns, count), free
 
     def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
-        """Return heights at the ends of S segments, (S + 1, C, K), and which stayed free of limits, (C,)."""
+        """Return heights at the ends of S segments, (S + 1, C, K), and which stayed within limits, (C,)."""
         count = self._height.height_m.size // self._columns
         told_m = np.repeat(told_m, count, axis=1)
         steps = HeightSteps.of(self._height_model, np.repeat(duration_s, count, axis=1))

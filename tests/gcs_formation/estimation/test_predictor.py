@@ -96,7 +96,7 @@ def test_setpoints_act_when_they_arrive() -> None:
         assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
 
 
-def test_untold_vehicles_fly_straight_on() -> None:
+def test_vehicles_without_setpoints_fly_straight_on() -> None:
     state = FlightStates(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
     later = advance(state, np.full((3, 1), np.nan), np.array([2.0]), MODEL)
     assert later.heading_rad == pytest.approx([0.5])
@@ -105,7 +105,7 @@ def test_untold_vehicles_fly_straight_on() -> None:
 
 
 @pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
-def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
+def test_a_turning_vehicle_without_setpoints_flies_an_arc(turn_rps: float) -> None:
     state, over_s = FlightStates(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
     straight = advance(state, np.full((3, 1), np.nan), np.array([over_s]), MODEL)
     turned = straight.turned(*column(turn_rps, over_s))

@@ -61,9 +61,7 @@ class Ground:
         told_m: Callable[[float], float] = lambda _: 100.0,
         told_mps: Callable[[float], float] = lambda _: 27.0,
     ) -> list[float]:
-        """Command the second vehicle 27 m/s from the start, heading and height, and observe it; return when it is
-        reported.
-        """
+        """Command the second vehicle 27 m/s from the start, heading and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             speeds_mps = (22.0, told_mps(at_s) if commanded(at_s) else 22.0, 22.0)

@@ -64,9 +64,7 @@ class Formation:
 
     @property
     def full(self) -> tuple[float, float]:
-        """Return the share used without delay, and its increase per second of delay each way; it is linear in the
-        delay.
-        """
+        """Return the share used without delay, and its increase per second of delay each way, which is constant."""
         if not hasattr(self, "_full"):
             fresh = MarginWatch(self.watch._scenario, self.vehicles, Noted())
             used: list[float] = []

@@ -28,10 +28,10 @@ def test_of_those_near_enough_the_best_link_leads_by_delay_then_loss_then_jitter
     assert heir([GOOD, worse._replace(column=2)], SPACING_M) == 1
 
 
-def test_what_is_chance_in_measured_links_doesnt_decide():
+def test_random_differences_between_links_do_not_decide():
     alike = GOOD._replace(column=0, delay_s=0.064, loss=0.024, jitter_s=0.0024)
     assert heir([GOOD, alike], SPACING_M) == 0
 
 
-def test_of_nobody_nobody_leads():
+def test_without_candidates_nobody_leads():
     assert heir([], SPACING_M) is None

@@ -259,7 +259,7 @@ def test_a_drift_that_gets_better_known_moves_the_mapping_no_faster_than_promise
     assert abs(sum(moved_s[1:])) > 0.02  # as required
 
 
-def test_what_most_allow_is_agreed_on_and_stands():
+def test_the_offset_that_most_bounds_allow_is_agreed_on_and_kept():
     slow, even, wrong = UtcBounds(10.16, 0.24), UtcBounds(10.0, 0.1), UtcBounds(11.0, 0.24)
     assert agreed_s([slow, even, even]) == pytest.approx(10.0)
     assert agreed_s([slow, even, wrong]) == pytest.approx(10.08)

@@ -160,6 +160,6 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     np.testing.assert_array_equal(ways_s[:, 2], injected[THIRD][:, 0])
 
 
-def test_of_nothing_there_is_no_least():
+def test_the_least_of_no_finite_values_is_none():
     assert least(np.array([np.nan, np.inf])) is None
     assert least(np.array([np.nan, 3.0, 2.0])) == 2.0

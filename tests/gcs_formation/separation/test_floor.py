@@ -67,9 +67,7 @@ def test_one_that_is_too_low_is_asked_for_no_more_than_it_can_climb() -> None:
 
 @pytest.mark.parametrize("north_m", [-700.0, -300.0, -100.0, 60.0, 300.0, 700.0])
 def test_one_that_flies_along_a_slope_is_told_the_ground_that_it_comes_to(north_m: float) -> None:
-    """Setpoints lead: a metre above the clearance nothing is changed, uphill or downhill; below it, the height is
-    raised.
-    """
+    """Setpoints lead: a metre above the clearance nothing changes, uphill or downhill; below, the height is raised."""
     over = planned(SLOPE)
     ground = over.ground.height(np.array([north_m, north_m + LAG_S * SPEED_MPS]), np.zeros(2))
     here_m, there_m = (ground + CLEARANCE_M).tolist()

@@ -150,7 +150,7 @@ def test_rightmost_root_of_the_scalar_delay_equation():
     assert rightmost_root({0.0: 0 * minus_one, 1 / math.e: minus_one}) == pytest.approx(-math.e, abs=1e-5)
 
 
-def test_single_vehicle_has_nothing_to_lose():
+def test_single_vehicle_has_an_infinite_margin():
     assert consensus_delay_margin([[0.0]], 1.0, 1.0) == np.inf
 
 

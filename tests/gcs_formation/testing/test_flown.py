@@ -100,7 +100,7 @@ def test_only_followers_have_a_slot(tmp_path):
         flown(tmp_path).stays_within(1.0, followers=1)
 
 
-def test_nobody_is_no_follower(tmp_path):
+def test_an_empty_list_of_followers_is_refused(tmp_path):
     with pytest.raises(ValueError, match="found no vehicle; allowed: one or more"):
         flown(tmp_path).stays_within(1.0, followers=[])
 

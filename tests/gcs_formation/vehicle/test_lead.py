@@ -30,7 +30,7 @@ class Integrator:
 
 
 @given(st.lists(st.tuples(speeds, speeds), min_size=1, max_size=60))
-def test_what_is_led_is_flown_as_asked(asked):
+def test_with_a_lead_the_velocity_asked_for_is_flown(asked):
     lead, north, east = VelocityLead(PROMPT, REST_S, 100.0, PERIOD_S), Integrator(), Integrator()
     for north_mps, east_mps in asked:
         told = lead.lead((north_mps, east_mps), AT_REST)
