@@ -57,7 +57,7 @@ class _Held(NamedTuple):
 def held_by_links(scenario: Scenario) -> str | None:
     """Return that followers will be told to loiter because of delay or jitter of their links; None if they won't be.
 
-    The scatter is known by measurement only, so a vehicle may be told to from `NEAR` of the margin on.
+    The scatter is known by measurement only, so some are told to when `NEAR` of the margin is in use.
     """
     if scenario.law.on_delay != "hold":
         return None

@@ -214,7 +214,7 @@ def goes_round(scenario: Scenario) -> str | None:
 
 
 def no_time_for_a_lap(scenario: Scenario) -> str | None:
-    """Return that the start times out before the leader's second pass of its start; None if it doesn't.
+    """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
     The leader's first pass is over after its run-in, and a lap follows.
     """
@@ -259,13 +259,13 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
         both = up * down
         if both <= 0.0:
             return MOST_S
-        heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spaced(_chance(losses, requests, both), RETRY_S))
+        heard *= np.cumsum(_spread_over_time(_loss_probabilities(losses, 1, down), HEARTBEAT_S))
+        answered *= np.cumsum(_spread_over_time(_loss_probabilities(losses, requests, both), RETRY_S))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
     return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
 
 
-def _chance(losses: Array, passed: int, each: float) -> Array:
+def _loss_probabilities(losses: Array, passed: int, each: float) -> Array:
     """Return the probability of each number of losses before `passed` messages got through (negative binomial).
 
     Each further loss multiplies it by (1 - each) (losses + passed - 1)/losses.
@@ -274,7 +274,7 @@ def _chance(losses: Array, passed: int, each: float) -> Array:
     return np.cumprod(ratios, dtype=np.float64) * each**passed
 
 
-def _spaced(chance: Array, each_s: float) -> Array:
+def _spread_over_time(chance: Array, each_s: float) -> Array:
     """Return the probability of each delay by losses, in cells of `CELL_S`; `chance` is that of 0, 1, 2 … losses."""
     spread, step = np.zeros(round(MOST_S / CELL_S)), round(each_s / CELL_S)
     spread[::step] = chance[: len(spread[::step])]

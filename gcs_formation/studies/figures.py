@@ -52,7 +52,7 @@ MAPS, MAP_CM = 2, 6.5
 
 def marginals(flights: Flights, metric: str) -> Figure:
     """Draw a metric over each parameter: all flights, their median, and their 5th to 95th percentile."""
-    names = telling(flights, metric, PANELS)
+    names = most_influential(flights, metric, PANELS)
     words = [words_of(flights, name) for name in names if name in flights.levels]
     upright = max((len(word) for each in words if is_crowded(each) for word in each), default=0)
     figure, panels = panels_of(len(names), CELL_CM + UPRIGHT_CM * upright)
@@ -95,7 +95,7 @@ def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named
     axes.plot(middles, middle, color=INK, lw=1.2, ls="" if named else "-", marker="o", ms=2.5, label="median")
 
 
-def telling(flights: Flights, metric: str, most: int) -> list[str]:
+def most_influential(flights: Flights, metric: str, most: int) -> list[str]:
     """Return the parameters in their order; of more than `most`, those with the largest effect on a metric.
 
     The effect is the share of the variance of the metric's ranks that lies between a parameter's levels or bins.
@@ -116,7 +116,7 @@ def pairs(flights: Flights, metric: str) -> list[tuple[str, str]]:
     """Return pairs of parameters for maps, the one with more names on the y axis; none if one is varied at a time."""
     if flights.study.design == "one_at_a_time":
         return []
-    names = telling(flights, metric, MAPPED)
+    names = most_influential(flights, metric, MAPPED)
     return list(combinations(sorted(names, key=lambda name: len(flights.levels.get(name, ()))), 2))
 
 

@@ -90,7 +90,7 @@ def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
 
 def broken(flown: FlightRecord) -> list[str]:
     """Return the invariants that were broken, in words with their figures."""
-    return [text for invariant in HELD_AGAINST for text in invariant(flown)]
+    return [text for invariant in CHECKS for text in invariant(flown)]
 
 
 def separation(flown: FlightRecord) -> Iterator[str]:
@@ -187,4 +187,4 @@ def _held_up(flown: FlightRecord, rows: Mapping[str, Array]) -> bool:
     return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
 
 
-HELD_AGAINST = (separation, envelope, finite, acknowledged, recorded, regained)
+CHECKS = (separation, envelope, finite, acknowledged, recorded, regained)

@@ -59,13 +59,18 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    if wrong := [*_together(study, read), *_replaced(study, read), *_nowhere(study, read), *_pointless(study, read)]:
+    if wrong := [
+        *_conflicting_keys(study, read),
+        *_replaced(study, read),
+        *_unmet_conditions(study, read),
+        *_impossible_bounds(study, read),
+    ]:
         raise ScenarioError(wrong)
     home = Path(read.file).parent if read.file else Path()
     return study.model_copy(update=_with_absolute_files(study, home)), read
 
 
-def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
+def _unmet_conditions(study: Study, read: Source) -> Iterator[Problem]:
     """Yield `where` conditions of expectations that no flight meets."""
     known, names = study.levels, [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
     for i, wanted in enumerate(study.expect):
@@ -78,7 +83,7 @@ def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
                 yield read.problem(("expect", i, "where"), found, allowed)
 
 
-def _pointless(study: Study, read: Source) -> Iterator[Problem]:
+def _impossible_bounds(study: Study, read: Source) -> Iterator[Problem]:
     """Yield bounds outside a figure's possible range."""
     bounded: list[tuple[KeyPath, Wanted | Bisection]] = [(("expect", i), each) for i, each in enumerate(study.expect)]
     bounded += [(("bisect",), study.bisect)] if study.bisect else []
@@ -87,7 +92,7 @@ def _pointless(study: Study, read: Source) -> Iterator[Problem]:
             yield read.problem((*path, name), found, allowed)
 
 
-def _together(study: Study, read: Source) -> Iterator[Problem]:
+def _conflicting_keys(study: Study, read: Source) -> Iterator[Problem]:
     """Yield keys that exclude each other."""
     taken, search = {*COLUMNS, *study.measured}, study.bisect
     for name in study.parameters:
@@ -198,7 +203,7 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
     trial = _Trial(study, base, read)
     if (wrong := trial.first_wrong()) is not None:
         raise wrong
-    problems = list(_never(study, read, trial))
+    problems = list(_windows_after_the_end(study, read, trial))
     problems += [problem for each in trial.wrong_values() for problem in each.problems]
     if problems:
         raise ScenarioError(problems)
@@ -287,7 +292,7 @@ class _Trial:
         return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
 
 
-def _never(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
+def _windows_after_the_end(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
     """Yield `from_s` and `to_s` beyond the end of the flights."""
     if study.random is not None or "duration_s" in study.parameters:
         return

@@ -61,7 +61,7 @@ class Processes:
         while tasks or flying:
             while tasks and len(flying) < (1 if suspects else AHEAD * self._count):
                 task = tasks.popleft()
-                with _uncut():
+                with _interrupts_deferred():
                     flying[self._pool.submit(fly, task)] = task
             done, _ = wait(flying, return_when=FIRST_COMPLETED)
             broken = [flying.pop(each) for each in done if isinstance(each.exception(), BrokenProcessPool)]
@@ -71,7 +71,7 @@ class Processes:
                 flying.clear()
                 self._pool = self._new_pool()
                 if len(broken) == 1:
-                    ended += _again(broken[0], deaths, tasks)
+                    ended += _retried(broken[0], deaths, tasks)
                 else:
                     suspects.update(task.planned.flight for task in broken)
                     tasks.extendleft(broken)
@@ -81,13 +81,13 @@ class Processes:
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(["gcs_formation.studies.flight"])
-        with _uncut():
+        with _interrupts_deferred():
             forkserver.ensure_running()
         return ProcessPoolExecutor(self._count, context, _begin)
 
 
 @contextmanager
-def _uncut() -> Generator[None]:
+def _interrupts_deferred() -> Generator[None]:
     """Defer Ctrl-C while a process starts: it would reach the new process too, or leave it without its parent."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -120,7 +120,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _again(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+def _retried(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
     """Queue a task whose worker died at the front, or yield its row after `TRIES` deaths."""
     deaths[task.planned.flight] += 1
     if deaths[task.planned.flight] < TRIES:
@@ -187,7 +187,7 @@ class Cluster:
             except FutureCancelledError:
                 tasks.appendleft(task)
             except KilledWorker:
-                yield from _again(task, deaths, tasks)
+                yield from _retried(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
         """Wait a moment for results; RunAbortedError: there has been no worker for too long."""
