@@ -109,7 +109,7 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
 
     First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
-    `LAGS_OFF` off. Both are 0 for a loop that is unstable without delay, and empty without prediction.
+    `LAGS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S

@@ -205,7 +205,7 @@ def _faster(scenario: Scenario) -> str:
 AXES = "xyz"
 NAMES = {"x": "along the path", "y": "across it", "z": "in height"}
 SIGMAS = 2.0
-"""Standard deviations that hold an error for 95 % of the time."""
+"""Standard deviations within which an error stays for 95 % of the time."""
 WORTH_M = 2.0
 """Error by gusts, at `SIGMAS`, from which a warning is given."""
 

@@ -157,7 +157,7 @@ def height_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tu
 
 
 def drifts(scenario: Scenario) -> Iterator[str]:
-    """Yield by how much positions and heights drift until the end of the flight, where that exceeds the room left."""
+    """Yield by how much positions drift apart and heights drift by the end of the flight, where it exceeds the room."""
     after_s, lat_rad = scenario.start.run_in_s + planned_end_s(scenario), math.radians(scenario.origin.lat_deg)
     each = [_navigation(vehicle) for vehicle in scenario.vehicles]
     adrift = [keys for keys in each if isinstance(keys, InertialNavigation) and keys.aiding != "gnss"]

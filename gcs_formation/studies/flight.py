@@ -117,7 +117,7 @@ def figure(summary: Mapping[str, Any], metric: str) -> float | None:
 
 
 def worst(metric: str, each: Sequence[Any]) -> float | None:
-    """Return the worst of several vehicles' figures; None if any has none."""
+    """Return the worst of several vehicles' figures; None if any has none, except for `left_at_s`."""
     known = [float(value) for value in each if value is not None]
     if not known or (len(known) < len(each) and metric != "left_at_s"):
         return None

@@ -114,7 +114,7 @@ def heard_for(tracker, seconds):
 
 
 def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
-    """At 256 k frames each repeat would restart the count: of 640 frames in 15 s, 512 fewer counted as lost."""
+    """After a multiple of 256 frames each repeat restarted the count: of 640 lost in 15 s, 512 fewer were seen."""
     tracker = SequenceTracker()
     heard = heard_for(tracker, 20)
     for _ in range(3):

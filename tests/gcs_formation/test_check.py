@@ -185,7 +185,7 @@ STRAIGHT_ON = {"speed_mps": 22, "waypoints_m": [[3000, 3000, 100], [5000, 3000, 
 def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_climb_in_time(
     height_m: float, found: str
 ) -> None:
-    """Its top is 250 m ahead; they would fly into it at 3 m/s. Over a hill of 50 m they are 10 m higher in time."""
+    """Its top is 250 m ahead: climbing at 3 m/s they hit it. Over a hill of 50 m they are 10 m higher in time."""
     hill = {"shape": "cosine", "north_m": 5250, "east_m": 3000, "height_m": height_m, "radius_m": 300}
     planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=STRAIGHT_ON, duration_s=100))
     told = [text for text in check_report(planned)["warnings"] if "straight on" in text]

@@ -32,7 +32,7 @@ def towed_and_off() -> FlightStates:
 
 
 def test_what_a_heading_sweeps_a_slot_is_no_error_and_damps_as_30_m_behind() -> None:
-    """20 m to the right, a slot moves forward by 20 m times the angle; 10 m behind, it swings as if by 1.36 s."""
+    """20 m to the right, a slot moves forward by 20 m times the angle; 10 m behind, it swings like 1.36 s behind."""
     near = SLOTS_M + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     here = situation(towed_and_off(), slots=SlotMotion.at_rest(near))
     decided = law(frame="follower_heading").decide(here, DT_S)

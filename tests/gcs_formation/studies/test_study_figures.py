@@ -12,7 +12,15 @@ from scipy.stats import binomtest
 
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset, Flights, flights_of
-from gcs_formation.studies.figures import crossings_of, edges_of, heat_maps, marginals, pairs, searched, telling
+from gcs_formation.studies.figures import (
+    crossings_of,
+    edges_of,
+    heat_maps,
+    marginals,
+    most_influential,
+    pairs,
+    searched,
+)
 from gcs_formation.studies.preparation import load_study
 from gcs_formation.studies.report import write_study_report
 
@@ -166,10 +174,10 @@ def test_parameters_that_are_no_numbers_have_their_values_on_the_axes():
 def test_of_many_parameters_those_are_drawn_by_which_a_figure_differs_most():
     """The law changes 1 m, the seed a tenth of a metre, the delay nothing."""
     flights = flights_of(*by_law())
-    assert telling(flights, ERROR, 2) == [LAW, DELAY]
-    assert telling(flights, ERROR, 1) == [LAW]
+    assert most_influential(flights, ERROR, 2) == [LAW, DELAY]
+    assert most_influential(flights, ERROR, 1) == [LAW]
     again = flights._replace(metrics={ERROR: flights.parameters[DELAY] + 0.01 * flights.metrics[ERROR]})
-    assert telling(again, ERROR, 1) == [DELAY]
+    assert most_influential(again, ERROR, 1) == [DELAY]
 
 
 def test_names_of_values_stand_upright_where_they_have_no_room():
