@@ -144,7 +144,7 @@ class RunData:
         return (*(vehicle.vehicle_id for vehicle in self.scenario.followers), *led)
 
     def worst_first(self) -> list[VehicleId]:
-        """Return the followers, the one with the largest root mean square error first."""
+        """Return the followers by decreasing root mean square of their flown errors."""
 
         def rms(vehicle: VehicleId) -> float:
             known = self.flown.error(vehicle)

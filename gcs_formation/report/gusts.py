@@ -46,7 +46,7 @@ def gust_acts_s(at_s: float) -> float:
 
 
 def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> float:
-    """Return T of one gust, s: until the first setpoint acts that follows from a sample taken during the gust.
+    """Return T of one gust, s: from its start until the first setpoint acts that follows from a later sample.
 
     The mean round trip is no bound for a single gust: the wait for a sample and for a tick depends on when it begins.
 
