@@ -1,8 +1,9 @@
 """Fits a vehicle's model to recordings by prediction errors (Ljung, "System Identification", 2nd ed., 7.2).
 
-Equation (7), by which the law predicts and feeds forward: from points all along the recording the model flies on from
-the measured state, by the recorded setpoints, for `HORIZON_S`. The airframe, which emulators fly: one flight from the
-recording's first point to its last by the setpoints alone; all perturbed aircraft are simulated side by side.
+Equation (7), by which the law predicts and feeds forward, is fitted to whole flights (`output_error`) and judged by
+predictions: from points all along the recording the model flies on from the measured state, by the recorded setpoints,
+for `HORIZON_S`. The airframe, which emulators fly, is fitted to one flight from the recording's first point to its last
+by the setpoints alone; all perturbed aircraft are simulated side by side.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ class Fit:
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
-    """Return the model of equation (7) that predicts recordings of one kind of vehicle best.
+    """Return the model of equation (7) that fits recordings of one kind of vehicle best, and how well it predicts.
 
     `begin` has the limits, which are kept, and the lags that the search begins with.
 

@@ -26,8 +26,7 @@ STEP_S = 0.1
 SILENT_S = 1.0
 """A state older than this breaks the recording."""
 SETPOINT_SILENT_S = 2.5 * REPEAT_S
-"""A setpoint older than this breaks it too. Constant ones are sent again each `REPEAT_S` and a tick; one may be lost.
-"""
+"""A setpoint older than this breaks it too. Constant ones are repeated each `REPEAT_S` and a tick; one may be lost."""
 SETTLING_S = 15.0
 """Take-off transients within this time aren't used."""
 CYCLE_S = 0.02
