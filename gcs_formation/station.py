@@ -124,9 +124,8 @@ class Station(Engine):
         """Take datagrams: pass their frames to their vehicles, and count the rest."""
         timed, raws = not self._was_away(now), list[bytes]()
         try:
-            read = [self._receiver.first(datagram) for datagram in datagrams]
-            for place, datagram in enumerate(datagrams):
-                frame = read[place]
+            for datagram in datagrams:
+                frame = self._receiver.first(datagram)
                 while frame is not None:
                     raws.append(frame.raw)
                     vehicle = self._senders.sender(frame, datagram, now)

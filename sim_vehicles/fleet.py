@@ -92,10 +92,8 @@ class Fleet(Engine):
         # Stage by stage for all: the code of a stage stays in a processor's cache, that of all stages doesn't fit.
         awake = list[Vehicle]()
         for vehicle in self.vehicles:
-            if vehicle.wake <= now and vehicle.read(now):
+            if vehicle.wake <= now and vehicle.act(now):
                 awake.append(vehicle)
-        for vehicle in awake:
-            vehicle.act()
         streaming = list[Vehicle]()
         for vehicle in awake:
             if vehicle.tell():

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
-from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
@@ -102,8 +101,6 @@ class Vehicle(ABC):
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
-        self._frames: list[tuple[Address, Frame]] | None = None
-        """What was read at the beginning of this cycle."""
         self._tells_time_at_once, self._handlers = self.tells_time_at_once, self.handlers
         self._exact = Estimate(None)
         """What a vehicle without errors of its sensors estimates, apart from its motion."""
@@ -164,8 +161,8 @@ class Vehicle(ABC):
 
     # A cycle of the main loop, in the order in which the fleet has each vehicle run through it.
 
-    def read(self, now: Instant) -> bool:
-        """Begin a cycle: boot, read what has arrived; return False for a vehicle that does nothing (any more)."""
+    def act(self, now: Instant) -> bool:
+        """Boot, do what frames that have arrived ask for, and what is due; return False for one that does nothing."""
         self.now = now
         if self._frozen or self.pilot.crashed:
             self.link.ignore()
@@ -173,17 +170,10 @@ class Vehicle(ABC):
             return False
         if self.pilot.booting and now >= self._up:
             self._come_up(self.ground_mode)
-        self._frames = self.link.frames(now) if self.link.next_arrival <= now else None
-        return True
-
-    def act(self) -> None:
-        """Do what the frames that were read ask for, and what is due by now."""
-        now, frames = self.now, self._frames
-        if frames is not None:
-            for peer, frame in frames:
+        if self.link.next_arrival <= now:
+            for peer, frame in self.link.frames(now):
                 self._asker = peer
                 self._take(frame)
-            self._frames = None
         if self.reboots:
             self._restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
@@ -198,6 +188,7 @@ class Vehicle(ABC):
             self.say(CRITICAL, "Failsafe. Long event on: GCS")
             self.enter(safe_mode)
         self.follow_time()
+        return True
 
     def tell(self) -> bool:
         """Send what is due besides its streams; return whether one of these is."""
