@@ -145,7 +145,7 @@ class SecondOrder:
         self._step_s = time_s
         for node in range(len(self._slow_s)):
             slow_s, fast_s, left = self._slow_s[node], self._fast_s[node], self._left[node]
-            left.find(time_s, math.inf, math.inf, slow_s, fast_s)
+            left.compute(time_s, math.inf, math.inf, slow_s, fast_s)
             climb_s = self._climb_s[node] = left.climb_s
             self._height_of_error[node] = left.slow + climb_s / slow_s
             self._climb_of_error[node] = -climb_s / (slow_s * fast_s)
