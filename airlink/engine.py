@@ -200,7 +200,6 @@ class MemoryNetwork:
             receivers = self._receivers()
 
     def _receivers(self) -> list[int]:
-        """Return the engines for which datagrams have arrived."""
         return [index for index, arrived in enumerate(self._arrived) if arrived]
 
     def _collect(self, sender: int) -> None:

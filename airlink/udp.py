@@ -157,14 +157,14 @@ class Inbox:
                     begin = place * MAX_DATAGRAM
                     length = read_i64_le(headers, place * MMSGHDR_BYTES + MSG_LEN_AT)
                     data: bytes = room[begin : begin + length]
-                    found.append(Datagram(index, known.get(sender) or self._met(sender), data))
+                    found.append(Datagram(index, known.get(sender) or self._add_sender(sender), data))
             # Another error is the kernel's report that an earlier datagram was undeliverable: ignored.
             short = 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN)
             if short or len(found) >= most:
                 break
         return found
 
-    def _met(self, sockaddr: bytes) -> Address:
+    def _add_sender(self, sockaddr: bytes) -> Address:
         """Return and store the sender of a raw sockaddr_in."""
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
@@ -250,12 +250,12 @@ class UdpDriver:
             timer = self._engine.next_timer()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
             self._pass_on(wait_s)
-            attended = self._attend()
+            attended = self._handle_due_timer()
             self._send()
             if attended or time.monotonic_ns() >= ends_ns:
                 return
 
-    def _attend(self) -> bool:
+    def _handle_due_timer(self) -> bool:
         """Handle the timer if it is due, after passing on arrived datagrams; return whether it was."""
         timer, now = self._engine.next_timer(), self._clock.now()
         if timer is None or timer > now:

@@ -102,12 +102,12 @@ def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
     size: Array = np.log(np.abs(plant))
     angle: Array = np.unwrap(np.angle(plant))
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
+        moved = np.exp(_interp(size, log_w + np.log(scale))) * np.exp(1j * _interp(angle, log_w + np.log(scale)))
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
 
 
-def _seen_at(values: Array, log_w: Array) -> Array:
+def _interp(values: Array, log_w: Array) -> Array:
     """Return values given at `FREQUENCIES`, interpolated at other frequencies, which are given by their logarithms."""
     return np.interp(log_w, np.log(FREQUENCIES), values)
 

@@ -199,9 +199,9 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
         OSError: the directory can't be read.
     """
     encoding = sys.getfilesystemencoding()
-    if encoding == "utf-8" and not _has_letters(str(path), encoding):
+    if encoding == "utf-8" and not _is_encodable(str(path), encoding):
         return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
-    if not _has_letters(str(path), encoding):
+    if not _is_encodable(str(path), encoding):
         return f"found {str(path)!a}; allowed: a name in {encoding}, in which file names are written here"
     if not path.is_dir() or next(path.iterdir(), None) is None:
         return None
@@ -219,15 +219,14 @@ def default_directory(name: str) -> Path:
     Slashes in NAME are replaced, and so are characters that the file system's encoding lacks (`LC_ALL=C`).
     """
     encoding = sys.getfilesystemencoding()
-    written = "".join(each if _has_letters(each, encoding) else "_" for each in name.replace(os.sep, "-"))
+    written = "".join(each if _is_encodable(each, encoding) else "_" for each in name.replace(os.sep, "-"))
     short = written.encode(encoding)[:LONGEST_NAME].decode(encoding, errors="ignore")
     stem = f"{short}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
     return next(path for path in paths if not path.exists())
 
 
-def _has_letters(text: str, encoding: str) -> bool:
-    """Return whether a text can be encoded."""
+def _is_encodable(text: str, encoding: str) -> bool:
     try:
         text.encode(encoding)
     except UnicodeEncodeError:

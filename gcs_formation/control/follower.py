@@ -38,7 +38,7 @@ SLEW = (1.6, 1.04)
 GUST_SIGMAS: Final = 3.0
 """Changes of the wind estimate within this many standard deviations aren't fed forward."""
 SWING_S: Final = 0.6
-"""Lateral offset over airspeed at which the heading loop has half its bandwidth, in the follower's own frame."""
+"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame."""
 BRAKING_SHARE: Final = 0.5
 """Share of the acceleration limit that is planned for slowing down to the slot's speed."""
 LEAST_CLOSING_MPS: Final = 1.0

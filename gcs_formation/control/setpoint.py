@@ -20,8 +20,8 @@ Replaced = tuple[bool, bool, bool]
 """For speed, heading and height: whether something else than the law's decision is commanded."""
 AS_DECIDED: Final[Replaced] = (False, False, False)
 TRAIL_S: Final = 1.36
-"""Least distance behind the leader over airspeed that the heading gains are designed for in the follower's own frame:
-30 m at 22 m/s."""
+"""Least distance behind the leader, divided by airspeed, that the heading gains are designed for in the follower's own
+frame: 30 m at 22 m/s."""
 asin: Final = math.asin
 atan2: Final = math.atan2
 hypot: Final = math.hypot

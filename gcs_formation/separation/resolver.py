@@ -320,7 +320,6 @@ def _acts_s(dt_s: float) -> float:
 
 
 def _timing_s(tick: Tick, column: int) -> float:
-    """Return the timing uncertainty of a vehicle's state, s."""
     timing_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
     return 0.0 if math.isnan(timing_s) else timing_s
 

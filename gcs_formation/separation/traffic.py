@@ -185,7 +185,6 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
 
 
 def _length(vectors: Array) -> Array:
-    """Return the lengths of (2, N) vectors."""
     return np.hypot(vectors[0], vectors[1])
 
 

@@ -270,7 +270,7 @@ class Usage:
     def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
         """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known.
 
-        It is infinite if there is no margin.
+        It is infinite if there is no margin, even for a delay without scatter.
         """
         if math.isnan(delay.mean_s):
             return math.nan
