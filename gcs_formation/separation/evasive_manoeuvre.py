@@ -188,7 +188,7 @@ class _Search:
         return _joined(plain, Manoeuvre.of(later))
 
     def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
-        """Return the ways that give way at once: at other heights, then at the commanded one; multirotors reversed."""
+        """Return the ways that give way at once: at other heights first, for multirotors at the commanded one first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
         level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
         return _joined(level, escapes) if self._picture.traffic.hovers else _joined(escapes, level)

@@ -20,8 +20,8 @@ from gcs_formation.separation.approach import Traffic
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
-"""How long before an unresponsive vehicle would stop others keep clear of its stop: the age of its last answer is only
-known roughly."""
+"""Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
+known only roughly."""
 SEEMS_AFTER_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor."""
 SEEMS_FOR_S: Final = 2.0
