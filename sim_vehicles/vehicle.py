@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
+from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages import MISSION_TIME, Message
@@ -97,10 +98,12 @@ class Vehicle(ABC):
         """When its next cycle has something to do."""
         self.parameters = self.parameters_of(config)
         self.pilot = self.pilot_of(config, self.body.steering)
-        self.link = Link(index, config, fleet.outbox, locks=self.locks)
+        self.link = Link(index, config, locks=self.locks)
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self._asker = config.endpoint.address
+        self._frames: list[tuple[Address, Frame]] | None = None
+        """What was read at the beginning of this cycle."""
         self._tells_time_at_once, self._handlers = self.tells_time_at_once, self.handlers
         self._exact = Estimate(None)
         """What a vehicle without errors of its sensors estimates, apart from its motion."""
@@ -159,19 +162,28 @@ class Vehicle(ABC):
         self.link.receive(datagram, now)
         self.wake = min(self.wake, now)
 
-    def turn(self, now: Instant) -> None:
-        """Run one cycle of the main loop: boot, read frames, fly, send messages."""
+    # A cycle of the main loop, in the order in which the fleet has each vehicle run through it.
+
+    def read(self, now: Instant) -> bool:
+        """Begin a cycle: boot, read what has arrived; return False for a vehicle that does nothing (any more)."""
         self.now = now
         if self._frozen or self.pilot.crashed:
             self.link.ignore()
             self.wake = NEVER
-            return
+            return False
         if self.pilot.booting and now >= self._up:
             self._come_up(self.ground_mode)
-        if self.link.next_arrival <= now:
-            for peer, frame in self.link.frames(now):
+        self._frames = self.link.frames(now) if self.link.next_arrival <= now else None
+        return True
+
+    def act(self) -> None:
+        """Do what the frames that were read ask for, and what is due by now."""
+        now, frames = self.now, self._frames
+        if frames is not None:
+            for peer, frame in frames:
                 self._asker = peer
                 self._take(frame)
+            self._frames = None
         if self.reboots:
             self._restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
@@ -186,8 +198,38 @@ class Vehicle(ABC):
             self.say(CRITICAL, "Failsafe. Long event on: GCS")
             self.enter(safe_mode)
         self.follow_time()
-        self._tell()
-        self._plan()
+
+    def tell(self) -> bool:
+        """Send what is due besides its streams; return whether one of these is."""
+        now = self.now
+        if now >= self._next_timesync:
+            self._next_timesync = after(now, TIMESYNC_S)
+            self.broadcast(Timesync(0, self.time_ns))
+        listed = self.parameters.next_of_list()
+        if listed is not None:
+            self.link.answer(*listed)
+        if now >= self.missions.next_due():
+            for peer, message in self.missions.reminders(now):
+                self.link.answer(peer, message)
+        return now >= self.streams.next_due
+
+    def stream(self) -> bool:
+        """Send the next message of its streams that is due; return whether there is another."""
+        return self.streams.send_next(self, self.now)
+
+    def plan(self) -> None:
+        """End the cycle: set when there is next something to do other than to read frames."""
+        if self.parameters.listing or self.pilot.under_way or self.flies_mission:
+            self.wake = self.now
+            return
+        # Two by two: compiled, that is no call.
+        wake = min(self.streams.next_due, self._next_timesync)
+        wake = min(wake, self._up if self.pilot.booting else NEVER)
+        wake = min(wake, self.link.next_arrival)
+        wake = min(wake, self.failsafe.deadline())
+        wake = min(wake, self.missions.next_due())
+        wake = min(wake, self.disarm_at)
+        self.wake = min(wake, self.pilot.silent_at)
 
     def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
         """Begin or end a fault."""
@@ -387,34 +429,6 @@ class Vehicle(ABC):
                     self.answer(answer)
             case _:
                 pass
-
-    def _tell(self) -> None:
-        now = self.now
-        if now >= self._next_timesync:
-            self._next_timesync = after(now, TIMESYNC_S)
-            self.broadcast(Timesync(0, self.time_ns))
-        listed = self.parameters.next_of_list()
-        if listed is not None:
-            self.link.answer(*listed)
-        if now >= self.missions.next_due():
-            for peer, message in self.missions.reminders(now):
-                self.link.answer(peer, message)
-        if now >= self.streams.next_due:
-            self.streams.send_due(self, now)
-
-    def _plan(self) -> None:
-        """Set when there is next something to do other than to read frames."""
-        if self.parameters.listing or self.pilot.under_way or self.flies_mission:
-            self.wake = self.now
-            return
-        # Two by two: compiled, that is no call.
-        wake = min(self.streams.next_due, self._next_timesync)
-        wake = min(wake, self._up if self.pilot.booting else NEVER)
-        wake = min(wake, self.link.next_arrival)
-        wake = min(wake, self.failsafe.deadline())
-        wake = min(wake, self.missions.next_due())
-        wake = min(wake, self.disarm_at)
-        self.wake = min(wake, self.pilot.silent_at)
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""
