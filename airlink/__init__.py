@@ -1,1 +1,1 @@
-"""The wire: what both ends of a MAVLink link share. Knows no vehicle and no formation."""
+"""The wire: what both ends of a MAVLink link share. Independent of vehicles and formations."""

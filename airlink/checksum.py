@@ -1,4 +1,4 @@
-"""Checksums of MAVLink frames, CRC-16/MCRF4XX: of one, or of many that overlap.
+"""Checksums of MAVLink frames, CRC-16/MCRF4XX: of one frame, or of many overlapping candidates.
 
 Source: MAVLink guide, "Packet Serialization".
 """
@@ -16,38 +16,38 @@ BYTE: Final = 8
 CRC_BITS: Final = 16
 CRC_START: Final = 0xFFFF
 NO_EXTRA: Final = 2**56 - 1
-"""A word without its last byte."""
+"""Mask of a word without its last byte."""
 ONE: Final = 0x8000
 X_16: Final = 0x8408
-"""Remainders: x^0, and x^16 = x^12 + x^5 + 1."""
+"""Remainders of x^0, and of x^16 = x^12 + x^5 + 1."""
 MOST_COVERED: Final = 9 + 255
-"""Bytes of a frame that its checksum covers at most: the longest header after its marker, the longest payload."""
+"""Most bytes of a frame that its checksum covers: the longest header after the marker, and the longest payload."""
 
 
 def checksum(data: bytes, end: i64, extra: i64) -> i64:
     """Return the checksum of a frame's bytes from the second to before `end`, and of its message's CRC_EXTRA.
 
-    CRC-16/MCRF4XX: the remainder of the bits, as a polynomial, by P = x^16 + x^12 + x^5 + 1, eight bytes at a time.
-    Their quotient is the product with 1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is
+    It is the remainder of the bits, as a polynomial, by P = x^16 + x^12 + x^5 + 1, computed eight bytes at a time. The
+    quotient is the product with 1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is
     x^-16 (1 + a)(1 + a^2)(1 + a^4)(1 + a^8). In the words read here the highest power is in the lowest bit.
     """
     at: i64 = 1
-    if end < WORD:  # there is no word that ends where it does
+    if end < WORD:  # so that there is a whole word before `end`
         data, at, end = bytes(WORD) + data, at + WORD, end + WORD
     crc: i64 = CRC_START
     while at + WORD <= end:
         crc = _remainder(read_i64_le(data, at) ^ crc)
         at += WORD
     rest = read_i64_le(data, end - WORD) >> BYTE & NO_EXTRA | extra << BYTE * (WORD - 1)
-    gone = BYTE * (WORD - 1 - end + at)  # bits of what is before `at`
+    gone = BYTE * (WORD - 1 - end + at)  # bits of the word from before `at`
     later: i64 = 0
     if at == end:
-        later = crc >> BYTE  # of the two bytes that it is, one byte more takes up the first alone
+        later = crc >> BYTE  # only CRC_EXTRA is left: it combines with the first of the remainder's two bytes alone
     return _remainder((rest >> gone ^ crc) << gone) ^ later
 
 
 def _remainder(word: i64) -> i64:
-    """Return the remainder of a word by P."""
+    """Return the remainder of a word divided by P."""
     word ^= word << 4 ^ word << 11 ^ word << 16
     word ^= word << 8 ^ word << 22 ^ word << 32
     word ^= word << 16 ^ word << 44
@@ -57,22 +57,22 @@ def _remainder(word: i64) -> i64:
 
 
 class Checksums:
-    """Checksums of whatever looks like a frame in some bytes, which are gone over three times at most.
+    """Checksums of frame candidates in some bytes, in linear time: the bytes are processed three times at most.
 
-    Frames don't overlap, but every byte may be the beginning of what looks like one, up to 280 bytes long. So once
-    those that were asked for have more bytes than there are, further ones are put together from remainders: that of
-    all bytes up to a part's end is the part's own plus that of the bytes before it, shifted by the part's length.
+    Frames don't overlap, but a candidate of up to 280 bytes may begin at every byte. Once the candidates asked for have
+    more bytes than there are, further checksums are combined from remainders: the remainder of all bytes up to a part's
+    end is the part's own plus that of the bytes before it, shifted by the part's length.
     """
 
     def __init__(self, data: bytes) -> None:
-        """Start with none of the bytes gone over."""
+        """Take the bytes; nothing is computed yet."""
         self._data = data
         self._gone_over = 0
         self._up_to = [0]
-        """Remainders of the first bytes, by their number."""
+        """Remainders of the first n bytes, by n; only that of none at first."""
 
     def of(self, raw: bytes, end: i64, extra: i64, place: int) -> i64:
-        """Return the checksum of `raw`, as `checksum` does, that lies at a place of all bytes."""
+        """Return the checksum of `raw`, which begins at `place` of all bytes, as `checksum` does."""
         if self._gone_over <= len(self._data):
             self._gone_over += end
             return checksum(raw, end, extra)
@@ -108,7 +108,7 @@ def _product(one: i64, other: i64) -> i64:
 
 
 def _shifts() -> list[int]:
-    """Return what a remainder is multiplied by for each number of bytes that come after: x^8n."""
+    """Return the factors of a remainder for n following bytes, by n: x^8n."""
     powers = [ONE]
     for _ in range(MOST_COVERED):
         powers.append(_with_byte(powers[-1], 0))

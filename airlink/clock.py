@@ -1,6 +1,6 @@
 """Instants, and the clocks that give them. Only drivers read a clock; engines are passed `now`.
 
-Nothing else in the packages asks the machine for the time.
+Elsewhere only `airlink.udp` (to pace itself) and `airlink.cli` (to name directories) read the machine's clocks.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LONG_AGO: Final = Instant(-(2**62))
 HALF: Final = 0.5
 EXACT: Final = 2.0**51
 EVEN: Final = 1.5 * 2.0**52
-"""Added and then subtracted it rounds a number, ties to even: between 2^52 and 2^53 doubles are 1 apart."""
+"""Adding and subtracting it rounds a number, ties to even: between 2^52 and 2^53 doubles are 1 apart."""
 MICROSECONDS: Final = 1_000_000
 VIRTUAL_EPOCH_US: Final = 1_577_836_800 * MICROSECONDS
 """2020-01-01 00:00 UTC, at which every virtual clock begins."""
@@ -37,7 +37,7 @@ def nanoseconds(seconds: float) -> int:
 
 
 def rounded(value: float) -> int:
-    """Return `round(value)`: compiled, that itself would be a call of Python's own."""
+    """Return `round(value)`, which compiled code would call Python for."""
     if -EXACT < value < EXACT:
         return int(value + EVEN - EVEN)
     below = math.floor(value)
@@ -113,7 +113,7 @@ _wall_s: Final = time.perf_counter
 
 
 class Stopwatch:
-    """Time spent since it was made: for what is shown and measured of a run. Nothing that flies goes by it."""
+    """Time since its creation, for display and statistics of a run; nothing in flight depends on it."""
 
     def __init__(self) -> None:
         """Start."""

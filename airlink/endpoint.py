@@ -1,4 +1,4 @@
-"""Who and where: connection strings as of pymavlink and MAVProxy, and identities of vehicles; errors of the wire."""
+"""Connection strings in the style of pymavlink and MAVProxy, addresses, identities of vehicles, airlink's errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class EndpointError(AirlinkError):
 
 
 class PortError(AirlinkError):
-    """A local address that can't be opened: taken, forbidden or not of this machine."""
+    """A local address that can't be opened: taken, forbidden or of another machine."""
 
 
 class ImpairmentError(AirlinkError):
@@ -33,7 +33,7 @@ class ImpairmentError(AirlinkError):
 
 @mypyc_attr(acyclic=True)
 class Address:
-    """An IPv4 host, by number or name, and a UDP port; it isn't changed."""
+    """An IPv4 host, by number or name, and a UDP port; immutable."""
 
     __slots__ = ("_hash", "host", "port")
 
@@ -41,7 +41,7 @@ class Address:
         """Take the host, by number or name, and the port."""
         self.host = host
         self.port = port
-        self._hash = hash((host, port))  # tables are looked up by it with every frame
+        self._hash = hash((host, port))  # used for every frame
 
     @property
     def pair(self) -> tuple[str, int]:
@@ -57,11 +57,11 @@ class Address:
         return isinstance(other, Address) and self.port == other.port and self.host == other.host
 
     def __reduce__(self) -> tuple[type[Address], tuple[str, int]]:
-        """Return how it is pickled."""
+        """Return what pickle needs."""
         return Address, (self.host, self.port)
 
     def __repr__(self) -> str:
-        """Return how it is made."""
+        """Return the expression that makes it."""
         return f"Address({self.host!r}, {self.port})"
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""The interface between a protocol engine and its driver; a network in memory, under a virtual clock.
+"""The interface between a protocol engine and its driver, and an in-memory network under a virtual clock.
 
 An engine never reads a clock, opens a socket or sleeps.
 """
@@ -21,7 +21,7 @@ FIRST_EPHEMERAL_PORT = 49152
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class Datagram:
-    """A UDP payload at one of an engine's sockets, with the address at the other end; whoever is given it owns it."""
+    """A UDP payload at one of an engine's sockets, with the address at the other end; owned by whoever receives it."""
 
     __slots__ = ("arrived", "data", "peer", "socket")
 
@@ -31,7 +31,7 @@ class Datagram:
         self.peer = peer
         self.data = data
         self.arrived = Instant(0)
-        """When it came, as its receiver notes that."""
+        """Arrival time, set by the receiver."""
 
     @property
     def remote(self) -> tuple[int, Address]:
@@ -39,11 +39,11 @@ class Datagram:
         return self.socket, self.peer
 
     def __eq__(self, other: object) -> bool:
-        """Return whether all three are the same."""
+        """Return whether socket, peer and payload are the same."""
         return isinstance(other, Datagram) and (self.remote, self.data) == (other.remote, other.data)
 
     def __hash__(self) -> int:
-        """Return a hash of all three."""
+        """Return a hash of socket, peer and payload."""
         return hash((self.remote, self.data))
 
 
@@ -51,7 +51,7 @@ class Datagram:
 class Engine(ABC):
     """A ground station or a fleet of vehicles, driven by `receive` and `handle_timer`.
 
-    After the calls of an instant the driver takes what `datagrams_to_send` gives and arms one timer at `next_timer`.
+    After the calls of an instant the driver sends `datagrams_to_send` and arms one timer at `next_timer`.
     """
 
     @abstractmethod
@@ -76,7 +76,7 @@ class Engine(ABC):
 
 
 class DelayQueue(Generic[T]):
-    """Items, each with the instant at which it comes out; items of one instant come out first in, first out."""
+    """Items, each with the instant at which it is due; items due at the same instant are first in, first out."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -84,24 +84,24 @@ class DelayQueue(Generic[T]):
         self._count = 0
 
     def push(self, instant: Instant, item: T) -> None:
-        """Add an item that comes out at `instant`."""
+        """Add an item that is due at `instant`."""
         heappush(self._items, (instant, self._count, item))
         self._count += 1
 
     def pop_due(self, now: Instant) -> list[T]:
-        """Remove and return the items that have come out by `now`."""
+        """Remove and return the items that are due by `now`."""
         due: list[T] = []
         while self._items and self._items[0][0] <= now:
             due.append(heappop(self._items)[2])
         return due
 
     def drop(self, unwanted: Callable[[Instant, T], bool]) -> None:
-        """Remove the items of which, with their instants, `unwanted` holds."""
+        """Remove the items for which `unwanted`, called with the instant and the item, holds."""
         self._items = [each for each in self._items if not unwanted(each[0], each[2])]
         heapify(self._items)
 
     def next(self) -> Instant | None:
-        """Return when the next item comes out, None if the queue is empty."""
+        """Return when the next item is due, None if the queue is empty."""
         return self._items[0][0] if self._items else None
 
 
@@ -111,14 +111,14 @@ class _Socket:
     __slots__ = ("arrived", "number", "peer", "source", "target")
 
     def __init__(self, number: int, source: Address, arrived: list[Datagram]) -> None:
-        """Take its number, where the other end sees its datagrams come from, and what arrives at its engine."""
+        """Take its number, the source address of its datagrams, and the list of its engine's arrived datagrams."""
         self.number = number
         self.source = source
         self.arrived = arrived
         self.peer: Address | None = None
-        """Whom it sent to last: most go to the same."""
+        """Destination of its last datagram: most have the same."""
         self.target: _Socket | None = None
-        """Which socket that is, None where nobody listens."""
+        """The socket listening there, None if there is none."""
 
 
 class MemoryNetwork:
@@ -133,10 +133,10 @@ class MemoryNetwork:
         self._engines: list[Engine] = []
         self._sockets: list[list[_Socket]] = []
         self._arrived: list[list[Datagram]] = []
-        """By engine, what it hasn't been given yet."""
+        """By engine, arrived datagrams that haven't been delivered to it."""
         self._listeners: dict[Address, _Socket] = {}
         self._listeners_anywhere: dict[int, _Socket] = {}
-        """By port: those that listen at every address of the machine."""
+        """By port: those that listen on all interfaces."""
         self._next_port = FIRST_EPHEMERAL_PORT
 
     def attach(self, engine: Engine) -> None:
@@ -160,7 +160,7 @@ class MemoryNetwork:
         self._sockets.append(sockets)
         self._arrived.append(arrived)
         for each in self._listeners.values():
-            each.peer = None  # somebody may listen there now
+            each.peer = None  # a socket may listen there now
         self._collect(index)
 
     def run(self, until: Callable[[], bool]) -> None:
@@ -175,7 +175,7 @@ class MemoryNetwork:
             self._deliver(self.clock.now())
 
     def _next_timer(self) -> int | None:
-        """Move the clock to the earliest timer and return whose it is; None if there is none."""
+        """Move the clock to the earliest timer and return its engine; None if there is no timer."""
         first: Instant | None = None
         owner: int | None = None
         for index, engine in enumerate(self._engines):
@@ -187,7 +187,7 @@ class MemoryNetwork:
         return owner
 
     def _deliver(self, now: Instant) -> None:
-        """Deliver what is under way, then what was sent on receiving that, and so on."""
+        """Deliver datagrams in flight, then those sent in response, and so on."""
         receivers = self._receivers()
         while receivers:
             for index in receivers:
@@ -200,11 +200,10 @@ class MemoryNetwork:
             receivers = self._receivers()
 
     def _receivers(self) -> list[int]:
-        """Return the engines for which something has arrived."""
         return [index for index, arrived in enumerate(self._arrived) if arrived]
 
     def _collect(self, sender: int) -> None:
-        """Take what an engine sends to where it goes; nobody there: it is lost."""
+        """Move an engine's sent datagrams to the sockets they are for; without a listener they are lost."""
         sockets = self._sockets[sender]
         for sent in self._engines[sender].datagrams_to_send():
             socket = sockets[sent.socket]
@@ -231,5 +230,5 @@ class MemoryNetwork:
 
 
 def _source(local: Address) -> Address:
-    """Return the address from which the other end sees a socket's datagrams come."""
+    """Return the source address of a socket's datagrams as the other end sees it."""
     return Address(LOOPBACK, local.port) if local.host == ANY_HOST else local

@@ -34,7 +34,7 @@ _EXTRAS: Final = crc_extras()
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class Frame:
-    """A frame whose checksum held."""
+    """A frame with a valid checksum."""
 
     __slots__ = ("component", "following", "message", "message_id", "raw", "sequence", "system", "version")
 
@@ -48,7 +48,7 @@ class Frame:
         message: Message | None,
         raw: bytes,
     ) -> None:
-        """Take its header, its message (None when that isn't one of `airlink.messages`) and all its bytes."""
+        """Take its header, its message (None if that isn't one of `airlink.messages`) and all its bytes."""
         self.system = system
         self.component = component
         self.sequence = sequence
@@ -57,14 +57,14 @@ class Frame:
         self.message = message
         self.raw = raw
         self.following: Frame | None = None
-        """The next one that came with it."""
+        """The next frame that was completed with it."""
 
 
 class FrameWriter:
     """Turns one component's messages into frames and numbers them."""
 
     def __init__(self, system: int, component: int) -> None:
-        """Speak as `component` of `system`."""
+        """Send as `component` of `system`."""
         self._system: u8 = system
         self._component: u8 = component
         self._sequence: u8 = 0
@@ -101,11 +101,11 @@ class FrameWriter:
 
 @dataclass
 class ParserCounts:
-    """What a parser has seen."""
+    """Statistics of a parser."""
 
     frames: int = 0
     garbage_bytes: int = 0
-    """Bytes of no sound frame, those of refused frames included."""
+    """Bytes outside valid frames, including those of rejected frames."""
     bad_checksums: int = 0
     unknown_messages: int = 0
     incompatible: int = 0
@@ -116,7 +116,7 @@ class ParserCounts:
         return self.bad_checksums + self.unknown_messages + self.incompatible
 
     def __add__(self, other: ParserCounts) -> ParserCounts:
-        """Return what both have seen."""
+        """Return the sums of both."""
         return ParserCounts(
             self.frames + other.frames,
             self.garbage_bytes + other.garbage_bytes,
@@ -127,14 +127,14 @@ class ParserCounts:
 
 
 class StreamParser:
-    """Finds frames in what one remote sends, wherever datagrams begin; garbage is skipped and counted.
+    """Finds frames in one remote's bytes, however these are split into datagrams; garbage is skipped and counted.
 
-    A sound frame is taken as soon as it's complete, even where the bytes before it look like the start of
-    a longer one. So the frames found don't depend on how the bytes were cut.
+    A valid frame is accepted as soon as it is complete, even if the bytes before it look like the start of a longer
+    one. So the frames found don't depend on how the bytes were split.
     """
 
     def __init__(self) -> None:
-        """Start with nothing heard."""
+        """Start with no bytes."""
         self.counts = ParserCounts()
         self._pending = b""
 
@@ -148,7 +148,7 @@ class StreamParser:
         return frames
 
     def first(self, data: bytes) -> Frame | None:
-        """Return the first of the frames that `data` completes, which has the others; None: there is none."""
+        """Return the first of the frames that `data` completes, linked to the others; None if there is none."""
         size = len(data)
         if size > 0 and len(self._pending) == 0 and frame_length(data, 0) == size:  # as nearly every datagram is
             frame = self._accept(data, counted=False)
@@ -161,10 +161,10 @@ class StreamParser:
         return frames[0] if frames else None
 
     def _search(self, data: bytes) -> list[Frame]:
-        """Return the frames in what has come and isn't part of one; keep what may yet become one."""
+        """Return the frames in the unparsed bytes; keep the bytes that may still become one."""
         frames: list[Frame] = []
         offset, end = 0, len(data)
-        kept = end  # the earliest start of what may yet become a frame
+        kept = end  # the earliest start of a candidate that isn't complete
         refused_to = sound = 0
         checksums = Checksums(data)
         while (marker := _find_marker(data, offset)) is not None:
@@ -188,11 +188,11 @@ class StreamParser:
         return frames
 
     def _accept(self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, place: int = 0) -> Frame | None:
-        """Return the frame, None when it's refused; `counted` unless that lies inside another candidate.
+        """Return the frame, None if it's rejected; rejections are counted unless inside another candidate (`counted`).
 
-        Its checksum is one of `checksums`, at `place`, if others may overlap it.
+        If candidates may overlap, `checksums` gives its checksum, by its `place`.
         """
-        at: i64 = 2  # where its sequence number is, and after it the ids of its sender
+        at: i64 = 2  # index of its sequence number, which its sender's ids follow
         begin: i64 = HEADER_V1
         flags: i64 = 0
         message_id: int = raw[5]
@@ -225,7 +225,7 @@ class StreamParser:
 
 
 def frame_length(data: bytes, offset: i64) -> i64:
-    """Return the length of the frame that starts at `offset`, 0 when none can."""
+    """Return the length of the frame that starts at `offset`, 0 if none can."""
     marker, size = data[offset], len(data)
     length: i64 = 0
     if offset + 1 < size:
@@ -239,7 +239,7 @@ def frame_length(data: bytes, offset: i64) -> i64:
 
 
 def first_system(data: bytes) -> int | None:
-    """Return the system id of the frame that a datagram starts with, unverified; None when none starts it."""
+    """Return the system id, unverified, of the frame that a datagram starts with; None if it starts with none."""
     if len(data) >= HEADER_V2 and data[0] == MARKER_V2:
         return data[5]
     if len(data) >= HEADER_V1 and data[0] == MARKER_V1:
@@ -248,25 +248,25 @@ def first_system(data: bytes) -> int | None:
 
 
 MAX_REMOTES: Final = 1024
-"""Addresses whose parsers are kept. The one silent longest is forgotten first, so strangers can't fill the memory."""
+"""Largest number of addresses with parsers. The longest silent one is dropped first, so strangers can't fill memory."""
 MANY_REMOTES: Final = MAX_REMOTES // 2
-"""From here on they are kept in the order in which they were heard."""
+"""With more addresses, the order in which they were last heard is kept."""
 
 
 class Receiver:
-    """Parses the datagrams of every remote, and counts what was dropped."""
+    """Parses the datagrams of every remote, and counts dropped frames."""
 
     def __init__(self) -> None:
         """Start with no remote known."""
         self._parsers: OrderedDict[Address, dict[int, StreamParser]] = OrderedDict()
-        """Of each address, by the socket that it sends to."""
+        """By address and by the socket that it sends to."""
         self._forgotten = ParserCounts()
         self._last_socket, self._last_peer = -1, Address("", 0)
         self._last = StreamParser()
-        """Of the remote that was heard last: several datagrams come from it at a time."""
+        """Parser of the remote heard last: several datagrams in a row come from it."""
 
     def first(self, datagram: Datagram) -> Frame | None:
-        """Return the first of the frames that a datagram completes, which has the others; None: there is none."""
+        """Return the first of the frames that a datagram completes, linked to the others; None if there is none."""
         if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
             self._last = self._parser(datagram.socket, datagram.peer)
             self._last_socket, self._last_peer = datagram.socket, datagram.peer
@@ -287,12 +287,12 @@ class Receiver:
         return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:
-        """Return what has come from a remote, zeros for one that was never heard."""
+        """Return a remote's statistics, zeros if it was never heard from."""
         of_peer = None if peer is None else self._parsers.get(peer)
         parser = None if of_peer is None else of_peer.get(socket)
         return ParserCounts() if parser is None else parser.counts
 
     def total(self) -> ParserCounts:
-        """Return what has come from all remotes."""
+        """Return the statistics of all remotes together."""
         parsers = (parser for of_peer in self._parsers.values() for parser in of_peer.values())
         return sum((parser.counts for parser in parsers), self._forgotten)

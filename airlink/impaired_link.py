@@ -1,4 +1,4 @@
-"""Impaired links of an engine's vehicles."""
+"""Impaired links between an engine and its vehicles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
 
 BLOCK: Final = 256
-"""Datagrams whose random numbers are drawn at once."""
+"""Number of datagrams whose random numbers are drawn together."""
 DRAWS: Final = 4
 """Random numbers that a datagram can need: for its loss, its duplication, and the delays of both copies."""
 
@@ -31,14 +31,14 @@ class ChannelStatistics:
     def __init__(self) -> None:
         """Start at 0."""
         self.datagrams: int = 0
-        """Sent into it."""
+        """Datagrams sent."""
         self.lost: int = 0
         self.delivered: int = 0
-        """Arrived, counting both copies of duplicated ones."""
+        """Datagrams that arrived, counting both copies of duplicated ones."""
         self.total_delay_s: float = 0.0
 
     def add(self, other: ChannelStatistics) -> None:
-        """Add what another channel has counted."""
+        """Add another channel's counts."""
         self.datagrams += other.datagrams
         self.lost += other.lost
         self.delivered += other.delivered
@@ -67,7 +67,7 @@ class Channel:
         self.statistics = ChannelStatistics()
         self._random = stream
         self._draws: list[list[float]] = []
-        """Of this block of datagrams."""
+        """Random numbers of the present block of datagrams."""
         self._drawn = 0
         self._lost_last = False
         self._busy_until = Instant(0)
@@ -119,7 +119,7 @@ class Channel:
         return deliveries
 
     def _departure(self, size_bytes: int, now: Instant) -> Instant | None:
-        """Return when the last bit has been sent, None when the queue is full."""
+        """Return when the last bit has been sent, None if the queue is full."""
         impairment = self._impairment
         if impairment.rate_bps == 0.0 or impairment.outage:
             return now
@@ -131,11 +131,11 @@ class Channel:
 
 
 class ImpairedEngine(Engine):
-    """Wraps an engine and impairs the link of each vehicle that it talks to; itself an engine.
+    """An engine that wraps another and impairs the link of each vehicle that this one talks to.
 
     A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
-    frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams of no
-    known vehicle pass unimpaired.
+    frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams from
+    or to unknown vehicles pass unimpaired.
     """
 
     def __init__(self, engine: Engine, network_of_socket: Sequence[int], schedule: Schedule, seed: int) -> None:
@@ -155,7 +155,7 @@ class ImpairedEngine(Engine):
         return self._engine.endpoints()
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
-        """Send datagrams on their way to the engine."""
+        """Pass datagrams through the downlinks to the engine."""
         self._move_to(now)
         arrived: list[Datagram] = []
         for datagram in datagrams:
@@ -172,14 +172,14 @@ class ImpairedEngine(Engine):
             self._engine.receive(arrived, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        """Remove and return what has passed the uplinks by now."""
+        """Remove and return the datagrams that have passed the uplinks by now."""
         for datagram in self._engine.datagrams_to_send():
             vehicle = self._vehicle_at.get(datagram.remote)
             if vehicle is None:
                 self._outbox.append(datagram)
                 continue
             for delivery in self._pass_on(vehicle, Direction.UPLINK, datagram):
-                own = Datagram(datagram.socket, datagram.peer, datagram.data)  # of each of two
+                own = Datagram(datagram.socket, datagram.peer, datagram.data)  # each copy is an object of its own
                 if delivery <= self._now:
                     self._outbox.append(own)
                 else:
@@ -202,7 +202,7 @@ class ImpairedEngine(Engine):
             self._engine.handle_timer(now)
 
     def statistics(self, vehicle: VehicleId) -> tuple[ChannelStatistics, ChannelStatistics]:
-        """Return a vehicle's statistics so far, uplink's and downlink's; all zero for one that was never heard."""
+        """Return a vehicle's statistics so far, of uplink and downlink; zeros if it was never heard from."""
         uplink, downlink = self._channels_of(vehicle)
         return uplink.statistics, downlink.statistics
 
@@ -215,7 +215,7 @@ class ImpairedEngine(Engine):
             self._engine.receive(arrived, now)
 
     def _sender(self, datagram: Datagram) -> VehicleId | None:
-        """Return the vehicle that a datagram comes from, and remember where it can be reached."""
+        """Return the vehicle that a datagram comes from, and store its address."""
         remote = datagram.remote
         vehicle = known = self._vehicle_at.get(remote)
         system = first_system(datagram.data)

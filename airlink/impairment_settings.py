@@ -1,7 +1,7 @@
-"""Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired_link` draws and carries them out.
+"""Impairments of a link: delay, jitter, loss, duplication, limited rate; `impaired_link` applies them.
 
-Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the
-Pareto distribution's shape. It isn't compiled: mypyc's `==` would hold of one dataclass object and itself alone.
+Sources: Gilbert (1960), "Capacity of a burst-noise channel", for losses in bursts; tc-netem(8) for the Pareto
+distribution's shape. This module isn't compiled: mypyc's `==` of dataclasses compares identities.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _NORMAL = NormalDist()
 _UNIFORM_HALF_WIDTH: Final = math.sqrt(3.0)
 _PARETO_SHAPE: Final = 3.0
 _PARETO_SCALE: Final = 2.0 / math.sqrt(3.0)
-"""Smallest value of a Pareto variate of that shape whose standard deviation is 1."""
+"""Smallest value of a Pareto variate of that shape with standard deviation 1."""
 _PARETO_MEAN: Final = 1.5 * _PARETO_SCALE
 _LARGEST_BELOW_1: Final = 1.0 - 2.0**-53
 _SMALLEST: Final = 2.0**-60
@@ -42,7 +42,7 @@ QUANTILE: Final[dict[str, Callable[[float], float]]] = {
 
 @dataclass(frozen=True)
 class Impairment:
-    """What happens to the datagrams of one direction of one link.
+    """Impairment of the datagrams in one direction of one link.
 
     A delay is `delay_s` plus a variate of mean 0 and standard deviation `jitter_s`. Its distribution is truncated
     where the delay would be negative and renormalised, which raises the mean.
@@ -54,13 +54,13 @@ class Impairment:
     """`trace`: the recorded delays `trace_s` are added to `delay_s`, in their order, repeated from the beginning."""
     trace_s: tuple[float, ...] = ()
     loss: float = 0.0
-    """Probability that a datagram is lost on its way, 0 to 1."""
+    """Probability that a datagram is lost, 0 to 1."""
     mean_burst: float | None = None
-    """Mean number of datagrams lost in a row, at least 1 and loss / (1 - loss); None: each on its own."""
+    """Mean number of datagrams lost in a row, at least 1 and loss / (1 - loss); None: independent losses."""
     duplicate: float = 0.0
     """Probability that a datagram arrives twice, each copy with a delay of its own."""
     rate_bps: float = 0.0
-    """Bits of UDP payload that go through in a second; 0: no limit."""
+    """Bits of UDP payload per second; 0: no limit."""
     queue_s: float = 1.0
     """Longest time that a datagram waits for the limited rate; one that would wait longer is dropped."""
     reorder: bool = False

@@ -1,7 +1,7 @@
 """The MAVLink dialect ardupilotmega: its constants, and its messages' ids and checksums.
 
-They are read from a table: pymavlink's generated module, which has them too, takes ten times as long to import.
-`tests/airlink/test_mavlink.py` writes the table from it and compares them; only logs are read by pymavlink itself.
+They are read from a table, since importing pymavlink's generated module takes ten times as long.
+`tests/airlink/test_mavlink.py` writes the table from that module and compares them. Only logs are read by pymavlink.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def name_of(enum: str, value: int) -> str:
 
 MAVLINK_MSG_ID_CURRENT_MODE = 436
 LATER = {"CURRENT_MODE": (MAVLINK_MSG_ID_CURRENT_MODE, 193)}
-"""Messages of MAVLink's common set that the dialect doesn't have yet: id and CRC_EXTRA."""
+"""Messages of MAVLink's common set that the dialect lacks: id and CRC_EXTRA."""
 
 
 def crc_extras() -> dict[int, int]:
@@ -53,7 +53,7 @@ def crc_extras() -> dict[int, int]:
 def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the messages of some kinds in an ArduPilot dataflash log (.bin), each as its kind and its fields.
 
-    What pymavlink prints meanwhile, a line for each byte that it skips, is dropped.
+    Pymavlink's own output, a line for each byte that it skips, is discarded.
 
     Raises:
         OSError: the file can't be read.
@@ -71,28 +71,28 @@ def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, d
     finally:
         for opened in ("data_map", "filehandle"):
             if hasattr(reader, opened):
-                with suppress(BufferError):  # a failed reader's own, which closes with it
+                with suppress(BufferError):  # a map still in use by a failed reader, which closes with it
                     getattr(reader, opened).close()
 
 
 class _BareErrors:
-    """What pymavlink raises as an Exception of no class, for formats that it doesn't know, is a ValueError."""
+    """Turns bare `Exception`s, which pymavlink raises for formats that it doesn't know, into ValueErrors."""
 
     def __enter__(self) -> None:
-        """Begin to watch for such exceptions."""
+        """Do nothing."""
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        """Raise a ValueError in the place of one."""
+        """Raise a ValueError instead of a bare Exception."""
         if kind is Exception:
             raise ValueError(NO_LOG) from error
 
 
 def _silently(call: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """Call what prints to standard output and error, and in C to the latter's file descriptor."""
+    """Call a function with standard output and error discarded, including what C code writes to file descriptor 2."""
     with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
         try:
             before = os.dup(STANDARD_ERROR)
-        except OSError:  # it is closed: nothing can be printed there
+        except OSError:  # it is closed
             return call(*given, **named)
         os.dup2(nowhere.fileno(), STANDARD_ERROR)
         try:

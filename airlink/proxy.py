@@ -1,4 +1,4 @@
-"""An impaired relay, and its shell: sockets, the real clock, and lines typed while it runs."""
+"""An impaired relay, and its shell: sockets, the real clock, and commands typed while it runs."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from airlink.random_streams import random_stream
 from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, resolved, select_for
 
 MAX_REMOTES: Final = 256
-"""Sockets towards the target. The remote silent longest is forgotten first, so strangers can't use up all sockets."""
+"""Most sockets towards the target. The longest silent remote is dropped first, so strangers can't use up sockets."""
 READ_SIZE: Final = 4096
 NETWORK: Final = 1
-"""Remotes draw the random numbers of this network's vehicles."""
+"""Remotes use the random numbers of this network's vehicles."""
 
 
 Passage = tuple[int, Direction, bytes]
@@ -31,7 +31,7 @@ Passage = tuple[int, Direction, bytes]
 
 
 class Relay:
-    """Impairs the links of remotes, numbered from 0; the present settings apply to all of them."""
+    """Impairs the links of remotes, numbered from 0, all by the same settings."""
 
     def __init__(self, seed: int) -> None:
         """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
@@ -42,7 +42,7 @@ class Relay:
         self.under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
-        """Send a datagram on its way."""
+        """Put a datagram into its channel."""
         remote, direction, data = passage
         channel = self._channels.get((remote, direction))
         if channel is None:
@@ -52,7 +52,7 @@ class Relay:
             self.under_way.push(delivery, passage)
 
     def forget(self, remote: int) -> None:
-        """Forget a remote, which doesn't come back under its number; its statistics stay."""
+        """Remove a remote, whose number isn't used again; its statistics are kept."""
         for way, total in self._forgotten.items():
             channel = self._channels.pop((remote, way), None)
             if channel is not None:
@@ -79,20 +79,20 @@ class Proxy:
 
         Raises:
             PortError: it can't be opened, or the target's host isn't known.
-            EndpointError: the target is that socket itself, so that every datagram would go round for ever.
+            EndpointError: the target is that socket itself, so that every datagram would circulate for ever.
         """
         self._target = target
         self._target_address = resolved(target).address
         self._relay = relay
         self._clock = RealClock()
         self._remotes: dict[Address, int] = {}
-        """In the order in which they sent last."""
+        """Ordered by when they last sent."""
         self._peers: dict[int, Address] = {}
         self._sockets: dict[int, socket.socket] = {}
-        """By remote; each new one has a new number."""
+        """By remote; a new one gets a new number."""
         self._numbers = count()
         self._inbox = Inbox()
-        self._selector = selectors.PollSelector()  # takes any standard input, which epoll doesn't
+        self._selector = selectors.PollSelector()  # unlike epoll, it accepts any standard input
         self._listening = open_socket(listen)
         if _arrives_at(self._listening, self._target_address):
             self._listening.close()
@@ -108,12 +108,12 @@ class Proxy:
         self._selector.close()
 
     def watch(self, descriptor: int, take: Callable[[bytes], None]) -> None:
-        """Pass to `take` whatever is read from a file descriptor; empty bytes, once, at its end."""
+        """Pass bytes read from a file descriptor to `take`, and empty bytes once at its end."""
 
         def read() -> None:
             try:
                 data = os.read(descriptor, READ_SIZE)
-            except OSError:  # a terminal that has hung up
+            except OSError:  # the terminal has hung up
                 data = b""
             if not data:
                 self._selector.unregister(descriptor)
@@ -158,7 +158,7 @@ class Proxy:
         return remote
 
     def _forget(self, peer: Address) -> None:
-        """Forget a remote; what is under way to it or from it is lost."""
+        """Remove a remote; its datagrams in flight are lost."""
         remote = self._remotes.pop(peer)
         opened = self._sockets.pop(remote)
         self._selector.unregister(opened)
@@ -167,7 +167,7 @@ class Proxy:
         self._relay.forget(remote)
 
     def _from_target(self, remote: int) -> None:
-        if remote not in self._sockets:  # forgotten since its datagrams were seen to have come
+        if remote not in self._sockets:  # removed after the selector reported its datagrams
             return
         for datagram in self._inbox.take(self._sockets[remote]):
             self._relay.accept((remote, Direction.UPLINK, datagram.data), self._clock.now())
@@ -175,7 +175,7 @@ class Proxy:
     def _send(self, remote: int, direction: Direction, data: bytes) -> None:
         if remote not in self._sockets:
             return
-        with suppress(OSError):  # nobody there, or a full buffer: lost, as in any network
+        with suppress(OSError):  # unreachable, or a full buffer: lost, as in any network
             if direction is Direction.DOWNLINK:
                 self._sockets[remote].send(data)
             else:
@@ -183,14 +183,14 @@ class Proxy:
 
 
 def _arrives_at(listening: socket.socket, target: Address) -> bool:
-    """Return whether what is sent to a target arrives at a socket of ours."""
+    """Return whether datagrams sent to a target arrive at our listening socket."""
     host, port = listening.getsockname()
     to_host = LOOPBACK if target.host == ANY_HOST else target.host
     return target.port == port and (to_host == host or (host == ANY_HOST and _is_ours(to_host)))
 
 
 def _is_ours(host: str) -> bool:
-    """Return whether an address is one of this machine's: nobody can listen at another's."""
+    """Return whether an address is one of this machine's: only those can be bound."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((host, 0))

@@ -25,38 +25,39 @@ MAX_DATAGRAM: Final = 65535
 RECEIVE_BUFFER: Final = 4 * 1024 * 1024
 """Bytes: holds a burst of 250 vehicles' telemetry while we are busy, kernel overhead included."""
 DRAIN_LIMIT: Final = 4096
-"""Datagrams taken from one socket at a time."""
+"""Most datagrams taken from one socket at a time."""
 BATCH: Final = 64
-"""Datagrams that the kernel is asked for at once."""
+"""Datagrams requested by one system call."""
 MAX_KNOWN: Final = 4096
-"""Senders whose addresses are kept, so that strangers can't fill the memory."""
+"""Most senders whose addresses are kept, so that strangers can't fill memory."""
 SOCKADDR_BYTES: Final = 16
-"""Of `struct sockaddr_in`: family, then port and host in the network's order."""
+"""Size of `struct sockaddr_in`: family, then port and host in network order."""
 IOVEC_BYTES: Final = 16
-"""Of `struct iovec`: where a datagram goes, and how much of it."""
+"""Size of `struct iovec`: where a datagram goes, and how much of it."""
 MMSGHDR_BYTES: Final = 64
-"""Of `struct mmsghdr`, its padding included."""
+"""Size of `struct mmsghdr`, its padding included."""
 MSG_LEN_AT: Final = 56
-"""Where in it the kernel says how long a datagram is."""
+"""Offset in it of the length of the received datagram."""
 SOCKADDRS_AT: Final = BATCH * MAX_DATAGRAM
 IOVECS_AT: Final = SOCKADDRS_AT + BATCH * SOCKADDR_BYTES
 HEADERS_AT: Final = IOVECS_AT + BATCH * IOVEC_BYTES
 ROOM: Final = HEADERS_AT + BATCH * MMSGHDR_BYTES
 """Layout of the receive buffer, and its size: a batch of datagrams, then sockaddr_in, iovec and mmsghdr of each."""
 PORTION: Final = 4096
-"""Bytes that an engine is given of one socket before the next one's turn: more than any sender of MAVLink packs."""
+"""Bytes from one socket that an engine gets before the next one's turn: more than any MAVLink sender packs."""
 DATAGRAM_COST: Final = 32
-"""Bytes as which each datagram counts besides its own."""
+"""Bytes added to the size of each datagram for that."""
 PATIENCE_NS: Final = 20_000_000
 MOST_PATIENCE_NS: Final = 1_000_000_000
-"""A due timer waits for what has arrived to be passed on: between these, for as long as the process was held up."""
+"""Limits of how long a due timer waits until arrived datagrams are passed on; between them, as long as the process was
+held up."""
 IDLE_WAIT_S: Final = 0.1
 IDLE_WAIT_NS: Final = 100_000_000
 SELECTOR_RESOLUTION_S: Final = 1e-3
 
 
 def open_socket(endpoint: Endpoint, from_port: int = 0) -> socket.socket:
-    """Return a non-blocking UDP socket: bound for `udpin`; for `udpout` on `from_port`, if nobody has it, or on any.
+    """Return a non-blocking UDP socket: bound to the address (`udpin`), or to `from_port` or any free port (`udpout`).
 
     Raises:
         PortError: the address is taken or isn't this machine's.
@@ -77,7 +78,7 @@ def open_socket(endpoint: Endpoint, from_port: int = 0) -> socket.socket:
 
 
 def resolved(endpoint: Endpoint) -> Endpoint:
-    """Return a `udpout` endpoint by its host's number, as which it answers; another as it is.
+    """Return a `udpout` endpoint with its host as a number, the source address of replies; others unchanged.
 
     Raises:
         PortError: the host isn't known.
@@ -101,8 +102,8 @@ def _bind(opened: socket.socket, port: int) -> None:
 def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[selectors.SelectorKey, int]]:
     """Return what is ready, after `wait_s` at the latest.
 
-    The selector rounds its time-out up to milliseconds; we sleep through the last one instead. If the process was
-    stopped meanwhile and the time-out has expired, the selector doesn't look again whether data has come: we do.
+    The selector rounds its timeout up to milliseconds; the last millisecond is slept instead. If the process was
+    stopped until the timeout expired, the selector doesn't check for data again, so it is polled once more.
     """
     coarse_s = max(0.0, wait_s - SELECTOR_RESOLUTION_S)
     ready = selector.select(coarse_s)
@@ -114,12 +115,12 @@ def select_for(selector: selectors.BaseSelector, wait_s: float) -> list[tuple[se
 
 
 class Inbox:
-    """Takes what has arrived at UDP sockets: on Linux all that waits with one call of the kernel (recvmmsg(2))."""
+    """Receives datagrams from UDP sockets; on Linux a batch with one system call (recvmmsg(2))."""
 
     def __init__(self) -> None:
         """Make room for a batch."""
         self._known = dict[bytes, Address]()
-        """Who sent before, by the kernel's sockaddr_in."""
+        """Addresses of senders, by the kernel's sockaddr_in."""
         self._receive: Any = None
         if sys.platform == "linux" and sys.maxsize > 2**32 and sys.byteorder == "little":
             self._receive = getattr(ctypes.CDLL(None, use_errno=True), "recvmmsg", None)
@@ -129,7 +130,7 @@ class Inbox:
     def _make_room(self) -> None:
         number = ctypes.c_int
         self._receive.argtypes = (number, ctypes.c_void_p, ctypes.c_uint, number, ctypes.c_void_p)
-        room = self._room = mmap.mmap(-1, ROOM)  # of which only what is written to takes memory
+        room = self._room = mmap.mmap(-1, ROOM)  # only pages that are written to take memory
         begin = ctypes.addressof(ctypes.c_char.from_buffer(room))
         for each in range(BATCH):
             data, sockaddr = begin + each * MAX_DATAGRAM, begin + SOCKADDRS_AT + each * SOCKADDR_BYTES
@@ -140,7 +141,7 @@ class Inbox:
         self._headers = begin + HEADERS_AT
 
     def take(self, opened: socket.socket, index: int = 0, most: int = DRAIN_LIMIT) -> list[Datagram]:
-        """Return what has arrived, `most` datagrams (whole batches), as an engine's socket `index` is given it."""
+        """Return arrived datagrams for an engine's socket `index`, about `most` of them (whole batches)."""
         found: list[Datagram] = []
         if self._receive is None:
             self._take_singly(opened, index, most, found)
@@ -156,15 +157,15 @@ class Inbox:
                     begin = place * MAX_DATAGRAM
                     length = read_i64_le(headers, place * MMSGHDR_BYTES + MSG_LEN_AT)
                     data: bytes = room[begin : begin + length]
-                    found.append(Datagram(index, known.get(sender) or self._met(sender), data))
-            # Another error is the kernel's report that an earlier datagram found nobody: not ours to act on.
+                    found.append(Datagram(index, known.get(sender) or self._add_sender(sender), data))
+            # Another error is the kernel's report that an earlier datagram was undeliverable: ignored.
             short = 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN)
             if short or len(found) >= most:
                 break
         return found
 
-    def _met(self, sockaddr: bytes) -> Address:
-        """Return the sender of a raw sockaddr_in, and remember it."""
+    def _add_sender(self, sockaddr: bytes) -> Address:
+        """Return and store the sender of a raw sockaddr_in."""
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
         address = self._known[sockaddr] = Address(socket.inet_ntoa(sockaddr[4:8]), int.from_bytes(sockaddr[2:4], "big"))
@@ -186,12 +187,12 @@ class Inbox:
 class UdpDriver:
     """Moves an engine's datagrams through sockets and calls its timer, in the calling thread.
 
-    Sockets are read in turns and in portions, with timers in between, so that no flood at one of them stops the
-    others or the timers. Engines judge silence at timers, so all sockets are looked at once one is due.
+    Sockets are read in turns and in portions, with timers in between, so that a flood at one of them stops neither the
+    others nor the timers. Engines detect timeouts at timers, so all sockets are read before a due timer is handled.
     """
 
     def __init__(self, engine: Engine, clock: RealClock, from_ports: Mapping[str, int] | None = None) -> None:
-        """Open the engine's sockets; `from_ports`: where those of `udpout` endpoints sent from in an earlier process.
+        """Open the engine's sockets; `from_ports`: local ports of `udpout` endpoints in an earlier process.
 
         Raises:
             PortError: one of them can't be opened; none is left open.
@@ -202,9 +203,9 @@ class UdpDriver:
         self._sockets: list[socket.socket] = []
         self._inbox = Inbox()
         self._held: dict[int, deque[Datagram]] = {}
-        """By socket, what was taken from it and the engine hasn't been given yet."""
+        """By socket, datagrams taken from it but not yet passed to the engine."""
         self._attended_ns = time.monotonic_ns()
-        """When a timer was handled last."""
+        """When the last timer was handled."""
         try:
             for index, endpoint in enumerate(engine.endpoints()):
                 opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
@@ -216,7 +217,7 @@ class UdpDriver:
 
     @property
     def from_ports(self) -> dict[str, int]:
-        """Our own port of each `udpout` endpoint, to which its peer answers."""
+        """Local port of each `udpout` endpoint, to which its peer replies."""
         each = zip(self._engine.endpoints(), self._sockets, strict=True)
         return {str(endpoint): opened.getsockname()[1] for endpoint, opened in each if endpoint.kind == "udpout"}
 
@@ -249,13 +250,13 @@ class UdpDriver:
             timer = self._engine.next_timer()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
             self._pass_on(wait_s)
-            attended = self._attend()
+            attended = self._handle_due_timer()
             self._send()
             if attended or time.monotonic_ns() >= ends_ns:
                 return
 
-    def _attend(self) -> bool:
-        """Handle the timer if it's due, once the engine has been given what has arrived; return whether it was."""
+    def _handle_due_timer(self) -> bool:
+        """Handle the timer if it is due, after passing on arrived datagrams; return whether it was."""
         timer, now = self._engine.next_timer(), self._clock.now()
         if timer is None or timer > now:
             return False
@@ -270,9 +271,9 @@ class UdpDriver:
         return True
 
     def _pass_on(self, wait_s: float) -> bool:
-        """Give the engine a portion of what each socket has received, at the latest after `wait_s`.
+        """Pass a portion of each socket's datagrams to the engine, after waiting `wait_s` at most.
 
-        Return whether more may have arrived by when the sockets were looked at.
+        Return whether more may have arrived before the sockets were read.
         """
         more, arrived = False, list[Datagram]()
         for key, _ in select_for(self._selector, 0.0 if self._held else wait_s):
@@ -303,7 +304,7 @@ class UdpDriver:
 
 
 def _move_portion(held: deque[Datagram], arrived: list[Datagram]) -> None:
-    """Move a portion from what is held to what has arrived; a datagram that is longer than one is cut."""
+    """Move a portion of the held datagrams to the arrived ones; a datagram longer than a portion is split."""
     room = PORTION
     while held and room > 0:
         datagram = held.popleft()

@@ -1,1 +1,1 @@
-"""The mathematics of flight that vehicles and ground station share; it knows no scenario and no message."""
+"""Mathematics of flight shared by vehicles and ground station; independent of scenarios and messages."""

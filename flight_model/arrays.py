@@ -1,4 +1,4 @@
-"""Types of numpy arrays, and what is reckoned on arrays everywhere: angles, limits, places beside others."""
+"""Types of numpy arrays, and functions on arrays that are used everywhere: angles, limits, offset positions."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Mask = npt.NDArray[np.bool_]
 Complex = npt.NDArray[np.complex128]
 Indices = npt.NDArray[np.intp]
 T = TypeVar("T", float, Array)
-"""Of functions that hold for a number and for each element of an array."""
+"""For functions of a number, or of each element of an array."""
 
 TURN = 2 * np.pi
 BLOCK_BYTES = 2**17
-"""What of a table of rows is turned into columns at once: less than the cache of a core."""
+"""Block size when a table is transposed: less than a core's cache."""
 
 
 def wrap(angle_rad: Array) -> Array:
@@ -37,23 +37,23 @@ def beside(
     forward_m: Array | float,
     right_m: Array | float,
 ) -> tuple[Array, Array]:
-    """Return north and east of what is so far forward and right of places, counted from axes; shapes are broadcast."""
+    """Return north and east of points forward and right of others, along axes; shapes are broadcast."""
     cos, sin = np.cos(axis_rad), np.sin(axis_rad)
     return north_m + forward_m * cos - right_m * sin, east_m + forward_m * sin + right_m * cos
 
 
 def all_of(mask: Mask) -> bool:
-    """Return whether all hold. What `mask.all()` does, at a fifth of its cost."""
+    """Return `mask.all()`, at a fifth of its cost."""
     return int(np.count_nonzero(mask)) == mask.size
 
 
 def any_of(mask: Mask) -> bool:
-    """Return whether any holds. What `mask.any()` does, at a fifth of its cost."""
+    """Return `mask.any()`, at a fifth of its cost."""
     return int(np.count_nonzero(mask)) > 0
 
 
 def columns_of(rows: Array) -> Array:
-    """Return (K, N) of rows (N, K): block by block, so that each row is fetched once."""
+    """Return the transpose (K, N) of rows (N, K), copied block by block so that each row is fetched once."""
     found = np.empty(rows.shape[::-1])
     block = max(1, BLOCK_BYTES // max(1, rows.itemsize * rows.shape[1]))
     for begin in range(0, len(rows), block):
@@ -62,9 +62,9 @@ def columns_of(rows: Array) -> Array:
 
 
 def mapped(path: Path, begin: int, shape: tuple[int, int]) -> Array:
-    """Return numbers of 64 bits, the lowest byte first, from a byte of a file on, as they are in the file: no copy.
+    """Return a memory map of little-endian 64-bit floats in a file, from the byte `begin` on.
 
-    What has been looked at of it counts as this process's memory until the array is gone.
+    Pages that have been read count as this process's memory until the array is gone.
     """
     if not shape[0] * shape[1]:
         return np.empty(shape)

@@ -1,11 +1,11 @@
-"""An autopilot and its aircraft, equation (7): one vehicle's state, and how it moves under held setpoints.
+"""The autopilot and its aircraft, equation (7): one vehicle's state, and its motion under held setpoints.
 
-Airspeed and heading are first-order lags with limited rates; height has two real poles and a limited climb. The way
-over ground is the air velocity's integral, plus what carries the air (errata item 17). Emulated vehicles fly by it and
-the station predicts by it, so where the model is the vehicle a prediction is exact.
+Airspeed and heading are first-order lags with limited rates; height has two real poles and a limited climb. The
+velocity over ground is the velocity through the air plus the wind (errata item 17). Emulated vehicles fly by this model
+and the station predicts by it, so a prediction is exact where the vehicle follows the model.
 
-Plain numbers, vehicle by vehicle: a formation has few vehicles, for which arrays cost more than they save. What each
-cycle calls stands in this one file, since a compiler inlines nothing from another.
+The functions take plain numbers, one vehicle at a time: a formation has few vehicles, for which arrays cost more than
+they save. Everything that runs each cycle is in this file, since the compiler doesn't inline across files.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.decay import EARLY, LATE, MIDDLE, Decay, Stretch
+from flight_model.decay import EARLY, LATE, MIDDLE, Decay, GaussDecay
 
 OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
-"""Weights of Gauss's points of a stretch of time: of the first and the last, and of the one between."""
+"""Weights of a time interval's Gauss points: the first and the last, and the middle one."""
 BESIDE_RAD: Final = 0.02
-"""Angles less apart than this have cosines and sines from each other's by series, without an error beyond rounding."""
+"""Cosine and sine of an angle that differs by less are computed from the other's by series, exact to rounding."""
 LEAST_CRABBING_MPS: Final = 1.0
-"""What a lower airspeed counts as, where a crosswind is divided by it."""
+"""Lower bound of airspeeds that a crosswind is divided by."""
 NO_LIMIT: Final = math.inf
 
 
@@ -68,34 +68,34 @@ class AutopilotModel:
         self.accel_max_mps2 = accel_max_mps2
         self.turn_rate_max_rps = turn_rate_max_rps
         self.climb_max_mps = climb_max_mps
-        self._advances: Stretch | None = None
+        self._advances: GaussDecay | None = None
         self._responds: Decay | None = None
         self._held: AutopilotModel | None = None
         self._held_for = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def decay(self, time_s: float) -> Decay:
-        """Return what the lags leave of 1 after a time: as found last, if that was the same."""
+        """Return the decay over a time, from the last call if that was for the same time and lags."""
         tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._responds
         if kept is None:
             kept = self._responds = Decay()
         if not kept.holds(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s):
-            kept.find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+            kept.compute(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         return kept
 
-    def stretch(self, time_s: float) -> Stretch:
-        """Return what the lags leave of 1 after a time and at its Gauss points: as found last, if that was the same."""
+    def gauss_decay(self, time_s: float) -> GaussDecay:
+        """Return the decay over a time and at its Gauss points, kept likewise."""
         tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._advances
         if kept is None:
-            kept = self._advances = Stretch()
+            kept = self._advances = GaussDecay()
         if not kept.holds(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s):
-            kept.find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+            kept.compute(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         return kept
 
     @property
     def may_stand(self) -> bool:
-        """Whether it may be told to stand, as multirotors alone may."""
+        """Whether it may be commanded to stand: only multirotors may."""
         return self.speed_min_mps == 0.0
 
     def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -113,10 +113,10 @@ class AutopilotModel:
         )
 
     def held(self, time_s: float) -> AutopilotModel:
-        """Return the model in which (setpoint - value) / lag is the mean rate while a setpoint is held for a time.
+        """Return the model whose (setpoint - initial value) / lag is the mean rate while a setpoint is held for a time.
 
-        The value is that at the beginning, where the rate is larger than its mean. Speed and heading only, away from
-        the rate limits. It isn't to be changed: it is kept until a lag or the airspeeds' range changes.
+        The initial rate is larger than that mean. Only the lags of speed and heading differ, and the rate limits aren't
+        considered. The result is read-only: it is kept until a lag or the range of airspeeds changes.
         """
         lags_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._held
@@ -126,7 +126,7 @@ class AutopilotModel:
         return kept
 
     def reach(self, slowest_mps: float, fastest_mps: float) -> None:
-        """Have another range of airspeeds from now on."""
+        """Set the range of airspeeds."""
         if (slowest_mps, fastest_mps) == (self.speed_min_mps, self.speed_max_mps):
             return
         self.speed_min_mps, self.speed_max_mps, self._held = slowest_mps, fastest_mps, None
@@ -147,10 +147,10 @@ class AutopilotModel:
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class FlightState:
-    """Where a vehicle is and how it moves: north, east and up from the origin.
+    """Position and motion of a vehicle: north, east and up from the origin.
 
     Airspeed and heading are relative to the air. The velocity over ground is the airspeed along the heading, plus the
-    wind and whatever else carries the vehicle. The climb is over ground too: an updraught's share of it stays.
+    wind and any other drift. The climb rate is over ground too and includes the updraught, which lasts.
     """
 
     __slots__ = (
@@ -177,7 +177,7 @@ class FlightState:
         wind_east_mps: float,
         updraught_mps: float = 0.0,
     ) -> None:
-        """Take position, climb rate, air motion, wind, and what of the climb rate is the air's."""
+        """Take position, climb rate, airspeed, heading, wind, and the updraught that is part of the climb rate."""
         self.north_m = north_m
         self.east_m = east_m
         self.height_m = height_m
@@ -189,7 +189,7 @@ class FlightState:
         self.updraught_mps = updraught_mps
 
     def copy(self) -> FlightState:
-        """Return the same state as an object of its own."""
+        """Return a copy."""
         return FlightState(
             self.north_m,
             self.east_m,
@@ -238,7 +238,7 @@ class Setpoint:
 
 
 def wrap(angle_rad: float) -> float:
-    """Return an angle's equal in [-pi, pi)."""
+    """Return an angle wrapped to [-pi, pi)."""
     turned_rad = angle_rad + math.pi
     if 0.0 <= turned_rad < math.tau:
         return turned_rad - math.pi
@@ -246,7 +246,7 @@ def wrap(angle_rad: float) -> float:
 
 
 def signed(angle_rad: float) -> float:
-    """Return `math.remainder(angle_rad, math.tau)`: compiled, that itself would be a call of Python's own."""
+    """Return `math.remainder(angle_rad, math.tau)`, mostly without that call, which isn't compiled."""
     if abs(angle_rad) <= math.pi:
         return angle_rad
     if math.pi < angle_rad <= math.tau:
@@ -267,12 +267,12 @@ def crab_rad(state: FlightState, course_rad: float) -> float:
 
 
 def squared(value: float) -> float:
-    """Return value ** 2: compiled, that itself would be a call of Python's own."""
+    """Return `value ** 2`, which compiled code would call Python for."""
     return value * value
 
 
 def finite(value: float) -> bool:
-    """Return `math.isfinite(value)`: compiled, that itself would be a call of Python's own."""
+    """Return `math.isfinite(value)`, which compiled code would call Python for."""
     return not (math.isnan(value) or math.isinf(value))
 
 
@@ -282,12 +282,12 @@ def within(value: float, low: float, high: float) -> float:
 
 
 def rate(error: float, tau_s: float, rate_max: float) -> float:
-    """Return how fast a first-order lag with a limited rate changes that is `error` short of its setpoint; NaN: 0."""
+    """Return the rate of a first-order lag with a limited rate that is `error` short of its setpoint; 0 for NaN."""
     return 0.0 if math.isnan(error) else within(error / tau_s, -rate_max, rate_max)
 
 
 def remaining(error: float, time_s: float, tau_s: float, rate_max: float, left: float) -> float:
-    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`; of 1, without, `left`."""
+    """Return what a first-order lag with a limited rate leaves of `error` after `time_s`; `left`: the lag's decay."""
     size = abs(error)
     if size <= rate_max * tau_s:
         return error * left
@@ -306,16 +306,16 @@ def advance(
     accel_max_mps2: float = NO_LIMIT,
     turn_rate_max_rps: float = NO_LIMIT,
 ) -> None:
-    """Move `state` on by `time_s` under setpoints that are held meanwhile; the wind is constant.
+    """Advance `state` by `time_s` under held setpoints in constant wind.
 
     Args:
         state: is changed.
         model: the vehicle's.
-        speed_mps: airspeed to fly, within the model's limits; NaN: the one it has.
-        heading_rad: heading to fly, NaN: the one it has.
-        height_m: height above the origin, NaN: where it levels off.
-        time_s: how long.
-        accel_max_mps2: what the setpoint itself allows, besides the model's limit.
+        speed_mps: airspeed setpoint, within the model's limits; NaN: the present airspeed.
+        heading_rad: heading setpoint, NaN: the present heading.
+        height_m: height setpoint above the origin, NaN: where the vehicle levels off.
+        time_s: duration.
+        accel_max_mps2: limit that comes with the setpoint, besides the model's.
         turn_rate_max_rps: likewise.
     """
     accel_max_mps2 = min(accel_max_mps2, model.accel_max_mps2)
@@ -326,7 +326,7 @@ def advance(
     if not math.isnan(heading_rad):
         turn_rad = wrap(heading_rad - state.heading_rad)
     goal_mps, goal_rad = state.airspeed_mps + faster_mps, state.heading_rad + turn_rad
-    tau_v_s, tau_psi_s, left = model.tau_v_s, model.tau_psi_s, model.stretch(time_s)
+    tau_v_s, tau_psi_s, left = model.tau_v_s, model.tau_psi_s, model.gauss_decay(time_s)
     early_mps, middle_mps, late_mps, short_mps = _remaining(
         faster_mps, time_s, tau_v_s, accel_max_mps2, left.early_speed, left.middle_speed, left.late_speed, left.speed
     )
@@ -344,8 +344,8 @@ def advance(
     )
     early_rad, middle_rad, late_rad = goal_rad - early_rad, goal_rad - middle_rad, goal_rad - late_rad
     cos, sin = math.cos(middle_rad), math.sin(middle_rad)
-    early_cos, early_sin = _beside(cos, sin, middle_rad, early_rad)
-    late_cos, late_sin = _beside(cos, sin, middle_rad, late_rad)
+    early_cos, early_sin = _cos_sin_of(cos, sin, middle_rad, early_rad)
+    late_cos, late_sin = _cos_sin_of(cos, sin, middle_rad, late_rad)
     north_mps = early_mps * early_cos + middle_mps * cos + late_mps * late_cos
     east_mps = early_mps * early_sin + middle_mps * sin + late_mps * late_sin
     state.north_m += (north_mps + state.wind_north_mps) * time_s
@@ -358,7 +358,7 @@ def advance(
 def _remaining(
     error: float, time_s: float, tau_s: float, rate_max: float, early: float, middle: float, late: float, end: float
 ) -> tuple[float, float, float, float]:
-    """Return what `remaining` returns at the Gauss points of a time and at its end; of 1 `early` to `end` are left."""
+    """Return `remaining` at the Gauss points of a time and at its end; `early` to `end` are the lag's decay there."""
     if abs(error) <= rate_max * tau_s:
         return error * early, error * middle, error * late, error * end
     return (
@@ -369,8 +369,8 @@ def _remaining(
     )
 
 
-def _beside(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
-    """Return cosine and sine of another angle than the one whose these are."""
+def _cos_sin_of(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
+    """Return cosine and sine of `other_rad`, given those of `angle_rad`."""
     apart = other_rad - angle_rad
     if abs(apart) > BESIDE_RAD:
         return math.cos(other_rad), math.sin(other_rad)
@@ -383,7 +383,7 @@ def _beside(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple
 def respond(
     state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, height_m: float, time_s: float
 ) -> None:
-    """Move airspeed, heading, height and climb rate on as `advance` does, and leave the place: a third of its cost."""
+    """Advance airspeed, heading, height and climb rate as `advance` does, but not the position: a third of the cost."""
     left = model.decay(time_s)
     if not math.isnan(speed_mps):
         faster_mps = speed_mps - state.airspeed_mps
@@ -399,7 +399,7 @@ def respond(
 def respond_hovering(
     state: FlightState, model: AutopilotModel, speed_mps: float, heading_rad: float, height_m: float, time_s: float
 ) -> None:
-    """Do as `respond` for a multirotor, whose velocity over ground comes straight to the one that it is told."""
+    """Do as `respond` for a multirotor, whose velocity over ground changes straight to the commanded one."""
     left = model.decay(time_s)
     _climb(state, model, height_m, time_s, left)
     if math.isnan(speed_mps) or math.isnan(heading_rad):
@@ -416,7 +416,7 @@ def respond_hovering(
 
 
 def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: float, left: Decay) -> None:
-    """Move height and climb rate on: in an updraught u, what (7) says of the climb it says of the climb less u."""
+    """Advance height and climb rate: in an updraught u, (7) holds for the climb rate less u."""
     height_m += (left.slow_s + left.fast_s) * state.updraught_mps
     state.height_m, state.climb_mps = climbed(
         state.height_m, state.climb_mps, model.climb_max_mps, height_m, time_s, left
@@ -426,7 +426,7 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
 def climbed(
     now_m: float, now_mps: float, most_mps: float, height_m: float, time_s: float, left: Decay
 ) -> tuple[float, float]:
-    """Return height and climb rate after a time, by what height's lags leave of 1 then."""
+    """Return height and climb rate after a time; `left`: the decay over it."""
     slow_s, fast_s, slow_left, fast_left, climb_s = left.slow_s, left.fast_s, left.slow, left.fast, left.climb_s
     error_m = -(slow_s + fast_s) * now_mps if math.isnan(height_m) else now_m - height_m
     push_mps = now_mps + error_m / slow_s

@@ -1,4 +1,4 @@
-"""A curve over the ground on plain numbers, point by point: pieces of fifth degree by horizontal arc length."""
+"""A curve over the ground, evaluated point by point on plain numbers: quintic pieces by horizontal arc length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mypy_extensions import i64
 NORTH: Final = 0
 EAST: Final = 6
 HEIGHT: Final = 12
-"""Where each axis's coefficients begin among those of a piece."""
+"""Index of each axis's first coefficient in those of a piece."""
 atan2: Final = math.atan2
 
 
@@ -44,7 +44,7 @@ class PathPoint:
         slope: float = 0.0,
         slope_rate_1pm: float = 0.0,
     ) -> None:
-        """Take the place, the course, and how they change: where nothing is said of that, straight on and level."""
+        """Take the position, the course, and their derivatives: straight and level by default."""
         self.north_m = north_m
         self.east_m = east_m
         self.height_m = height_m
@@ -68,7 +68,7 @@ class PathPoint:
         )
 
     def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
-        """Return how far to the right of the path and above it a position abreast of this point is, m."""
+        """Return the offsets to the right of the path and above it of a position abreast of this point, m."""
         north, east = north_m - self.north_m, east_m - self.east_m
         return east * math.cos(self.course_rad) - north * math.sin(self.course_rad), height_m - self.height_m
 
@@ -82,7 +82,7 @@ class PathPoint:
         )
 
     def lifted(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:
-        """Return the point that is higher by `height_m`, by a lift that changes so."""
+        """Return the point raised by a lift of this height, slope and slope rate."""
         return PathPoint(
             self.north_m,
             self.east_m,
@@ -96,14 +96,14 @@ class PathPoint:
 
 
 class Curve:
-    """A curve: pieces of fifth degree, one after another."""
+    """A curve of successive quintic pieces."""
 
     def __init__(self, starts_m: list[float], pieces: list[list[list[float]]]) -> None:
-        """Take where each begins, m, and its coefficients: of north, east and height, the lowest power's first."""
+        """Take each piece's start, m, and its coefficients for north, east and height, lowest power first."""
         self._starts_m = starts_m
         self._pieces = [vec[float](piece[0] + piece[1] + piece[2]) for piece in pieces]
         self._begin_m = self._end_m = 0.0
-        """The ends of the piece that was asked for last: mostly it is asked for again."""
+        """Ends of the piece used last, which is mostly the next one needed."""
         self._piece = self._pieces[0]
 
     def at(self, s: float) -> PathPoint:
@@ -120,7 +120,7 @@ class Curve:
 
 
 def quintic(c: vec[float], begin: i64, t: float) -> tuple[float, float, float, float]:
-    """Return a quintic and its first three derivatives at t; c holds its coefficients from a place on."""
+    """Return a quintic and its first three derivatives at t; c holds its coefficients from `begin` on."""
     c0, c1, c2, c3, c4, c5 = c[begin], c[begin + 1], c[begin + 2], c[begin + 3], c[begin + 4], c[begin + 5]
     return (
         c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),

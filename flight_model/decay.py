@@ -1,4 +1,4 @@
-"""What an autopilot's lags leave of an error after a time: most of what it flies takes the same few times."""
+"""Decay factors of an autopilot's lags over a time step; kept for reuse, since most steps have the same few lengths."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Final
 EARLY: Final = 0.1127016653792583
 MIDDLE: Final = 0.5
 LATE: Final = 0.8872983346207417
-"""Gauss's points of a stretch of time, as shares of it: exact for polynomials of degree 5."""
+"""Gauss points of a time interval, as shares of it: exact for polynomials of degree 5."""
 CLOSE: Final = 2e-4
-"""Exponents less apart than this lose too many digits in the difference of their powers."""
+"""The difference of two exponentials loses too many digits if their exponents are closer than this."""
 
 
 def between(apart: float, slow_left: float, fast_left: float) -> float:
-    """Return the mean of e^x from the logarithm of `slow_left` to that of `fast_left`, which lie `apart`.
+    """Return the mean of e^x from the logarithm of `slow_left` to that of `fast_left`, whose difference is `apart`.
 
-    Of close ones the series: either way's error is less than 1e-12 of it.
+    A small difference uses a series. The relative error is below 1e-12 either way.
     """
     if abs(apart) > CLOSE:
         return (fast_left - slow_left) / apart
@@ -24,7 +24,7 @@ def between(apart: float, slow_left: float, fast_left: float) -> float:
 
 
 def of_climb(time_s: float, slow_s: float, fast_s: float, slow_left: float, fast_left: float) -> float:
-    """Return the height that a climb rate of 1 m/s still makes after a time, by height's two lags, without setpoints.
+    """Return the height error after a time that a climb rate of 1 m/s leads to, by the height's two lags.
 
     With equal lags `between` gives the solution for a double pole.
     """
@@ -32,7 +32,7 @@ def of_climb(time_s: float, slow_s: float, fast_s: float, slow_left: float, fast
 
 
 class Decay:
-    """What the lags of airspeed, heading and height leave of 1 after a time; kept until another is asked for."""
+    """Decay factors of the lags of airspeed, heading and height over a time."""
 
     __slots__ = (
         "_tau_ha_s",
@@ -54,14 +54,14 @@ class Decay:
         self._time_s = self._tau_v_s = self._tau_psi_s = self._tau_ha_s = self._tau_hb_s = math.nan
         self.speed = self.heading = 1.0
         self.slow = self.fast = 1.0
-        """Of height, by the slower and the faster of its lags."""
+        """Decay factors of the height's slower and faster lag."""
         self.slow_s = self.fast_s = 0.0
         """The slower and the faster of those lags, s."""
         self.climb_s = 0.0
-        """What `of_climb` returns."""
+        """Result of `of_climb`."""
 
     def holds(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> bool:
-        """Return whether what is kept is for this time and these lags, s."""
+        """Return whether the factors are for this time and these lags, s."""
         return (
             self._time_s == time_s
             and self._tau_v_s == tau_v_s
@@ -70,8 +70,8 @@ class Decay:
             and self._tau_hb_s == tau_hb_s
         )
 
-    def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Compute what these lags leave after this time, s."""
+    def compute(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
+        """Compute the factors for this time and these lags, s."""
         self._time_s, self._tau_v_s, self._tau_psi_s = time_s, tau_v_s, tau_psi_s
         self._tau_ha_s, self._tau_hb_s = tau_ha_s, tau_hb_s
         self.slow_s, self.fast_s = max(tau_ha_s, tau_hb_s), min(tau_ha_s, tau_hb_s)
@@ -80,8 +80,8 @@ class Decay:
         self.speed, self.heading = math.exp(-time_s / tau_v_s), math.exp(-time_s / tau_psi_s)
 
 
-class Stretch(Decay):
-    """What the lags leave of 1 after a time; of airspeed and heading, also at the three Gauss points of that time."""
+class GaussDecay(Decay):
+    """Decay factors over a time; for airspeed and heading also at the three Gauss points of that time."""
 
     __slots__ = ("early_heading", "early_speed", "late_heading", "late_speed", "middle_heading", "middle_speed")
 
@@ -91,9 +91,9 @@ class Stretch(Decay):
         self.early_speed = self.middle_speed = self.late_speed = 1.0
         self.early_heading = self.middle_heading = self.late_heading = 1.0
 
-    def find(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Compute what these lags leave after this time and at its Gauss points, s."""
-        super().find(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
+    def compute(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
+        """Compute the factors for this time, its Gauss points and these lags, s."""
+        super().compute(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         early_s, between_s = EARLY * time_s, (MIDDLE - EARLY) * time_s
         self.early_speed, between = math.exp(-early_s / tau_v_s), math.exp(-between_s / tau_v_s)
         self.middle_speed = self.early_speed * between

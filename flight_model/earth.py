@@ -1,4 +1,4 @@
-"""The Earth: WGS-84's ellipsoid, rotation and normal gravity, places against an origin, and the density of its air.
+"""The Earth: WGS-84's ellipsoid, rotation and normal gravity, positions from an origin, and the density of the air.
 
 Source: NIMA TR8350.2 (WGS-84); Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation
 Systems (2013), section 2.4; ICAO Doc 7488 (standard atmosphere).
@@ -20,15 +20,15 @@ EQUATOR_MPS2: Final = 9.7803253359
 SOMIGLIANA: Final = 1.93185265241e-3
 FLATTENING: Final = 1 / 298.257223563
 CENTRIFUGAL_RATIO: Final = 3.449786506841e-3
-"""Centrifugal acceleration at the equator by gravity there."""
+"""Ratio of the centrifugal acceleration at the equator to gravity there."""
 SEMI_MAJOR_M: Final = 6_378_137.0
 ECCENTRICITY_SQUARED: Final = 6.694379990141317e-3
 INVERSION_STEPS: Final = 4
 """Each step reduces the error by the ratio of the distance to the Earth's radius."""
 LAPSE_PER_M: Final = 0.0065 / 288.15
-"""Share of the standard atmosphere's temperature at sea level that is lost a metre, in the troposphere."""
+"""Lapse rate of the standard atmosphere's troposphere, per metre, as a share of the temperature at sea level."""
 DENSITY_POWER: Final = 9.80665 / (287.05287 * 0.0065) - 1.0
-"""Of the ratio of temperatures, for that of densities there."""
+"""Exponent that gives the ratio of densities from that of temperatures there."""
 TROPOPAUSE_M: Final = 11_000.0
 
 
@@ -59,7 +59,7 @@ def radii_m(lat_rad: float | Array) -> tuple[float | Array, float | Array]:
 def true_by_equivalent_airspeed(above_sea_m: float) -> float:
     """Return the ratio of true airspeed to equivalent airspeed in the standard atmosphere, up to the tropopause.
 
-    Equivalent airspeed has at sea level the dynamic pressure that there is at this height.
+    Equivalent airspeed is the airspeed with the same dynamic pressure at sea level.
     """
     colder: float = 1.0 - LAPSE_PER_M * min(above_sea_m, TROPOPAUSE_M)
     return math.pow(colder, -0.5 * DENSITY_POWER)
@@ -67,7 +67,7 @@ def true_by_equivalent_airspeed(above_sea_m: float) -> float:
 
 @dataclass(frozen=True)
 class GeodeticOrigin:
-    """The point that NED positions are counted from: radians, and metres above sea level.
+    """The origin of NED positions: radians, and metres above sea level.
 
     North is the arc of the meridian and east that of the parallel, with the radii of curvature at the latitude
     halfway to the origin. Below 70 degrees of latitude and up to 10 km away, distances from the origin are accurate to

@@ -1,7 +1,7 @@
-"""An aircraft under total-energy control, as ArduPlane flies one: what it is made of, its state, its motion.
+"""An aircraft under total-energy control, as ArduPlane flies one: its parameters, its state, its motion.
 
-Throttle governs the sum of kinetic and potential energy, pitch their balance, so speed and height are coupled; a bank
-turns. Sources: A. A. Lambregts, "Vertical Flight Path and Speed Control Autopilot Design Using Total Energy
+Throttle controls the sum of kinetic and potential energy, pitch their balance, so speed and height are coupled; bank
+turns it. Sources: A. A. Lambregts, "Vertical Flight Path and Speed Control Autopilot Design Using Total Energy
 Principles", AIAA 83-2239; ArduPilot documentation, "Total Energy Control System for Speed and Height" and the
 parameters that `AirframeParameters` names.
 """
@@ -17,47 +17,47 @@ from flight_model.autopilot_model import within, wrap
 
 GRAVITY_MPS2: Final = 9.80665
 REFERENCE_MPS: Final = 22.0
-"""Airspeed at which drag and lift are given."""
+"""Airspeed for which drag and lift are given."""
 PHYSICAL = (
     "thrust_mps2", "drag_mps2", "induced_drag_mps2", "lift_mps2_per_rad", "bank_lag_s", "pitch_lag_s", "rate_lag_s",
     "airspeed_lag_s",
 )  # fmt: skip
-"""What differs from one aircraft of a kind to the next; the rest is set in their autopilots."""
+"""Parameters that differ between aircraft of one type; the rest are settings of their autopilots."""
 CYCLE_S: Final = 0.02
 """Period of attitude and motion."""
 CYCLES: Final = 5
-"""Cycles to one of the energy controller."""
+"""Cycles in one period of the energy controller."""
 ENERGY_S: Final = CYCLE_S * CYCLES
 ACCELERATION_LAG_S: Final = 0.04
 """Lag of the measured acceleration: half of a moving average over five cycles."""
 THROTTLE_LAG_S: Final = 0.5
-"""Of the error of the energy's rate, which damps the throttle."""
+"""Lag of the energy rate's error, which damps the throttle."""
 GAIN_SHARE: Final = 0.5
 LOSS_SHARE: Final = 0.9
-"""Shares of the energy's greatest rates that a change of airspeed may take."""
+"""Shares of the largest energy rates, up and down, that a change of airspeed may use."""
 OVERSHOOT: Final = 0.1
-"""By how much of its range the throttle's integral may go beyond the limits."""
+"""How far the throttle's integral may take it beyond its limits, as a share of the range."""
 PITCH_OVERSHOOT_RAD: Final = math.radians(5.0)
 LEAST_MPS: Final = 5.0
 """Lower bound of airspeeds in divisions."""
 ROLLING_PER_S: Final = 0.3
-"""Deceleration on the ground per airspeed, as ArduPilot's simulator has it."""
+"""Deceleration on the ground per airspeed, as in ArduPilot's simulator."""
 ROLLING_SHARE: Final = 0.7
-"""Most of what thrust and drag leave that rolling takes."""
+"""Largest share of thrust minus drag that rolling friction takes."""
 STEEPEST: Final = 0.95
 """Largest sine of the angle of climb."""
 CLIMB_OUT_SHARE: Final = 1.25
 CLIMB_OUT_S: Final = 9.0
-"""A take-off's climb gains airspeed towards this share of the cruising one, with this time constant."""
+"""During a take-off's climb, airspeed approaches this multiple of the cruising one, with this time constant."""
 LEVEL_SHARE: Final = 0.6
 """Share of the pitch that the balance's integral holds when that climb ends."""
 INTEGRAL_MAX: Final = 0.5
-"""Largest share of full throttle that its integral adds or takes."""
+"""Limit of the throttle's integral, as a share of full throttle."""
 
 
 @dataclass(frozen=True)
 class AirframeParameters:
-    """One aircraft's, SI; `formation_scenario.vehicles.EnergyAirframe` describes them."""
+    """One aircraft's parameters, SI; `formation_scenario.vehicles.EnergyAirframe` describes them."""
 
     thrust_mps2: float
     drag_mps2: float
@@ -92,7 +92,7 @@ class AirframeParameters:
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Self:
-        """Return the parameters by their names; other names are left out."""
+        """Return the parameters from values by name; other names are ignored."""
         return cls(**{name: values[name] for name in NAMES})
 
 
@@ -100,7 +100,7 @@ NAMES = tuple(each.name for each in fields(AirframeParameters))
 
 
 class Commanded(NamedTuple):
-    """Commands: airspeed, its rate's limit, heading, the bank's limit, height."""
+    """Commands: airspeed, limit of its rate, heading, limit of bank, height."""
 
     speed_mps: float
     accel_mps2: float
@@ -111,7 +111,7 @@ class Commanded(NamedTuple):
 
 @dataclass
 class Aircraft:
-    """An aircraft's motion, then what it remembers beside it: attitude, what it measures, the energy controller."""
+    """An aircraft's motion, and its further state: attitude, measurements, energy controller."""
 
     height_m: float
     climb_mps: float
@@ -156,7 +156,7 @@ QUANTITIES: Final = tuple(each.name for each in fields(Aircraft))
 
 
 def trim(a: Aircraft, p: AirframeParameters) -> None:
-    """Make an aircraft one that has flown straight and level at this height and speed."""
+    """Set the state of steady straight and level flight at the present height and speed."""
     speed = max(a.speed_mps, LEAST_MPS)
     a.bank = a.bank_rate = a.pitch_rate = a.estimate_trend = a.acceleration = a.slow_acceleration = 0.0
     a.slow_speed_rate = a.power_error = a.kinetic_integral = a.throttle_clip = a.balance_clip = 0.0
@@ -170,9 +170,9 @@ def trim(a: Aircraft, p: AirframeParameters) -> None:
 
 
 def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: float = 0.0) -> None:
-    """Fly a cycle of `CYCLE_S`: attitude, then motion, then what is measured of it.
+    """Fly a cycle of `CYCLE_S`: attitude, then motion, then measurements.
 
-    `gust_mps` is the sensor's noise in airspeed.
+    `gust_mps` is the noise of the airspeed sensor.
     """
     _attitude(a, commanded, p)
     speed = max(a.speed_mps, LEAST_MPS)
@@ -188,7 +188,7 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
 
 
 def full_throttle(p: AirframeParameters) -> float:
-    """Return the model's throttle when the autopilot's is full: its cruising one carries level flight.
+    """Return the model's throttle for the autopilot's full throttle, scaled so that cruise throttle flies level.
 
     Thrust and drag of an airframe are fitted to small changes; all of that thrust would climb at 20 m/s, not at 13.
     """
@@ -207,9 +207,9 @@ def run(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
 
 
 def climb_out(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
-    """Want a take-off's climb at a throttle: as steep as the specific excess power is, less what gains airspeed.
+    """Set the pitch of a take-off's climb at a throttle: excess thrust climbs, except for a share that accelerates.
 
-    Source: take-offs of ArduPlane 4.7's simulated plane, which pitches up to 48 degrees and comes down to 27.
+    Source: take-offs of ArduPlane 4.7's simulated plane, which pitches up to 48 degrees and later down to 27.
     """
     speed = max(a.speed_mps, LEAST_MPS)
     gained = (CLIMB_OUT_SHARE * p.airspeed_cruise_mps - speed) / CLIMB_OUT_S
@@ -219,7 +219,7 @@ def climb_out(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
 
 
 def level_out(a: Aircraft) -> None:
-    """Hand a take-off's climb over to the energy controller: its throttle's integral is full, as ArduPlane has it."""
+    """Hand over from a take-off's climb to the energy controller; as in ArduPlane, the throttle's integral is full."""
     a.pitch_before = a.pitch_free = a.pitch_wanted
     a.height_before = a.height_limited = a.height_demand = a.height_m
     a.speed_demand = a.estimate
@@ -228,7 +228,7 @@ def level_out(a: Aircraft) -> None:
 
 
 def _attitude(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
-    """Turn towards the heading by a bank in proportion to the error, and towards the pitch that is wanted."""
+    """Bank in proportion to the heading error, and follow the wanted pitch and throttle."""
     most = min(commanded.bank_max_rad, p.bank_max_rad)
     bank = within(p.heading_gain * wrap(commanded.heading_rad - a.heading_rad), -most, most)
     a.bank_rate += ((bank - a.bank) / p.bank_lag_s - a.bank_rate) * (CYCLE_S / p.rate_lag_s)
@@ -250,7 +250,7 @@ def _estimate_speed(a: Aircraft, measured_mps: float, p: AirframeParameters) -> 
 
 
 class _Demand(NamedTuple):
-    """Specific energies and their rates as demanded, less as they are, m²/s² and m²/s³."""
+    """Specific energies and their rates, and errors as demanded minus actual, m²/s² and m²/s³."""
 
     kinetic: float
     kinetic_error: float
@@ -279,7 +279,7 @@ def control(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
 
 
 def _speed_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters, speed_min: float) -> float:
-    """Let the airspeed demand follow as fast as energy can; return its rate, which is passed on to the throttle."""
+    """Move the airspeed demand as fast as the energy rates allow; return its rate, which is fed to the throttle."""
     speed, most = a.estimate, a.speed_max
     full_mps2 = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share / max(speed, p.airspeed_min_mps)
     if a.throttle_clip > 0.0:
@@ -299,7 +299,7 @@ def _speed_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters, spee
 
 
 def _height_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> float:
-    """Let the height demand follow by its lag, no faster than it may climb and sink; return the climb demanded."""
+    """Move the height demand by its lag, within the limits of climb and sink; return the climb demanded."""
     before, wanted = a.height_before, commanded.height_m
     up_full = a.pitch_free > p.pitch_max_rad or a.throttle_clip > 0.0
     down_full = a.pitch_free < p.pitch_min_rad or a.throttle_clip < 0.0
@@ -378,11 +378,11 @@ def _side(value: float, low: float, high: float) -> float:
 
 
 def _drag(speed: float, load: float, p: AirframeParameters) -> float:
-    """Return the deceleration by drag, m/s²: parasitic by the square of the speed, induced by lift's."""
+    """Return the deceleration by drag, m/s²: parasitic drag goes with speed squared, induced drag with lift squared."""
     square = (speed / REFERENCE_MPS) ** 2
     return p.drag_mps2 * square + p.induced_drag_mps2 * load * load / square
 
 
 def _incidence(speed: float, load: float, p: AirframeParameters) -> float:
-    """Return the angle of attack, rad, from that of no lift, which carries `load` times the weight."""
+    """Return the angle of attack, rad, from that of zero lift, at which lift is `load` times the weight."""
     return load * GRAVITY_MPS2 * (REFERENCE_MPS / speed) ** 2 / p.lift_mps2_per_rad

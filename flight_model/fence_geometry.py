@@ -1,4 +1,4 @@
-"""The geometry of a fence: how far inside places are, and how much room circles away from it and laps leave."""
+"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from flight_model.curve import PathPoint
 from flight_model.path import Route
 
 REACT_S = 2.0
-"""How long a vehicle flies straight on before a turn away from the fence shows."""
+"""How long a vehicle flies straight on before it turns away from the fence."""
 TURN_SHARE = 0.7
-"""Share of the highest turn rate on which that turn counts."""
+"""Share of the largest turn rate that such a turn is planned with."""
 CHECKED_M = 25.0
-"""Room that paths, laps and slots must leave; a vehicle that has been turned away is free again with as much."""
+"""Room that paths, laps and slots must leave; a vehicle that has been turned away is released with as much."""
 LEAST_MPS = 1.0
-"""What a lower airspeed counts as, where it is divided by."""
+"""Lower bound of airspeeds that are divided by."""
 STEP_M = 20.0
-"""Distance of the places of a lap that are looked at."""
+"""Interval of the points at which a lap is checked."""
 Way = TypeVar("Way", bound=Route)
 
 
 class Flyers(NamedTuple):
-    """Who flies beside a leader, itself included: (F,) of each."""
+    """The vehicles of a formation, leader included, by offset from the leader: (F,) each."""
 
     forward_m: Array
     right_m: Array
     turn_rps: Array
-    """The highest turn rates."""
+    """Largest turn rates."""
 
 
 class Drift(NamedTuple):
-    """An airspeed, and the wind that carries it over ground, m/s."""
+    """An airspeed and the wind, north and east, m/s."""
 
     speed_mps: float
     north_mps: float
     east_mps: float
     through_air_mps: float
-    """What bounds circles: airspeed and wind together."""
+    """Airspeed plus wind, for the size of circles over ground."""
 
 
 def inside_m(corners_m: Array, place_m: Array) -> Array:
-    """Return how far inside a polygon (K, 2) places (…, 2) are: the distance to its edge, m; negative outside.
+    """Return the distance (…) of points (…, 2) to the edge of a polygon (K, 2), m; negative outside.
 
-    Inside is where a ray crosses the edge an odd number of times.
+    Inside, a ray from the point crosses the edge an odd number of times.
     """
     begin, end = corners_m, np.roll(corners_m, -1, axis=0)
     edge, reach = end - begin, place_m[..., None, :] - begin
@@ -63,14 +63,14 @@ def inside_m(corners_m: Array, place_m: Array) -> Array:
 
 
 def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
-    """Return how much room circles to the left and to the right leave to the fence, (…, 2) m; negative: none.
+    """Return the distance to the fence of circles to the left and to the right, (…, 2) m; negative: across it.
 
     Args:
         corners_m: (K, 2) of the fence, north and east.
         place_m: (…, 2) of the vehicles.
         velocity_mps: (…, 2) over ground.
-        through_air_mps: (…,) airspeed and wind together, which bound the circles.
-        turn_rps: (…,) the highest turn rates.
+        through_air_mps: (…,) airspeed plus wind, for the size of the circles.
+        turn_rps: (…,) largest turn rates.
     """
     radius_m = through_air_mps / (TURN_SHARE * turn_rps)
     speed = np.maximum(np.linalg.norm(velocity_mps, axis=-1), 1e-9)
@@ -83,15 +83,15 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
 def room_along_m(
     corners_m: Array, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
 ) -> tuple[Array, Array]:
-    """Return where everybody is while the leader flies along a way, (F, S, 2), and the room that is left, (F, S) m.
+    """Return all vehicles' positions along the leader's way, (F, S, 2), and the room that is left, (F, S) m.
 
-    The leader's nose is as far in the wind as its course needs, and slots are counted from its nose.
+    The leader's heading includes the crab angle, and slots are relative to its heading.
 
     Args:
         corners_m: (K, 2) of the fence, north and east.
         way: (S,) of the leader: north, east, m, and course, rad.
-        flyers: everybody.
-        drift: how they are carried.
+        flyers: the vehicles.
+        drift: airspeed and wind.
     """
     north_m, east_m, course_rad = way
     cos, sin = np.cos(course_rad), np.sin(course_rad)
@@ -108,14 +108,14 @@ def room_along_m(
 
 @dataclass(frozen=True)
 class LapFence:
-    """The fence, the path's start, and who flies a lap before it."""
+    """The fence, the path's start, and the vehicles that fly a lap before it."""
 
     corners_m: Array
     start: PathPoint
     flyers: Flyers
 
     def roomiest(self, ways: Iterable[Way], speed_mps: float, wind_north_mps: float, wind_east_mps: float) -> Way:
-        """Return the first way on which everybody has the room that paths are to leave, or else which lacks least."""
+        """Return the first way that leaves `CHECKED_M` for all vehicles, or else the one that lacks least."""
         through_air_mps = speed_mps + math.hypot(wind_north_mps, wind_east_mps)
         drift, least = Drift(speed_mps, wind_north_mps, wind_east_mps, through_air_mps), math.inf
         found: Way | None = None
@@ -129,9 +129,9 @@ class LapFence:
         return found
 
     def lack(self, way: Route, drift: Drift) -> tuple[Array, Array]:
-        """Return where everybody is on a way to the straight before the path, and on that straight, and what they lack.
+        """Return positions and missing room on a way to the straight before the path, and on that straight.
 
-        Places are (F, S, 2), north and east; what each lacks there of the room that is to be left to the fence, (F, S).
+        Positions are (F, S, 2), north and east; the room that is missing there to `CHECKED_M` is (F, S).
         """
         end = way.at(way.length_m)
         straight_m = math.hypot(end.north_m - self.start.north_m, end.east_m - self.start.east_m)

@@ -1,7 +1,7 @@
-"""Frequency responses: of autopilots from setpoints to motion, and what loops around them hold.
+"""Frequency responses of autopilots from setpoints to motion, and the margins of loops around them.
 
-Autopilots are those of equation (7), and of an airframe near its trim. Of a loop: its sensitivity's peak, its delay
-margin, and what it is around a response that isn't as known.
+Autopilots are those of equation (7), or of an airframe near trim. For a loop: its sensitivity peak, its delay margin,
+and the same loop around a mismatched response.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from flight_model.energy import AirframeParameters
 FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 """rad/s."""
 MISMATCH = 0.3
-"""By what share the autopilot's time scale and gain may be off together."""
+"""Relative error of the autopilot's time scale and gain, in all combinations."""
 ROUNDING = 1e-6
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
 INNER = 1e-4
 STRAIGHT_RAD = 1.0
-"""The bank's limit where nothing turns."""
+"""Limit of bank for straight flight, where it doesn't matter."""
 
 
 @dataclass(frozen=True)
 class Responses:
-    """From setpoints to motion at (W,) frequencies, complex: of airspeed, heading and height, each to itself."""
+    """Complex responses of airspeed, heading and height to their own setpoints, at (W,) frequencies."""
 
     speed: Complex
     heading: Complex
@@ -51,7 +51,7 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     matrix, inputs = linearised(airframe, speed_mps)
     z = np.exp(1j * frequency_radps * energy.ENERGY_S)
     late = np.exp(-1j * frequency_radps * airframe.dead_time_s)
-    # The setpoint of a tick is held until the next, half of which the state at its end doesn't show.
+    # The discrete system holds each setpoint for a period: take that out, exactly so for an integrator.
     late = (
         late
         * np.exp(1j * frequency_radps * energy.ENERGY_S / 2.0)
@@ -64,10 +64,10 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
 
 
 def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, Array]:
-    """Return the derivatives (S, S) and (S, 3) of an aircraft's state `energy.ENERGY_S` later.
+    """Return the derivatives (S, S) and (S, 3) of an aircraft's state `energy.ENERGY_S` later, by state and inputs.
 
-    The state is the aircraft's quantities; the inputs are setpoints of speed, heading and height. Central differences
-    about straight, level flight at `speed_mps`.
+    The state is the aircraft's quantities; the inputs are setpoints of speed, heading and height. They are central
+    differences about straight, level flight at `speed_mps`.
     """
     level = energy.Aircraft(0.0, 0.0, speed_mps, 0.0)
     energy.trim(level, airframe)
@@ -81,7 +81,7 @@ def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, A
 
 
 def _later(begin: Array, airframe: AirframeParameters) -> Array:
-    """Return an aircraft's quantities `energy.ENERGY_S` later; `begin` has its setpoints behind them."""
+    """Return an aircraft's quantities `energy.ENERGY_S` later; `begin` is the quantities, then the setpoints."""
     *quantities, speed_mps, heading_rad, height_m = begin.tolist()
     aircraft = energy.Aircraft(*quantities)
     commanded = energy.Commanded(speed_mps, math.inf, heading_rad, STRAIGHT_RAD, height_m)
@@ -92,37 +92,37 @@ def _later(begin: Array, airframe: AirframeParameters) -> Array:
 
 
 def late(delay_s: float) -> Complex:
-    """Return a delay's response."""
+    """Return the frequency response of a delay."""
     return np.exp(-1j * FREQUENCIES * delay_s)
 
 
 def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
-    """Yield loops around a plant whose time scale and gain are off: seen at frequency w, it does what it did at w k."""
+    """Yield loops around a plant with mismatched time scale and gain: its response at w is the known one at w k."""
     log_w = np.log(FREQUENCIES)
     size: Array = np.log(np.abs(plant))
     angle: Array = np.unwrap(np.angle(plant))
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
-        moved = np.exp(_seen_at(size, log_w + np.log(scale))) * np.exp(1j * _seen_at(angle, log_w + np.log(scale)))
+        moved = np.exp(_interp(size, log_w + np.log(scale))) * np.exp(1j * _interp(angle, log_w + np.log(scale)))
         for strength in (1.0 - MISMATCH, 1.0 + MISMATCH):
             yield strength * controller * moved
 
 
-def _seen_at(values: Array, log_w: Array) -> Array:
-    """Return values that are known at `FREQUENCIES` at others, given by their logarithms."""
+def _interp(values: Array, log_w: Array) -> Array:
+    """Return values given at `FREQUENCIES`, interpolated at other frequencies, which are given by their logarithms."""
     return np.interp(log_w, np.log(FREQUENCIES), values)
 
 
 def sensitivity_peak(loop: Complex) -> float:
-    """Return the sensitivity's peak; infinite where the loop isn't stable, by Nyquist's count."""
+    """Return the sensitivity peak; infinite if the loop is unstable by the Nyquist criterion."""
     back = 1.0 + loop
     angle = np.unwrap(np.angle(back))
-    # Integrators leave it between -180 and 0 degrees at low frequency; from there to 0 no turn about -1 may be added.
+    # With integrators the angle starts between -180 and 0 degrees; it must end near 0, without a turn around -1.
     stable = angle[0] < ROUNDING and abs(angle[-1]) < np.pi / 2
     return float(np.max(1.0 / np.abs(back))) if stable else float("inf")
 
 
 def delay_margin_s(loop: Complex) -> float:
-    """Return the least further delay that makes the loop unstable, over all crossings of gain 1."""
+    """Return the least additional delay that makes the loop unstable, over all crossings of gain 1."""
     size = np.abs(loop)
     (crossings,) = np.nonzero((size[:-1] >= 1.0) != (size[1:] >= 1.0))
     if crossings.size == 0:
@@ -132,13 +132,13 @@ def delay_margin_s(loop: Complex) -> float:
 
 
 def stable_delay_s(loop: Complex, integrators: int) -> float:
-    """Return the least delay, s, that makes a loop unstable; 0 where it is without any, by Nyquist's count.
+    """Return the least delay, s, that makes a loop unstable; 0 if it is unstable without, by the Nyquist criterion.
 
-    All poles of it but its `integrators` lie on the left; a factor s/(s + 1) takes each of these away.
+    All poles of the loop except its `integrators` are in the left half-plane; a factor s/(s + 1) removes each of these.
 
     Args:
-        loop: at `FREQUENCIES`; its gain doesn't rise beyond. One whose gain is 1 or more there counts as unstable.
-        integrators: how many poles at 0 it has.
+        loop: at `FREQUENCIES`; a gain of 1 or more at the highest, above which it mustn't rise, counts as unstable.
+        integrators: number of poles at 0.
     """
     if abs(loop[-1]) >= 1.0:
         return 0.0

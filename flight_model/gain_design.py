@@ -1,22 +1,21 @@
 """Gains of the formation law by loop shaping on the autopilot's frequency response.
 
-Each channel's loop has the shape kp + ki/s + kd s with two numbers free: its bandwidth, and the share of the
-autopilot's lag that the derivative makes up for. The fastest loop is taken that holds the constants below: with
-the response as it is known, the sensitivity's peak and the delay margin; with a response that is slower or faster and
-stronger or weaker than known, stability with a peak of its own; and the setpoint's steps that the telemetry's noise
-causes: the law takes rates of errors from velocities, not from differences of positions. Nothing of the delay counts as
-predicted. The wind's observer closes a loop of its own around the airspeed: what
-an aircraft does otherwise than its model looks like wind, which is then flown against. It is as fast as the airspeed's
-loop with it stands. Source: S. Skogestad and I. Postlethwaite, "Multivariable Feedback
-Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
+Each channel's controller is kp + ki/s + kd s with two free numbers: its bandwidth, and the share of the autopilot's
+lag that the derivative compensates. The fastest loop is chosen that keeps the bounds below: with the known response,
+those of the sensitivity peak and the delay margin; with responses that are slower or faster and stronger or weaker, a
+sensitivity peak of its own; and those of the setpoint steps that telemetry noise causes (the law takes error rates from
+velocities, not from differences of positions). All of the delay counts as uncompensated. The wind observer closes
+another loop around the airspeed: deviations of an aircraft from its model look like wind and are then compensated. Its
+bandwidth is the largest that leaves the airspeed loop enough delay margin. Source: S. Skogestad and I. Postlethwaite,
+"Multivariable Feedback Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
 
 The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop
 tau (lambda (k1/s + k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its
-setpoint, and tau the lag of model (7) by which (3) is sent. The common motion is the mode of eigenvalue 0. An airspeed
-under total-energy control answers quick changes of its setpoint with several times their size, so nothing of
-velocities may be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that an airspeed has by itself.
-Across the heading, where lags are longer, that k3 damps. k1 is the largest at which every mode holds the bounds. Peaks
-are those with the states predicted over the links' delay; of the delay margin nothing counts as predicted.
+setpoint, and tau the lag of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0.
+Under total-energy control, airspeed responds to quick changes of its setpoint with several times their size, so
+velocities can't be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself.
+Across the heading, where lags are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds.
+Peaks assume states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
 """
 
 from __future__ import annotations
@@ -41,52 +40,51 @@ from flight_model.frequency_response import (
 from flight_model.slot import Triple
 
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
-"""rad/s that are tried, the fastest first."""
+"""Bandwidths that are tried, rad/s, the fastest first."""
 LAG_SHARES = (1.0, 0.5, 0.0)
-"""Shares of the lag that the derivative (of heights, the proportional gain) may make up for."""
+"""Shares of the lag that the derivative (for heights, the proportional gain) may compensate."""
 INTEGRAL_SHARE = 0.125
-"""Corner of the integral by the bandwidth."""
+"""Corner frequency of the integral, as a share of the bandwidth."""
 PEAK = 1.6
-"""Largest sensitivity with the response as known."""
+"""Largest sensitivity with the known response."""
 MISMATCH_PEAK = 2.5
-"""Largest sensitivity with one that isn't."""
+"""Largest sensitivity with a mismatched response."""
 DELAY_MARGIN_S = 1.0
-"""Least delay margin of a loop with the response as known."""
+"""Least delay margin of a loop with the known response."""
 STEPS = (0.03, 0.006, 0.03)
-"""Largest standard deviations of a tick's setpoint steps by noise: m/s, rad, m."""
+"""Largest standard deviations of a tick's setpoint steps from noise: m/s, rad, m."""
 UNMODELLED: Final[tuple[float, float, float]] = (0.05, 0.05, 0.003)
-"""How far climb, airspeed (m/s) and heading (rad) of a vehicle are taken to stray from model (7) in a square root
-of a second."""
+"""Random walks of climb, airspeed (m/s) and heading (rad) beside model (7), per square root of a second."""
 WIND_WALK: Final = 0.02
-"""The same of the wind without gusts, m/s."""
+"""The same for the wind without gusts, m/s."""
 SAMPLES = 400
 """Samples after which the filter's gain is taken as steady, and its response to one sample as over."""
 SEEN = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 0.0)))
-"""Position, velocity over ground and airspeed by the states: position, airspeed and wind."""
+"""Derivatives of position, velocity over ground and airspeed by the states: position, airspeed and wind."""
 PAIR = math.sqrt(2.0)
-"""Noise of a difference of two vehicles, as a share of one's."""
+"""Noise of a difference of two vehicles, relative to one's."""
 DERIVATIVE_FILTER_S = 0.3
 OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
-"""Bandwidths of the wind's observer that are tried, the fastest first."""
+"""Bandwidths of the wind observer that are tried, the fastest first."""
 OBSERVED_SHARE = 0.85
-"""Share of the airspeed loop's delay margin that is left with the observer in it."""
+"""Share of the airspeed loop's delay margin that must remain with the observer."""
 UNKNOWN_DELAY_S = 0.6
-"""Delay beyond the links' configured one over which that holds: 300 ms each way."""
+"""Delay beyond the links' configured one with which that must hold: 300 ms each way."""
 Weights = Mapping[str, float]
 """k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
 Gains = tuple[float, float, float]
 """kp, ki and kd."""
 Filters = tuple[float, float, float]
-"""The derivative's time constant, s, the bandwidth of the wind's observer, rad/s, and the anti-windup's time, s: the
-longest integral time, within what an overshoot may last."""
+"""Time constant of the derivative, s, bandwidth of the wind observer, rad/s, and time constant of the anti-windup, s:
+the longest integral time, limited to what an overshoot may last."""
 
 
 class DelayAndNoise(NamedTuple):
-    """What a design must know of the links and the sensors; standard deviations of white noise."""
+    """Delay and noise that a design is for; standard deviations are of white noise."""
 
     law_dt_s: float
     delay_s: float
-    """Of the loop: both ways, sampling and hold."""
+    """Loop delay: both ways, sampling and hold."""
     position_m: float
     airspeed_mps: float
     heading_rad: float
@@ -94,27 +92,27 @@ class DelayAndNoise(NamedTuple):
 
 @dataclass(frozen=True)
 class DesignedChannel:
-    """One channel's gains, and the figures that they hold."""
+    """One channel's gains, and the margins of its loop."""
 
     kp: float
     ki: float
     kd: float
     bandwidth_radps: float
-    """Crossover of the loop; of heights, that of the integral."""
+    """Crossover of the loop; for heights, that of the integral."""
     delay_margin_s: float
     peak: float
     mismatch_peak: float
     step_sigma: float
-    """Of a tick's setpoint step by the telemetry's noise, m/s, rad or m."""
+    """Standard deviation of a tick's setpoint step from telemetry noise, m/s, rad or m."""
 
 
 def design(
     vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: DelayAndNoise
 ) -> tuple[dict[str, DesignedChannel], Filters]:
-    """Return gains that hold the bounds around every vehicle, by channel, and the law's filters.
+    """Return gains that keep the bounds with every vehicle, by channel, and the law's filters.
 
     Args:
-        vehicles: each kind's responses at `FREQUENCIES`.
+        vehicles: responses at `FREQUENCIES` of each type of vehicle.
         speed_mps: along the path.
         weights: of the mixed errors.
         telemetry: delay and noise.
@@ -122,10 +120,10 @@ def design(
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
     speed, tried = channels["speed"], OBSERVERS_RADPS.tolist()
-    stands = (r for r in tried if all(_observer_stands(r, each, speed, weights, telemetry) for each in vehicles))
+    good = (r for r in tried if all(_observer_leaves_margin(r, each, speed, weights, telemetry) for each in vehicles))
     integral_s = max(each.kp / each.ki for each in channels.values() if each.ki > 0)
     anti_windup_s = float(np.clip(integral_s, 1.0, 20.0))
-    return channels, (DERIVATIVE_FILTER_S, next(stands, float(OBSERVERS_RADPS[-1])), anti_windup_s)
+    return channels, (DERIVATIVE_FILTER_S, next(good, float(OBSERVERS_RADPS[-1])), anti_windup_s)
 
 
 def judged_channels(
@@ -135,7 +133,7 @@ def judged_channels(
     weights: Weights,
     telemetry: DelayAndNoise,
 ) -> dict[str, DesignedChannel]:
-    """Return what given gains (kp, ki, kd of speed, heading and height) hold; arguments as for `design`."""
+    """Return the margins of given gains (kp, ki, kd of speed, heading and height); arguments as for `design`."""
     loops = _loops(vehicles, speed_mps, weights, telemetry)
     return {
         name: judged(gains[name], each.bandwidth_radps(gains[name]), each, telemetry) for name, each in loops.items()
@@ -161,19 +159,19 @@ def _loops(
 
 
 class _Loops(NamedTuple):
-    """One channel of all vehicles: plants at `FREQUENCIES`, and what they are at low ones."""
+    """One channel of all vehicles: plants at `FREQUENCIES`, and their approximation at low frequencies."""
 
     plants: Sequence[Complex]
     slope: float
-    """The plant is about slope/s, or slope itself where it restores."""
+    """The plant is about slope/s at low frequencies, or slope itself if it is restoring."""
     restoring: bool
     noise: float
-    """Of the mixed error."""
+    """Noise of the mixed error."""
     rate_noise: float
-    """Of its rate of change, a second."""
+    """Noise of its rate of change, per second."""
 
     def bandwidth_radps(self, gains: Gains) -> float:
-        """Return the bandwidth that gains give."""
+        """Return the bandwidth that results from gains."""
         return self.slope * (gains[1] if self.restoring else gains[0])
 
     @property
@@ -184,27 +182,27 @@ class _Loops(NamedTuple):
         return max(0.0, min(float(np.median(-each / w)) for each in turned))
 
     def gains(self, bandwidth: float, share: float) -> Gains:
-        """Return kp, ki, kd."""
+        """Return the gains for a bandwidth and a compensated share of the lag."""
         if self.restoring:
             return bandwidth * share * self.lag_s / self.slope, bandwidth / self.slope, 0.0
         kp = bandwidth / self.slope
         return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.lag_s
 
     def step_sigma(self, gains: Gains, dt_s: float) -> float:
-        """Return the standard deviation of the setpoint's steps, tick by tick, for noise that is white."""
+        """Return the standard deviation of the setpoint's steps from tick to tick, for white noise."""
         kp, ki, kd = gains
         kept = math.exp(-dt_s / DERIVATIVE_FILTER_S)
         of_rate = kd * (1.0 - kept) * math.sqrt(2.0 / (1.0 + kept))
         return math.hypot(self.noise * math.hypot(kp + ki * dt_s, kp), self.rate_noise * of_rate)
 
 
-def _observer_stands(
+def _observer_leaves_margin(
     radps: float, vehicle: Responses, channel: DesignedChannel, weights: Weights, telemetry: DelayAndNoise
 ) -> bool:
-    """Return whether a wind observer of this bandwidth leaves the airspeed's loop enough of its delay margin.
+    """Return whether a wind observer of this bandwidth leaves the airspeed loop enough of its delay margin.
 
-    The airspeed told makes up for the wind as estimated: ground speed, less the airspeed as modelled, behind a lag of
-    1/`radps`. At worst the model tells nothing, and the observer's whole answer is fed back.
+    The commanded airspeed compensates the estimated wind: ground speed minus modelled airspeed, with a lag of
+    1/`radps`. In the worst case, assumed here, the model explains nothing and the observer's full output is fed back.
     """
     s = 1j * FREQUENCIES
     plant = vehicle.speed * late(telemetry.delay_s + UNKNOWN_DELAY_S)
@@ -215,7 +213,7 @@ def _observer_stands(
 
 
 def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedChannel:
-    """Return the fastest channel that holds the bounds; the slowest that is tried where none does."""
+    """Return the fastest channel that keeps the bounds, or the slowest one tried if none does."""
     tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
     for bandwidth, share in tried:
         gains = loops.gains(bandwidth, share)
@@ -231,7 +229,7 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
 
 
 def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndNoise) -> DesignedChannel:
-    """Return the figures of a channel with these gains."""
+    """Return a channel with these gains, and its margins."""
     controller = _controller(gains) * late(telemetry.delay_s)
     loops = [controller * plant for plant in channel.plants]
     off = [loop for plant in channel.plants for loop in mismatched(controller, plant)]
@@ -254,15 +252,15 @@ def _controller(gains: Gains) -> Complex:
 def left_by_filter(
     sample: tuple[float, float, float], walk_mps: float, lag_s: float, period_s: float
 ) -> tuple[float, float]:
-    """Return the noise along one axis that the station's filter leaves of position (m) and airspeed (m/s).
+    """Return the noise of position (m) and airspeed (m/s) along one axis that the station's filter leaves.
 
-    The law sees states that went through a Kalman filter by model (7), which averages noise over many samples: what it
-    moves them by from tick to tick is a small part of a sample's. Returned are the standard deviations of white noise
-    that would move them as much from one sample to the next. Source: Gelb, "Applied Optimal Estimation" (1974), 4.4.
+    The law uses states from a Kalman filter by model (7), which averages noise over many samples, so it changes them
+    from tick to tick by a small part of a sample's noise. Returned are the standard deviations of white noise that
+    would cause the same changes from sample to sample. Source: Gelb, "Applied Optimal Estimation" (1974), 4.4.
 
     Args:
         sample: standard deviations of a sample's position (m), velocity over ground and airspeed (m/s), all above 0.
-        walk_mps: how far the airspeed strays from its model in a square root of a second.
+        walk_mps: random walk of the airspeed beside its model, per square root of a second.
         lag_s: the airspeed's time constant.
         period_s: from one sample to the next.
     """
@@ -286,9 +284,9 @@ class Axis(NamedTuple):
     """One setpoint of a vehicle."""
 
     lag_s: float
-    """Of its model (7)."""
+    """Lag of the vehicle's model (7)."""
     response: Complex
-    """Of the vehicle, at `FREQUENCIES`."""
+    """Response of the vehicle, at `FREQUENCIES`."""
     steps_mps: float
     """Largest standard deviation of a tick's setpoint step, as a speed."""
 
@@ -310,14 +308,14 @@ def consensus_gains(
     sampling_s: float,
     links_s: float,
 ) -> Triple:
-    """Return k1 in 1/s^2, k2 and k3 in 1/s; k1 is the least that is tried where no other holds the bounds.
+    """Return k1 in 1/s², k2 and k3 in 1/s; k1 is the least one tried if none keeps the bounds.
 
     Args:
-        vehicles: each kind's axes, along and across.
+        vehicles: axes, along and across, of each type of vehicle.
         eigenvalues: of the graph's Laplacian.
         position_m: noise of a position, standard deviation.
-        sampling_s: the loops' delay by sampling and hold.
-        links_s: their delay by the links, both ways.
+        sampling_s: the loops' delay from sampling and hold.
+        links_s: their delay from the links, both ways.
     """
     modes = sorted({0j, *np.round(np.asarray(eigenvalues, np.complex128), 6).tolist()}, key=abs, reverse=True)
     largest, axes = max(abs(modes[0]), 1.0), [axis for each in vehicles for axis in each]
@@ -333,18 +331,18 @@ def consensus_gains(
 
 
 def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, least_s: float) -> bool:
-    """Return whether a mode's loop on an axis holds the bounds, also around responses that aren't as known.
+    """Return whether a mode's loop on an axis keeps the bounds, also around mismatched responses.
 
-    `least_s`: the least delay that makes it unstable as it is known.
+    `least_s`: least delay up to which the loop with the known response must be stable.
     """
     s = 1j * FREQUENCIES
     controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * late(sampling_s)
     integrators = 1 if mode else 0
-    if not _stands(controller * axis.response, integrators, PEAK, least_s):
+    if not _within_bounds(controller * axis.response, integrators, PEAK, least_s):
         return False
-    return all(_stands(loop, integrators, MISMATCH_PEAK, 0.0) for loop in mismatched(controller, axis.response))
+    return all(_within_bounds(loop, integrators, MISMATCH_PEAK, 0.0) for loop in mismatched(controller, axis.response))
 
 
-def _stands(loop: Complex, integrators: int, peak: float, least_s: float) -> bool:
+def _within_bounds(loop: Complex, integrators: int, peak: float, least_s: float) -> bool:
     margin_s = stable_delay_s(loop, integrators)
     return margin_s > 0.0 and margin_s >= least_s and float(np.max(1.0 / np.abs(1.0 + loop))) <= peak

@@ -1,9 +1,9 @@
-"""What a path is moved by: a lift that keeps it clear of the ground, and a displacement onto it from beside it.
+"""Lifts that keep a path clear of the ground, and displacements that lead onto a path from beside it.
 
-The lift is the least that does: a uniform cubic B-spline (equations 35 and 36), whose slope and curvature are bounded
-by the differences of its control points, so that bounds on those hold everywhere; it is found by a linear program over
-them. A displacement fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm movements",
-J. Neuroscience 5, 1985).
+A lift is the smallest that does so: a uniform cubic B-spline (equations 35 and 36). Its slope and curvature are bounded
+by the differences of its control points, so limits on these hold everywhere, and a linear program over the control
+points finds it. A displacement fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm
+movements", J. Neuroscience 5, 1985).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ SAMPLES = 4
 """Points per step at which the clearance is required."""
 SAMPLE_M = STEP_M / SAMPLES
 TRIFLE_M = 0.01
-"""Lifts below this are left out."""
+"""Required lifts below this are ignored."""
 SHORT_COST = 10.0
-"""Cost of a missing metre, in metres of lift over the whole length: high, so that it is the last resort."""
+"""Cost of a missing metre, in metres of lift over the whole length: high, so that shortfall is the last resort."""
 PEAK_RATE = 1.875
 """Largest first derivative, at u = 1/2."""
 PEAK_CHANGE = 5.77
@@ -58,11 +58,11 @@ class Lift:
 
     @cached_property
     def _control_m(self) -> list[float]:
-        """The same as plain numbers, which are faster one by one."""
+        """`control_m` as plain numbers, which are faster one at a time."""
         return self.control_m.tolist()
 
     def at_one(self, distance_m: float) -> tuple[float, float, float]:
-        """Return what `at` does, at one distance."""
+        """Return the same as `at`, for one distance."""
         steps = (distance_m - self.start_m) / STEP_M
         index = int(min(max(steps, 0.0), len(self._control_m) - 4))
         return blend(self._control_m[index : index + 4], min(max(steps - index, 0.0), 1.0))
@@ -91,7 +91,7 @@ def sample_places(start_m: float, steps: int) -> Array:
 
 
 def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
-    """Return the lift of the least area. It is nowhere negative, but for one that begins below 0 and rises to it.
+    """Return the lift of the least area. It is never negative, unless it begins below 0 and rises from there.
 
     Args:
         start_m: distance at which it starts.
@@ -107,14 +107,14 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
         return Lift(start_m, np.zeros(count))
     rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds, begun_m)
     below = count if begun_m.min(initial=0.0) < 0.0 else 0
-    if below:  # how far the lift is below 0 counts as how far it's above
+    if below:  # a depth below 0 costs as much as a lift above
         rows, limits = _with_depth(rows, count), np.concatenate((limits, np.zeros(count)))
     free = count - begun_m.size
     least = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
     most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
     cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
     within = list(zip(least.tolist(), most.tolist(), strict=True))
-    import scipy  # noqa: PLC0415 - for those with ground to clear; it takes longer than reading a scenario
+    import scipy  # noqa: PLC0415 - needed over terrain only; the import takes longer than reading a scenario
 
     found: Any = scipy.optimize.linprog(cost, rows, limits, bounds=within, method="highs-ds")
     if found.x is None:
@@ -140,7 +140,7 @@ def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, b
 
 
 def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
-    """Return limits that admit the lift as begun; a slope beyond them decreases as fast as the curvature allows."""
+    """Return limits that admit the lift as begun; slopes beyond them decrease as fast as the curvature allows."""
     widened: list[Array] = []
     for sign, limit in ((1.0, up), (-1.0, down)):
         rises, wide = sign * np.diff(begun_m), limit.copy()
@@ -162,7 +162,7 @@ def _sparse() -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part 
 
 
 def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - see `_sparse`
-    """Return the rows with variables added for how far each control point is below 0, and the rows that bind them."""
+    """Return the rows with a variable added for each control point's depth below 0, and the rows that define it."""
     sparse = _sparse()
     one, none = sparse.eye_array(count), sparse.csr_array
     points = sparse.hstack((-one, none((count, rows.shape[1] - count)), -one))
@@ -197,11 +197,10 @@ class Rise(NamedTuple):
 class DisplacedPath:
     """A path with a displacement that fades out from `from_m` on, over `over_m`, as a minimum-jerk step.
 
-    A slope of it, to the right or upwards, is continued by the quintic that begins with it and ends at rest.
-
-    It can be lifted in addition, to clear the ground. Distances are those along the path itself. A curve of curvature k
-    that is displaced by o along its normal n has the tangent (1 - k o) t + o' n; the rate at which its curvature
-    changes is approximated by the derivatives of o.
+    An initial slope of the displacement, to the right or upwards, is continued by a quintic that ends at rest. A lift
+    can be added to clear the ground. Distances are along the path itself. A curve of curvature k that is displaced by o
+    along its normal n has the tangent (1 - k o) t + o' n; the rate of its curvature is approximated by the derivatives
+    of o.
     """
 
     def __init__(

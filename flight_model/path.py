@@ -1,6 +1,6 @@
 """The leader's path: a B-spline through waypoints, parametrised by horizontal arc length.
 
-`scipy.interpolate.make_interp_spline` gives the same; importing it takes longer than reading a scenario.
+`scipy.interpolate.make_interp_spline` gives the same spline; importing it takes longer than reading a scenario.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class CubicSpline:
 
 
 def spline_through(parameters: Array, points: Array) -> CubicSpline:
-    """Return the splines through points (n, columns) at rising parameters (n,), their ends without curvature."""
+    """Return the splines through points (n, columns) at rising parameters (n,), with zero curvature at both ends."""
     knots = np.concatenate((np.full(DEGREE, parameters[0]), parameters, np.full(DEGREE, parameters[-1])))
     count, none = len(points) + 2, np.zeros((1, points.shape[1]))
     begin, end = parameters[:1], parameters[-1:]
@@ -66,9 +66,10 @@ def spline_through(parameters: Array, points: Array) -> CubicSpline:
 
 
 def _solved(bands: Array, known: Array) -> Array:
-    """Return the solution of a banded system, whose row k has its columns from k - 3 to k + 3 in `bands` (n, 7).
+    """Return the solution of a banded system; row k of `bands` (n, 7) has its columns k - 3 to k + 3.
 
-    Gauss's elimination. A spline's conditions need no pivots (de Boor, A Practical Guide to Splines, 1978, chapter 13).
+    By Gaussian elimination; a spline's conditions need no pivoting (de Boor, A Practical Guide to Splines, 1978,
+    chapter 13).
     """
     rows, values = bands.tolist(), known.copy()
     count = len(rows)
@@ -89,9 +90,9 @@ def _solved(bands: Array, known: Array) -> Array:
 
 
 def _basis(knots: Array, parameters: Array, order: int) -> tuple[Indices, list[Array]]:
-    """Return the four B-splines that aren't 0 at parameters, or derivatives of them, and the number of the first.
+    """Return the index of the first of the four B-splines that are nonzero at parameters, and these, or derivatives.
 
-    By Cox and de Boor's recurrence from degree 0 up; the last `order` steps differentiate instead.
+    By the Cox-de Boor recurrence from degree 0 up; the last `order` steps differentiate instead.
     """
     span = np.clip(np.searchsorted(knots, parameters, side="right") - 1, DEGREE, len(knots) - DEGREE - 2)
     basis: list[Array] = [np.ones_like(parameters)]
@@ -148,7 +149,7 @@ class SplinePath:
     """A cubic B-spline with clamped ends through waypoints (equations 35 and 36), by arc length in metres.
 
     Knots are at the waypoints' horizontal chord lengths; the second derivative is zero at both ends.
-    Before 0 and beyond `length_m` the path goes straight on, level.
+    Before 0 and beyond `length_m` the path is straight and level.
     """
 
     def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array) -> None:
@@ -231,7 +232,7 @@ def _by_arc_length(derivatives: Array) -> tuple[Array, Array, Array]:
 
 
 def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) -> Array:
-    """Return quintics (m, 3 axes, 6 powers of the distance into the piece) that match both ends."""
+    """Return quintics (m, 3 axes, 6 powers of the distance along the piece) that match both ends."""
     scale = lengths[:, None]
     begins, ends = ((values[at], first[at] * scale, second[at] * scale**2) for at in (slice(-1), slice(1, None)))
     both = np.stack((*begins, *ends), axis=-1)
@@ -239,7 +240,7 @@ def _hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) 
 
 
 def _quintics(c: Array, t: Array) -> tuple[Array, Array, Array, Array]:
-    """Return what `quintic` does, of the coefficients (..., 6) and the arguments of many."""
+    """Return the same as `quintic`, for arrays of coefficients (..., 6) and arguments."""
     c0, c1, c2, c3, c4, c5 = np.moveaxis(c, -1, 0)
     return (
         c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),

@@ -1,4 +1,4 @@
-"""One slot of a formation, and the direction of the axis that slots are counted from, on plain numbers."""
+"""One slot of a formation, and the direction of the axis along which slots are defined, on plain numbers."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import math
 from typing import Final
 
 CHANNELS: Final = ("speed", "heading", "height")
-"""What is controlled, each by a loop of its own."""
+"""The controlled quantities, each with a loop of its own."""
 HEIGHT: Final = 2
-"""Place of the height among them."""
+"""Index of the height among them."""
 Triple = tuple[float, float, float]
-"""Of forward, right and up; or of the channels."""
+"""Values for forward, right and up, or for the channels."""
 UNKNOWN: Triple = (math.nan, math.nan, math.nan)
-"""What nobody knows, or nobody was told."""
+"""An unknown value, or a setpoint that wasn't sent."""
 STANDS_MPS: Final = 0.3
-"""A ground speed whose course counts as much as the nose's direction."""
+"""Ground speed at which course and heading have equal weight."""
 LEADS_FROM_MPS: Final = 2.0
-"""Ground speed from which a leader's slots go by its course; slower ones more and more by its nose."""
+"""Ground speed of a leader from which its course is its slots' axis; below, its heading gains weight."""
 NOSE_SHARE: Final = 10.0
-"""By how much more the nose counts for each m/s that a leader is slower than that."""
+"""Increase of the heading's weight per m/s below that speed."""
 
 
 class Slot:
@@ -45,14 +45,15 @@ class Slot:
 
 
 def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
-    """Return the direction that it flies in; a slow one's nose counts too, as much as a ground speed of `nose_mps`."""
+    """Return a hovering vehicle's direction: its course, with the heading weighted as a ground speed of `nose_mps`."""
     return math.atan2(east_mps + nose_mps * math.sin(yaw_rad), north_mps + nose_mps * math.cos(yaw_rad))
 
 
 def slot_axis(yaw_rad: float, north_mps: float, east_mps: float) -> float:
-    """Return the direction of the axis that a leader's slots are counted from.
+    """Return the direction of the axis along which a leader's slots are defined.
 
-    It is the course of one that flies; a gust or a stop that moves one that stands backwards doesn't turn it round.
+    It is the course of a moving leader. For a standing one the heading dominates, so a gust or a stop that moves it
+    backwards doesn't reverse the axis.
     """
     slow_mps = max(0.0, LEADS_FROM_MPS - math.hypot(north_mps, east_mps))
     return hovering_course(yaw_rad, north_mps, east_mps, STANDS_MPS + NOSE_SHARE * slow_mps)

@@ -13,7 +13,7 @@ from flight_model.slot import Triple
 
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None]
-"""Gauss's points of a segment of time, as shares of it: where speed and heading are evaluated for the way made good."""
+"""Gauss points of a time interval, as shares of it: speed and heading are evaluated there for the distance flown."""
 _SHARES = (_WEIGHTS / 2)[:, None]
 
 
@@ -21,7 +21,7 @@ class Row:
     """One quantity of many vehicles, (N,): a row of the table of a `Columns`; a slice gives several rows."""
 
     def __init__(self, index: int | slice) -> None:
-        """Take the row's place in the table."""
+        """Take the row's index in the table."""
         self._index = index
 
     def __get__(self, columns: Columns, owner: type[Columns] | None = None) -> Array:
@@ -40,13 +40,13 @@ class Columns:
 
     @classmethod
     def of(cls, table: Array) -> Self:
-        """Return columns that share this table; it is not copied."""
+        """Return columns that share this table without a copy."""
         made = cls.__new__(cls)
         made.table = table
         return made
 
     def take(self, which: Indices) -> Self:
-        """Return the columns of the vehicles at `which`, repeated as often as named."""
+        """Return the columns at `which`, repeated as often as they occur there."""
         return self.of(self.table[:, which])
 
 
@@ -54,7 +54,7 @@ class FlightStates(Columns):
     """Position and motion of vehicles: north, east and up from the scenario's origin.
 
     Airspeed and heading are relative to the air; ground velocity is airspeed along the heading, plus the wind
-    (and whatever else carries the vehicle), equation (7) with errata item 17.
+    (and any other drift), equation (7) with errata item 17.
     """
 
     __slots__ = ()
@@ -68,7 +68,7 @@ class FlightStates(Columns):
     wind_north_mps = Row(6)
     wind_east_mps = Row(7)
     updraught_mps = Row(8)
-    """What of the climb is the air's."""
+    """Part of the climb rate that is the air's."""
     place_m = Row(slice(0, 3))
     """North, east and height, (3, N)."""
     level_m = Row(slice(0, 2))
@@ -106,11 +106,11 @@ class FlightStates(Columns):
         return self.airspeed_mps * np.array((np.cos(self.heading_rad), np.sin(self.heading_rad))) + self.wind_mps
 
     def turned(self, turn_rps: Array, over_s: Array) -> FlightStates:
-        """Return these states, reached by flying straight, as if the vehicles had turned at a constant rate instead.
+        """Return these states, predicted for straight flight, corrected for a constant turn rate.
 
         Args:
             turn_rps: (N,) to the right.
-            over_s: (N,) how long they have turned.
+            over_s: (N,) duration of the turn.
         """
         if not turn_rps.any():
             return self
@@ -144,7 +144,7 @@ class Setpoints(Columns):
 
 
 class AutopilotModels(Columns):
-    """The autopilot of equation (7) and its limits."""
+    """Autopilots of equation (7), with their limits."""
 
     __slots__ = ()
 
@@ -158,9 +158,9 @@ class AutopilotModels(Columns):
     turn_rate_max_rps = Row(7)
     climb_max_mps = Row(8)
     air_lags_s = Row(slice(0, 2))
-    """Of airspeed and heading, (2, N)."""
+    """Lags of airspeed and heading, (2, N)."""
     air_rates_max = Row(slice(6, 8))
-    """Of airspeed and heading, (2, N)."""
+    """Rate limits of airspeed and heading, (2, N)."""
 
     @classmethod
     def from_each(cls, models: Iterable[AutopilotModel]) -> AutopilotModels:
@@ -168,7 +168,7 @@ class AutopilotModels(Columns):
         return cls.of(np.array([model.values() for model in models]).T)
 
     def remaining(self, error: Array, time_s: Array) -> Array:
-        """Return what first-order lags with limited rates leave of `error` in speed and heading after `time_s`."""
+        """Return what first-order lags with limited rates leave of errors in speed and heading after `time_s`."""
         return _remaining(error, time_s, self.air_lags_s, self.air_rates_max)
 
 
@@ -207,9 +207,9 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
 
 
 def advance_hovering(state: FlightStates, setpoints: Array, duration_s: Array, model: AutopilotModels) -> FlightStates:
-    """Return the state of multirotors when velocities over ground have been held for `duration_s`.
+    """Return the state of multirotors when setpoints of velocity over ground have been held for `duration_s`.
 
-    The arguments are those of `advance`, speed and heading those of a velocity; so are heights.
+    The arguments are those of `advance`, with speed and heading those of a velocity over ground.
     """
     aim_mps = velocity_aimed_at(state, setpoints[:2], model)
     north_mps, east_mps = velocities(state.ground_mps, aim_mps, duration_s[None], model)[:, 0]
@@ -220,7 +220,7 @@ def advance_hovering(state: FlightStates, setpoints: Array, duration_s: Array, m
 
 
 def velocity_aimed_at(state: FlightStates, motion: Array, model: AutopilotModels) -> Array:
-    """Return velocities (2, N) that are commanded as speed and heading (2, N); NaN: those that vehicles have."""
+    """Return velocities (2, N) commanded as speed and heading (2, N); NaN: the present one."""
     north_mps, east_mps = state.ground_mps
     own, aim = np.array((np.hypot(north_mps, east_mps), np.arctan2(east_mps, north_mps))), motion.copy()
     missing = np.isnan(aim)
@@ -230,9 +230,9 @@ def velocity_aimed_at(state: FlightStates, motion: Array, model: AutopilotModels
 
 
 def velocities(begin_mps: Array, aim_mps: Array, time_s: Array, model: AutopilotModels) -> Array:
-    """Return velocities over ground (2, S, N) of multirotors on their straight way from one to another.
+    """Return velocities over ground (2, S, N) of multirotors that change straight from one velocity to another.
 
-    They have the lag of the model's speed, and its limit of acceleration.
+    The change has the lag and the acceleration limit of the model's speed.
 
     Args:
         begin_mps: (2, N).
@@ -247,7 +247,7 @@ def velocities(begin_mps: Array, aim_mps: Array, time_s: Array, model: Autopilot
 
 
 def _moved(state: FlightStates, aim_m: Array, duration_s: Array, model: AutopilotModels, *level: Array) -> FlightStates:
-    """Return states later, whose north, east, airspeed, heading and wind, north and east, are `level`, (N,) each."""
+    """Return later states, with `level` as north, east, airspeed, heading, wind north and wind east, (N,) each."""
     height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
     lifted_m = lift_m(state, model)
     height = steps.after(0, height, steps.commanded_m(height, aim_m, lifted_m) + lifted_m)
@@ -255,12 +255,12 @@ def _moved(state: FlightStates, aim_m: Array, duration_s: Array, model: Autopilo
 
 
 def lift_m(state: FlightStates, model: AutopilotModels) -> Array:
-    """Return how far above their height setpoints air that rises takes vehicles in the end, (N,)."""
+    """Return the steady height error of vehicles from updraughts, (N,)."""
     return (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
 
 
 def air_errors(begin: Array, setpoints: Array) -> Array:
-    """Return what is missing (2, N) from `begin` to setpoints of speed and heading; NaN there: nothing."""
+    """Return the errors (2, N) from `begin` to setpoints of speed and heading; 0 for NaN."""
     error = setpoints - begin
     error[1] = wrap(error[1])
     error[np.isnan(error)] = 0.0
@@ -280,17 +280,17 @@ class HeightSteps(NamedTuple):
     slow_s: Array
     """The larger time constant, (N,)."""
     carried_s: Array
-    """How far a climb rate of 1 m/s carries, (N,): both time constants together."""
+    """Height gained per m/s of climb rate until it is levelled off, (N,): the sum of both time constants."""
     climb_max_mps: Array
     slow_left: Array
-    """What is left of the slow pole after each step, (K, N)."""
+    """Decay factor of the slow pole over each step, (K, N)."""
     fast_left: Array
     between_s: Array
     """(K, N)."""
     most_m: Array
-    """What the limit of climb rates allows in each step, (K, N)."""
+    """Largest climb in each step by the climb limit, (K, N)."""
     least_m: Array
-    """What it allows downwards, (K, N), negative."""
+    """Largest descent likewise, (K, N), negative."""
 
     @classmethod
     def of(cls, model: AutopilotModels, time_s: Array) -> HeightSteps:
@@ -306,12 +306,12 @@ class HeightSteps(NamedTuple):
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
 
     def commanded_m(self, height: Height, setpoint_m: Array, lifted_m: Array) -> Array:
-        """Return setpoints (N,) of height; NaN: one at which vehicles that are lifted so far stop climbing."""
+        """Return height setpoints (N,); NaN is replaced by one that levels off a vehicle lifted by `lifted_m`."""
         level_m = height.height_m + self.carried_s * height.climb_mps
         return np.where(np.isnan(setpoint_m), level_m - lifted_m, setpoint_m)
 
     def after(self, step: int, height: Height, target_m: Array) -> Height:
-        """Return the height after a step; a climb beyond the limit counts as the limit."""
+        """Return the height after a step; the climb rate is clipped to its limit."""
         error = height.height_m - target_m
         push_mps = height.climb_mps + error / self.slow_s
         left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
@@ -321,6 +321,6 @@ class HeightSteps(NamedTuple):
 
 
 def _exprel(value: Array) -> Array:
-    """Return (e^x - 1) / x, 1 for 0. What scipy's does; importing it takes longer than a tick."""
+    """Return (e^x - 1) / x, 1 for 0, as scipy's `exprel`, whose import takes longer than a tick."""
     none = value == 0.0
     return np.where(none, 1.0, np.expm1(value) / np.where(none, 1.0, value))

@@ -1,4 +1,4 @@
-"""Computes the setpoints of all vehicles from their newest states, in one place and in a fixed order.
+"""Computes the setpoints of all vehicles from their newest states, in a fixed order.
 
 measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> fence -> separation
 rule -> ground.
@@ -42,17 +42,17 @@ from gcs_formation.separation.resolver import ConflictResolver
 VIRTUAL: Final = 0
 """The column of a virtual leader."""
 GAINS_CHANGE_S: Final = 1.0
-"""Time constant with which gains follow a change of the bandwidth, so that no setpoint jumps."""
+"""Time constant with which the loops' bandwidth follows a change, so that no setpoint jumps."""
 
 
 class FormationController:
-    """Commands C columns, one of which leads. Column 0 is the scenario's leader, real or virtual.
+    """Commands C columns, one of which is the leader. Column 0 is the scenario's leader, real or virtual.
 
-    Knows neither messages nor sockets.
+    It knows neither messages nor sockets.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        """Take law, model, path and slots from the scenario."""
+        """Build law, models, path and slots from the scenario."""
         self.guidance = from_scenario.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
         self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
@@ -62,12 +62,12 @@ class FormationController:
         self._every_column = list(range(1 + len(scenario.followers)))
         self.columns = len(self._every_column)
         self.models = from_scenario.autopilot_models(scenario)
-        """The autopilot model of every column; its lags follow what the vehicles fly."""
+        """The autopilot model of every column; its lags are updated by the lag estimator."""
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leader_amid = self._virtual and law_kind(scenario).mutual
         self._clearance = from_scenario.slot_clearance(scenario)
         self.history = SetpointHistory(scenario.law.rate_hz)
-        """The setpoints that were sent, and when each acts."""
+        """The setpoints sent, and when each acts."""
         self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
@@ -79,14 +79,14 @@ class FormationController:
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
         self._lift_m = np.zeros(self.columns)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
-        """The slots commanded last, and their places as a tick tells them."""
+        """The slots commanded last, and their places in the form that a tick records."""
         observer_radps = scenario.law.disturbance_observer_radps
         self.estimator = StateEstimator(
             from_scenario.declared_noise(scenario),
             self.history,
             scenario.telemetry.rate_hz,
             0.0 if scenario.hovers else observer_radps,
-            updraughts=observer_radps > 0.0 and self._compensates,  # late answers would swing
+            updraughts=observer_radps > 0.0 and self._compensates,  # a late response to updraughts would oscillate
         )
 
     @property
@@ -95,18 +95,18 @@ class FormationController:
         return self._in_slots_s >= ASSEMBLED_S
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
-        """Make another column the leader; it heads `swing_rad` clockwise of the present one."""
+        """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
         self.plan.hand_over(leader, swing_rad)
         self._leader_commands.forget()
 
     def retune(self, scenario: Scenario) -> None:
-        """Go on with another scenario's gains and filters."""
+        """Use another scenario's gains and filters from now on."""
         self._law.retune(law_parameters(scenario))
         if not scenario.hovers:
             self.estimator.observe_wind(scenario.law.disturbance_observer_radps)
 
     def places_m(self, now: Instant) -> Array:
-        """Return all positions, (C, 3) forward, right and up of the leader, without the lifts over terrain."""
+        """Return all positions, (C, 3) forward, right and up of the leader, minus the slots' lifts over terrain."""
         filters, leader = self.estimator.filters, self.plan.leader
         places = np.array([_place_at(each, now) for each in filters])
         north, east, up = (places - places[leader]).T
@@ -115,12 +115,12 @@ class FormationController:
         return np.stack((north * cos + east * sin, east * cos - north * sin, up), axis=1) - self._lift_m[:, None] * UP
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
-        """Return how far north and east the leader gets along its route within some time, m, point by point."""
+        """Return the leader's way along its route within some time: points north and east of its place, m."""
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
     def take(self, samples: list[Sample | None]) -> None:
-        """Take the columns' newest samples, (C,); None: it has none that is new."""
+        """Take the columns' newest samples, (C,); None for a column without a new one."""
         commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
         self.estimator.take(samples, self.models, commanded)
         for column, sample in enumerate(samples):
@@ -143,15 +143,15 @@ class FormationController:
         begin_regardless: bool = False,
         heights_m: list[float] | None = None,
     ) -> Tick:
-        """Return this tick's setpoints and what led to them.
+        """Return this tick's setpoints and the quantities behind them.
 
         Args:
             now: the tick's instant.
             mission_time_s: seconds since the leader started along its path, NaN before.
             phase: recorded with the tick.
-            links: the way to every column.
+            links: the link to every column.
             margin_used: (C,) share of the delay margin that the loops use.
-            bandwidth: (C, 3) share of their full bandwidth that the law's loops should have.
+            bandwidth: (C, 3) wanted share of the full bandwidth of the law's loops.
             begin_regardless: begin the path even if followers haven't been in their slots for a while.
             heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
@@ -172,7 +172,7 @@ class FormationController:
         states = self._projection.take(measured)
         lead = self._steer_leader(tick, states, assembled=assembled)
         self._turn_rps = lead.path.turn_rps
-        self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # followers are where it is when theirs act
+        self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
         if self.columns > 1:
             self._lead_bandwidth(bandwidth)
             self._by_law(tick, states, lead)
@@ -195,7 +195,7 @@ class FormationController:
         links: list[VehicleLink],
         seen: dict[int, tuple[FlightState, float]],
     ) -> Tick:
-        """Return a tick at which nobody is commanded; `seen`: columns' states by their newest positions, and ages."""
+        """Return a tick at which no vehicle is commanded; `seen`: states from the newest positions, and their ages."""
         tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self.columns)
         tick.active = [False] * self.columns
         for column, (state, age_s) in seen.items():
@@ -211,21 +211,21 @@ class FormationController:
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
-        """Have the models fly the airspeeds that vehicles can be had to fly now."""
+        """Set the models' speed limits to the airspeeds that vehicles can be commanded to fly now."""
         for column, link in enumerate(links):
             speeds_mps = link.speeds_mps
             if speeds_mps is not None:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
-        """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
+        """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
         if self._leader_amid:
             acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self.columns - 1)
         return acts
 
     def _measured(self, active: list[bool], acts: vec[i64]) -> Measured:
-        """Return the measured states; vehicles that were never heard get the leader's, so that no value is NaN."""
+        """Return the measured states; a vehicle never heard from gets the leader's, so that no value is NaN."""
         filters = self.estimator.filters
         leader = filters[self.plan.leader]
         assert leader.state is not None
@@ -234,7 +234,7 @@ class FormationController:
         return Measured(states, stamps, active, acts)
 
     def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
-        """Lead the loops' bandwidth slowly to the one that is wanted."""
+        """Move the loops' bandwidths towards those wanted, with a time constant of `GAINS_CHANGE_S`."""
         for column, shares in enumerate(self._bandwidth):
             goals = wanted[column]
             for channel in range(len(CHANNELS)):
@@ -243,12 +243,12 @@ class FormationController:
                     shares[channel] = share + self._gains_change * (goals[channel] - share)
 
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
-        """Put the law's setpoints into a tick, and what led to them."""
+        """Put the law's setpoints into a tick, and the quantities behind them."""
         slots, commanded_slots = self._over_ground(tick, states, lead)
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
-        if commanded_slots is not self._placed:  # the same ones while they stand
+        if commanded_slots is not self._placed:  # the same list while the slots don't change
             self._placed = commanded_slots
             self._slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
             self._slots_m[tick.leader] = UNKNOWN
@@ -262,7 +262,7 @@ class FormationController:
                 tick.state[column] = each.state
 
     def _place_virtual_leader(self, now: Instant) -> None:
-        """Place the virtual leader amid the followers; unless the law commands it, it then flies by the model."""
+        """Set the virtual leader's state: from the followers' at first or if the law commands it, else by the model."""
         flown, stamp = self.last_tick, now
         if flown is not None and not self._leader_amid:
             state = self._flown_on(now)
@@ -279,7 +279,7 @@ class FormationController:
         self.estimator.place(VIRTUAL, state, stamp)
 
     def _flown_on(self, now: Instant) -> FlightState | None:
-        """Return where a virtual leader is by now, by its setpoints as they act; None before it has a place."""
+        """Return a virtual leader's present state, predicted through its setpoints; None before it has a place."""
         placed = self.estimator.filters[VIRTUAL]
         if placed.state is None:
             return None
@@ -348,7 +348,7 @@ class FormationController:
         return lifted.each, SlotMotion.at_rest(slots.position_m + self._lift_m[:, None] * UP).each
 
     def _at_heights(self, tick: Tick, heights_m: list[float] | None) -> None:
-        """Put the heights of the end in the place of the law's, within the envelope: slots are left."""
+        """Replace the law's heights by those for the end of the flight, within the envelope; slots are given up."""
         if heights_m is None:
             return
         for column, height_m in enumerate(heights_m):
@@ -359,7 +359,7 @@ class FormationController:
         tick.slots_m, tick.slots_left = [UNKNOWN] * self.columns, True
 
     def _await_followers(self, tick: Tick) -> None:
-        """Have slots that vehicles gather to wait for who can't keep up: beyond the distance that is kept, slower."""
+        """Slow down the slots' motion before the path begins while a follower is farther off than `plan.kept_m`."""
         pace = 1.0
         if math.isnan(tick.mission_time_s) and not self.plan.settled(tick.now / NANOSECONDS):
             for column in self._every_column:
@@ -382,13 +382,13 @@ class FormationController:
 
 
 def _acts(now: Instant, link: VehicleLink) -> int:
-    """Return when a setpoint sent now acts; one that goes to nobody acts at once."""
+    """Return when a setpoint sent now acts; without a vehicle on the link it acts at once."""
     way_s = link.on_its_way_s
     return now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s)
 
 
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
-    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard."""
+    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard from."""
     if known.state is None:
         return UNKNOWN
     state, seconds = known.state, (now - known.stamp) / NANOSECONDS

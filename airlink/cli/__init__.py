@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: commands imported when chosen, options, directories, words, endings."""
+"""Shared parts of all command lines: commands imported on use, option types, directories, output, exit statuses."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from airlink import clock
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RUN = "run.yaml"
-"""The file that makes a directory that of a run."""
+"""The file that marks the directory of a run."""
 LONGEST_NAME = 200
-"""Bytes of a scenario's name in that of its directory; file systems allow 255 in all."""
+"""Most bytes of a scenario's name in its directory's name; file systems allow 255 in all."""
 OBJECTS = 100_000
-"""Made before the next look for garbage, instead of 700: start-up, and a flight of a hundred, are a tenth quicker."""
+"""Threshold of the garbage collector, instead of 700: start-up, and a flight of a hundred, are a tenth faster."""
 COMPILED = not str(clock.__file__).endswith(".py")
-"""Whether this installation has its modules of plain numbers compiled."""
+"""Whether the modules in the compile list are compiled in this installation."""
 VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
-"""What `--version` prints."""
+"""Output of `--version`."""
 
 
 def start(module: str) -> None:
     """Run the function `main` of a module, imported only now, so that Ctrl-C ends its import quietly too.
 
-    It looks for garbage seldom, and not as it ends, when the system takes all memory back.
+    Garbage is collected rarely, and not at exit, when the system frees all memory anyway.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)  # until the command installs a handler of its own
@@ -49,21 +49,21 @@ def start(module: str) -> None:
     calculate_in_one_thread()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")  # of a terminal that has no dashes, say
+            stream.reconfigure(errors="backslashreplace")  # for characters that a terminal lacks, such as dashes
     import_module(module).main()
 
 
 def calculate_in_one_thread() -> None:
-    """Have OpenBLAS start no threads as numpy is imported, unless the environment says how many.
+    """Keep OpenBLAS from starting threads when numpy is imported, unless the environment sets their number.
 
-    No sum then depends on the number of cores, and none wait for work in a loop: 0.05 to 0.1 s of a short command.
+    Sums then don't depend on the number of cores, and no thread busy-waits for work: 0.05 to 0.1 s of a short command.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @contextmanager
-def looking_seldom() -> Generator[None]:
-    """Within, it looks for garbage no more often than commands do; afterwards as before."""
+def rare_garbage_collection() -> Generator[None]:
+    """Collect garbage within no more often than commands do; afterwards as before."""
     before = gc.get_threshold()
     if 0 < before[0] < OBJECTS:
         gc.set_threshold(OBJECTS, *before[1:])
@@ -74,36 +74,36 @@ def looking_seldom() -> Generator[None]:
 
 
 def examples(*lines: str) -> str:
-    """Return the end of a command's help."""
+    """Return the examples at the end of a command's help."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
 class Command(click.Command):
-    """A command that ends with status 3 where its output can't be written; click alone ends with 1, or a traceback."""
+    """A command that exits with status 3 if its output can't be written; click's own exit with 1, or a traceback."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        """Read the arguments, of which some (`--version`, `--help`) are answered at once."""
-        with heard():
+        """Parse the arguments; some (`--version`, `--help`) are answered at once."""
+        with exit_if_unwritable():
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command."""
-        with heard():
+        with exit_if_unwritable():
             return super().invoke(ctx)
 
 
 class WithDefault(click.Group):
-    """A group with a default command: arguments that begin with neither a command's name nor an option are for it."""
+    """A group with a default command, which gets arguments that begin with neither a command's name nor an option."""
 
     def __init__(self, *args: Any, default: str | None = None, **kwargs: Any) -> None:
-        """Take arguments that name no command for `default`; without any at all, too, unless that shows the help."""
+        """Pass arguments that name no command to `default`; no arguments too, unless these show the help."""
         super().__init__(*args, **kwargs)
         self.default = default
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments of the group itself."""
+        """Parse the arguments of the group itself."""
         own = {option for each in self.get_params(ctx) for option in each.opts}
         named = args[0] in (*self.list_commands(ctx), *own) if args else self.no_args_is_help
         return super().parse_args(ctx, args if named or self.default is None else [self.default, *args])
@@ -113,7 +113,7 @@ class ImportedWhenChosen(Command, WithDefault):
     """A group that imports a command only when it is used, so that none pays for the imports of another."""
 
     def __init__(self, *args: Any, entries: Mapping[str, tuple[str, str]], **kwargs: Any) -> None:
-        """Offer `entries`: by the name of a command, and of its object, the module and the line in the list."""
+        """Offer `entries`: the module and the line of help of each command, by its name and its object's."""
         super().__init__(*args, **kwargs)
         self.entries = entries
 
@@ -182,26 +182,26 @@ class Directory(click.Path):
 SECONDS = Number(0)
 """A duration or a mission time, s."""
 OUT = Directory()
-"""Where a command writes to."""
+"""Output directory of a command."""
 SEED = WholeNumber(0, 2**63 - 1)
 """A seed of the random streams: the same range as the scenario's key `seed`."""
 
 
 def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
-    """Return why a command may not write into a directory, in words; None if it may.
+    """Return why a command may not write into a directory, as a message; None if it may.
 
     Args:
         path: a directory, which need not exist.
-        overwrite: whether what an earlier command wrote there may be replaced.
-        mark: the file by which a directory of such a command is known.
+        overwrite: whether the output of an earlier command there may be replaced.
+        mark: the file that marks the output of such a command.
 
     Raises:
         OSError: the directory can't be read.
     """
     encoding = sys.getfilesystemencoding()
-    if encoding == "utf-8" and not _has_letters(str(path), encoding):
+    if encoding == "utf-8" and not _is_encodable(str(path), encoding):
         return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
-    if not _has_letters(str(path), encoding):
+    if not _is_encodable(str(path), encoding):
         return f"found {str(path)!a}; allowed: a name in {encoding}, in which file names are written here"
     if not path.is_dir() or next(path.iterdir(), None) is None:
         return None
@@ -216,18 +216,17 @@ def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
 def default_directory(name: str) -> Path:
     """Return runs/NAME-TIME, with a number appended if that exists; a long NAME is cut.
 
-    Slashes in NAME are replaced, and so is what the file system's encoding has no letters for (`LC_ALL=C`).
+    Slashes in NAME are replaced, and so are characters that the file system's encoding lacks (`LC_ALL=C`).
     """
     encoding = sys.getfilesystemencoding()
-    written = "".join(each if _has_letters(each, encoding) else "_" for each in name.replace(os.sep, "-"))
+    written = "".join(each if _is_encodable(each, encoding) else "_" for each in name.replace(os.sep, "-"))
     short = written.encode(encoding)[:LONGEST_NAME].decode(encoding, errors="ignore")
     stem = f"{short}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
     return next(path for path in paths if not path.exists())
 
 
-def _has_letters(text: str, encoding: str) -> bool:
-    """Return whether an encoding has letters for all of a text."""
+def _is_encodable(text: str, encoding: str) -> bool:
     try:
         text.encode(encoding)
     except UnicodeEncodeError:
@@ -236,7 +235,7 @@ def _has_letters(text: str, encoding: str) -> bool:
 
 
 def counted(number: int, what: str, plural: str = "s") -> str:
-    """Return how many there are of something: `1 flight`, `2 flights`, `2 searches` with `plural` "es"."""
+    """Return a number with its noun: `1 flight`, `2 flights`, `2 searches` with `plural` "es"."""
     return f"{number:,} {what}{plural * (number != 1)}"
 
 
@@ -251,9 +250,9 @@ class Status(IntEnum):
 
 
 def drop(stream: TextIO | None) -> None:
-    """Drop what couldn't be written to a stream, and all further words.
+    """Discard what couldn't be written to a stream, and everything later.
 
-    Otherwise Python would fail to write them once more as it ends, and choose the status.
+    Otherwise Python would fail to write it again at exit, and so determine the exit status.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     if stream is not None:
@@ -262,7 +261,7 @@ def drop(stream: TextIO | None) -> None:
 
 
 def tell(text: str, *, err: bool = False) -> None:
-    """Print what came of a command, which came whether or not that can be written."""
+    """Print the result of a command; failing to write it doesn't change the result."""
     try:
         click.echo(text, err=err)
     except OSError:
@@ -270,7 +269,7 @@ def tell(text: str, *, err: bool = False) -> None:
 
 
 def say(text: str, status: Status) -> Status:
-    """Print a message to standard error; return the status, whether or not anybody takes the message."""
+    """Print a message to standard error if it can be written; return the status."""
     tell(text, err=True)
     return status
 
@@ -281,11 +280,8 @@ def fail(text: str, status: Status = Status.BAD_USAGE) -> NoReturn:
 
 
 @contextmanager
-def heard() -> Generator[None]:
-    """Within, exit where what is said can't be written (a full disk, a pipe whose reader has gone).
-
-    Bad usage keeps its status all the same.
-    """
+def exit_if_unwritable() -> Generator[None]:
+    """Exit where output within can't be written (a full disk, a closed pipe); bad usage keeps its exit status."""
     try:
         yield
     except click.ClickException as error:
@@ -301,8 +297,8 @@ def heard() -> Generator[None]:
 
 
 @contextmanager
-def raised() -> Generator[None]:
-    """Within, the first Ctrl-C or SIGTERM raises KeyboardInterrupt; the second ends the process at once."""
+def interruptible() -> Generator[None]:
+    """Let the first Ctrl-C or SIGTERM within raise KeyboardInterrupt; the second ends the process at once."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
     taken = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
     for number in taken:

@@ -31,26 +31,26 @@ Example:
 
 
 class Key(NamedTuple):
-    """One key: which field it sets, in which unit and range, and values that have a word."""
+    """One key: the field that it sets, its unit and range, and words for special values."""
 
     field: str
     help: str
     low: float = 0.0
     high: float = -1.0
     units: float = 1.0
-    """How many of the unit one SI unit has."""
+    """Number of this unit in one SI unit."""
     or_zero: bool = False
     """Whether 0 is allowed too, below the range."""
     words: Mapping[str, Any] = MappingProxyType({})
 
     @property
     def allowed(self) -> str:
-        """What may be set, in words."""
+        """The allowed values, as text."""
         ranged = f"{'0, or ' if self.or_zero else ''}{self.low:g} to {self.high:.0f}"
         return ", ".join([*([ranged] if self.low <= self.high else []), *self.words])
 
     def read(self, text: str) -> Any:  # noqa: ANN401 - whatever a word stands for
-        """Return the field's value; ValueError for one that isn't allowed."""
+        """Return the field's value of a text; ValueError if it isn't allowed."""
         if text in self.words:
             return self.words[text]
         value = float(text)
@@ -59,13 +59,13 @@ class Key(NamedTuple):
         return value / self.units
 
     def show(self, value: Any) -> str:  # noqa: ANN401
-        """Return the field's value as it is set."""
+        """Return the text that sets the field's value."""
         return next((word for word, named in self.words.items() if named == value), "") or f"{value * self.units:g}"
 
 
 MOST_MS: Final = 600_000.0
 LEAST_KBPS: Final = 1e-3
-"""A bit a second: the longest datagram takes a week."""
+"""1 bit/s: the longest datagram takes a week."""
 SWITCH: Final = {"on": True, "off": False}
 NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
 BURST: Final = "mean number of datagrams lost in a row, none: each on its own"
@@ -118,7 +118,7 @@ def apply_line(impairments: dict[Direction, Impairment], line: str) -> None:
 
 
 class Console:
-    """Applies lines from standard input; answers each with the new settings, or with what is allowed."""
+    """Applies lines from standard input; replies to each with the new settings, or with an error."""
 
     def __init__(self, relay: Relay) -> None:
         self._relay, self._begun = relay, b""
@@ -179,7 +179,7 @@ def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _set(relay: Relay, options: dict[str, str | None]) -> None:
-    """Apply the options, of which those for one direction override those for both; UsageError: one isn't allowed."""
+    """Apply the options, those for one direction over those for both; UsageError if a value isn't allowed."""
     for way in Direction:
         for prefix in ("", f"{way.name.lower()}-"):
             for name in KEYS:

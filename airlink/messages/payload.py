@@ -1,6 +1,6 @@
-"""What all messages share, and numbers to and from the bytes of a payload. Units change here and nowhere else.
+"""The base of all messages, and conversion of numbers to and from payload bytes. Only messages convert units.
 
-A value outside its field's range is sent as the nearest that fits, NaN in an integer as unknown.
+A value outside its field's range is sent as the nearest that fits; NaN in an integer field is sent as unknown.
 Source: MAVLink guide, "Serialization".
 """
 
@@ -29,7 +29,7 @@ CDEG: Final = math.pi / 180e2
 DEGE7: Final = math.pi / 180e7
 MILLI: Final = 1e-3
 CENTI: Final = 1e-2
-"""What one unit of a field is in SI."""
+"""One unit of a field in SI units."""
 PER_DEG: Final = 1 / DEG
 PER_CDEG: Final = 1 / CDEG
 PER_DEGE7: Final = 1 / DEGE7
@@ -44,9 +44,9 @@ I32_MIN: Final = -2147483648.0
 I32_MAX: Final = 2147483647.0
 U32_MAX: Final = 4294967295.0
 UNKNOWN_U16: Final = 0xFFFF
-"""In a field with a unit."""
+"""The value that means "unknown" in a 16-bit field with a unit."""
 TAGGED_MAX: Final = 2**62 - 1
-"""Compiled, larger numbers are objects."""
+"""Largest integer that compiled code doesn't store as an object."""
 MARKER_V2: Final = 0xFD
 """First byte of a frame of MAVLink 2."""
 _ZEROS: Final = bytes(255)
@@ -54,7 +54,7 @@ FLOAT32_MAX: Final = 3.4028234663852886e38
 
 
 class Kind:
-    """What all messages of one kind have in common."""
+    """Properties of one kind of message."""
 
     def __init__(
         self,
@@ -67,46 +67,46 @@ class Kind:
     ) -> None:
         """Take MAVLink's name, the lengths of a payload without and with extension fields, and our fields' names.
 
-        `example` is any message of the kind, which reads others.
+        `example` is any message of the kind; its `read` parses others.
         """
         self.name = name
         self.message_id = message_id
         self.crc_extra = crc_extra
-        """What a checksum covers besides the frame."""
+        """CRC_EXTRA, which the checksum covers besides the frame."""
         self.base_length, self.length = lengths
         self.fields = fields
         self.example = example
         self.place = 0
-        """In `KINDS`."""
+        """Index in `KINDS`."""
         self.header = bytes((MARKER_V2, 0, 0, 0, 0, 0, 0, *message_id.to_bytes(3, "little")))
-        """How its frames begin; the payload's length, the sequence number and the sender are still to be put in."""
+        """Header of its frames, with zeros for the payload's length, the sequence number and the sender."""
 
 
 @mypyc_attr(acyclic=True)
 class Message:
-    """A MAVLink message in SI units; it isn't changed once it is made."""
+    """A MAVLink message in SI units; immutable."""
 
     def kind(self) -> Kind:
-        """Return what all messages of its kind have in common."""
+        """Return its kind."""
         raise NotImplementedError
 
     def write(self, payload: BytesWriter) -> None:
-        """Append the whole payload, extension fields included and not yet truncated."""
+        """Append the whole payload, extension fields included, not truncated."""
         raise NotImplementedError
 
     def read(self, frame: bytes, begin: i64, end: i64) -> Message:
-        """Return another message of its kind: that of a frame whose payload goes from `begin` to before `end`.
+        """Parse another message of its kind, from a frame whose payload goes from `begin` to before `end`.
 
-        Missing bytes count as zeros, surplus ones (newer extensions) are left out.
+        Missing bytes count as zeros; surplus ones (newer extensions) are ignored.
         """
         raise NotImplementedError
 
     def boot_s(self) -> float:
-        """Return the sender's time since boot, NaN where it doesn't tell."""
+        """Return the sender's time since boot, NaN if the message has none."""
         return math.nan
 
     def addressee(self) -> int:
-        """Return the system that it is for, 0 for everyone."""
+        """Return the target system, 0 for all."""
         return 0
 
     def values(self) -> dict[str, Any]:
@@ -118,7 +118,7 @@ class Message:
         return type(self)(**self.values() | changes)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both are of one kind and have the same values; what is unknown in both is the same."""
+        """Return whether both are of one kind and have the same values; NaN equals NaN."""
         if not isinstance(other, Message) or type(self) is not type(other):
             return False
         return all(_same(getattr(self, name), getattr(other, name)) for name in self.kind().fields)
@@ -137,7 +137,7 @@ def _same(one: object, other: object) -> bool:
 
 
 def _cut(frame: bytes, at: i64, end: i64) -> int:
-    """Return the little-endian number at a place, of whose high zero bytes MAVLink 2 cut off some or all."""
+    """Return the little-endian number at a place where MAVLink 2 has truncated trailing zero bytes."""
     value: i64 = 0
     while end > at:
         end -= 1
@@ -206,7 +206,7 @@ def known(value: int) -> float:
 
 
 def get_text(frame: bytes, at: i64, end: i64, length: i64) -> str:
-    """Return the text at a place, up to its first zero: none where all its bytes were zeros and are cut off."""
+    """Return the text at a place, up to its first zero; empty if all its bytes were zeros and truncated."""
     if at >= end:  # compiled, a slice that ends before it begins is an error
         return ""
     return frame[at : min(at + length, end)].split(b"\0", 1)[0].decode("utf-8", "replace")
@@ -228,7 +228,7 @@ def get_knowns(frame: bytes, at: i64, end: i64, length: i64, unit: float) -> tup
 
 
 def nearest(value: float, low: float, high: float, unknown: int = 0) -> int:
-    """Return the nearest whole number in a range, of two the even one."""
+    """Return the nearest whole number in a range, ties to even; `unknown` for NaN."""
     if low <= value <= high:
         return rounded(value)
     return unknown if math.isnan(value) else int(low if value < low else high)
@@ -361,5 +361,5 @@ def put_knowns(payload: BytesWriter, values: tuple[float, ...], length: int, per
 
 
 def put_zeros(payload: BytesWriter, count: int) -> None:
-    """Append zeros: of fields that nothing here needs."""
+    """Append zeros, for fields that aren't used here."""
     payload.write(_ZEROS[:count])

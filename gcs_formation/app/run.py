@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from airlink import mavlink as m
-from airlink.cli import looking_seldom
+from airlink.cli import rare_garbage_collection
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
 from airlink.endpoint import Endpoint, PortError
 from airlink.engine import MemoryNetwork
@@ -62,7 +62,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         RecordError: the run directory can't be written.
     """
     flown = _run_virtual if options.clock == "virtual" else _run_real
-    with looking_seldom():
+    with rare_garbage_collection():
         return flown(scenario, options, progress, interrupts)
 
 

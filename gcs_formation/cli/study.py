@@ -23,7 +23,7 @@ from airlink.cli import (
     default_directory,
     examples,
     fail,
-    raised,
+    interruptible,
     refusal,
     say,
 )
@@ -87,7 +87,7 @@ def run(study: Path, **given: Any) -> None:
     out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
     try:
         planned, base = prepare(study, many=given["yes"])
-        with raised(), StudyProgress(quiet=given["quiet"]) as progress:
+        with interruptible(), StudyProgress(quiet=given["quiet"]) as progress:
             outcome = fly_study(planned, base, out, workers, progress, **kind)
     except KeyboardInterrupt:
         fail(f"interrupted; what was flown is in {out}; {again}", Status.INTERRUPTED)
@@ -190,7 +190,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     keys = {"name": "stress", "random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}}
     plan = Plan(Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"}))
     try:
-        with raised(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
+        with interruptible(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             if out is not None:  # the one flight, its record kept
                 rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]

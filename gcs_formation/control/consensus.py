@@ -5,9 +5,9 @@ u_p = sum_q a_pq [k1 (x_q - x_p + r_pq) + k2 (v_q - v_p)] + k3 (v_s - v_p), both
 lag (7) acts as damping of 1/tau_v along and 1/tau_psi across the heading, without delay; only the part of k3 beyond
 that is computed here, from the delayed state.
 
-In a turn, r_pq and v_s belong to slots that turn with the path. In place of the differences of states of (3), the law
-uses differences of deviations from the slots' own motion, which is the same on a straight path. Each vehicle holds the
-height of the path and of its slot by itself: that loop is closed on board, so no link delay is in it.
+In a turn, the slots turn with the path. The law therefore replaces the differences of states in (3) by differences of
+deviations from the slots' own motion; on a straight path both are the same. The height loop is closed on board each
+vehicle, so it has no link delay.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 
 
 class _Reference:
-    """The motion that v_s is taken from, at one vehicle's instant."""
+    """The leader's reference motion (v_s) at the instant of one vehicle's state."""
 
     def __init__(self, leader: LeaderMotion, heading_rad: float) -> None:
-        """Take a leader's motion, and the heading along which the slots lie.
+        """Take a leader's motion, and the heading of the slots' axes.
 
-        That is the path's, without what the leader does to get back onto it.
+        That is the heading of the path, without the leader's correction of its cross-track error.
         """
         self.leader = leader
         self.heading_rad = heading_rad
 
 
 class _Deviation:
-    """Of a vehicle from its slot's motion, in m and m/s north and east; and that motion."""
+    """Deviation of a vehicle from its slot's motion, in m and m/s north and east; and that motion."""
 
     def __init__(self, state: FlightState, place_m: tuple[float, float], target: Target) -> None:
         """Take the vehicle's state, its slot's place relative to the origin, and the slot's motion."""
@@ -54,7 +54,7 @@ class _Deviation:
 
 
 class ConsensusLaw(Law):
-    """The protocol of all vehicles, the leader among them. It remembers nothing between ticks."""
+    """The protocol of all vehicles, including the leader. It keeps no state between ticks."""
 
     def __init__(
         self, gains: Triple, weights: Array, members: list[int], frame: Frame, models: list[AutopilotModel]
@@ -64,21 +64,22 @@ class ConsensusLaw(Law):
         Args:
             gains: k1 in 1/s², k2 in 1/s and k3 in 1/s.
             weights: (C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody.
-            members: columns that take part: all that fly.
-            frame: the one in which slots lie.
-            models: the (C,) autopilots.
+            members: columns of real vehicles.
+            frame: frame in which slots are defined.
+            models: (C,) autopilot models.
         """
         self._k1, self._k2, self._k3 = gains
         self._weights, self._members, self._models = weights, members, models
         self._frame: Frame = frame
-        self._tie(0, [True] * len(models))
+        self._connect(0, [True] * len(models))
 
-    def _tie(self, leader: int, active: list[bool]) -> None:
-        """Swap the leader and the one at the start in the graph, and bridge those that aren't active.
+    def _connect(self, leader: int, active: list[bool]) -> None:
+        """Set the graph's edges: the leader trades places with column 0, and inactive columns are bridged.
 
-        Who heard one of those hears whom it heard: the graph's Kron reduction, which leaves everybody tied who was, and
-        nobody tied more tightly: on an undirected graph no delay margin is lowered (Doerfler and Bullo, "Kron Reduction
-        of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I 60 (2013)).
+        Bridging is Kron reduction: whoever heard an inactive vehicle hears that vehicle's sources instead. A connected
+        graph stays connected, and on an undirected graph no delay margin is lowered (Doerfler and Bullo, "Kron
+        Reduction of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I 60
+        (2013)).
         """
         self._leader, self._active, places = leader, active, np.arange(len(self._models))
         places[[0, leader]] = places[[leader, 0]]
@@ -95,12 +96,12 @@ class ConsensusLaw(Law):
         self._edges = list(zip(receivers.tolist(), senders.tolist(), each, strict=True))
 
     def retune(self, parameters: LawParameters) -> None:
-        """Keep the gains: none of them is by design."""
+        """Do nothing: k1, k2 and k3 don't come from the gain design."""
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:  # noqa: ARG002 - no memory, no rates
-        """Return the setpoints of all vehicles; those that aren't active are left out of the sums."""
+        """Return the setpoints of all vehicles; inactive ones are left out of the sums."""
         if situation.lead.leader != self._leader or situation.active != self._active:
-            self._tie(situation.lead.leader, situation.active)
+            self._connect(situation.lead.leader, situation.active)
         states, slots, models = situation.states, situation.slots, self._models
         everyone = range(len(models))
         flown = [states.of(column, column) for column in everyone]
@@ -108,7 +109,7 @@ class ConsensusLaw(Law):
         references = self._references(situation, leaders, models[self._leader])
         own = list(map(self._deviation, flown, references, slots))
         sums = self._protocol(situation, references, slots, own)
-        # One for all: weights of its own for each vehicle would make another graph.
+        # One share for all vehicles: a different one for each would change the graph's weights.
         share = min(min(situation.bandwidth[p]) for p in self._members)
         return [
             Decided(
@@ -129,7 +130,7 @@ class ConsensusLaw(Law):
     def _protocol(
         self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
     ) -> list[tuple[float, float]]:
-        """Return each vehicle's sum of (3) over the neighbours, north and east in m/s^2."""
+        """Return each vehicle's sum over its neighbours in (3), north and east in m/s²."""
         k1, k2 = self._k1, self._k2
         sums = [(0.0, 0.0)] * len(own)
         for p, q, weight in self._edges:
@@ -149,7 +150,7 @@ class ConsensusLaw(Law):
         share: float,
         model: AutopilotModel,
     ) -> Triple:
-        """Return one vehicle's setpoint: what u of (3) asks of the autopilot's lags, beyond the slot's own motion."""
+        """Return one vehicle's setpoint: the slot's own motion, plus u of (3) converted by the autopilot's lags."""
         axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
         speed_mps, heading_rad, height_m = feed_forward(
             own.target, leader, axis_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
@@ -162,16 +163,16 @@ class ConsensusLaw(Law):
     def _acceleration(
         self, own: _Deviation, neighbours: tuple[float, float], model: AutopilotModel
     ) -> tuple[float, float]:
-        """Return u of (3) along and across the slot's heading; of k3 what is beyond the autopilot's lag as damping."""
+        """Return u of (3) along and across the slot's heading, less the damping that the autopilot's lag provides."""
         axis_rad, k3 = own.target.heading_rad, self._k3
         u_x, u_y = rotated(axis_rad, *neighbours)
         along_mps, across_mps = rotated(axis_rad, own.north_mps, own.east_mps)
         return u_x + (1.0 / model.tau_v_s - k3) * along_mps, u_y + (1.0 / model.tau_psi_s - k3) * across_mps
 
     def _references(self, situation: Situation, flown: list[FlightState], model: AutopilotModel) -> list[_Reference]:
-        """Return what the guidance asks for, carried along the path to each vehicle's instant; `model`: the leader's.
+        """Return the guidance's reference motion at each vehicle's instant; `model` is the leader's.
 
-        The leader there has no lag behind the guidance: it flies its setpoints less the lead over its lags.
+        The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its lags.
         """
         lead, states = situation.lead, situation.states
         return [
@@ -182,7 +183,7 @@ class ConsensusLaw(Law):
     def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:
         leader, frame, turn_rps = reference.leader, self._frame, reference.leader.turn_rps
         axis_rad = leader.state.heading_rad
-        if frame == "follower_heading":  # what moves aside turns its own axes, at its acceleration by its speed
+        if frame == "follower_heading":  # a slot that accelerates sideways turns the axes, at acceleration / speed
             turn_rps += slot.right_mps2 / leader.state.airspeed_mps
             axis_rad = state.heading_rad
         drift_north_mps = state.wind_north_mps - leader.state.wind_north_mps

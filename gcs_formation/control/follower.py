@@ -1,7 +1,7 @@
 """The formation law for one follower: mixer (13), fuzzy scheduler and PID (14), envelope.
 
-Equations as corrected: integrators start at trim, the leader's motion is fed forward, the mixed error's references are
-the slot's own speed and heading.
+The equations are the corrected ones: integrators start at trim, the leader's motion is fed forward, and the mixed
+errors refer to the slot's own speed and heading.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from gcs_formation.control.setpoint import (
 )
 
 SLEW = (1.6, 1.04)
-"""How fast corrections of speed and heading grow at most, as a share of the vehicle's own limits."""
+"""Largest growth rates of the speed and heading corrections, as shares of the acceleration and turn rate limits."""
 GUST_SIGMAS: Final = 3.0
-"""Standard deviations of the wind's estimate below which a change of it isn't led."""
+"""Changes of the wind estimate within this many standard deviations aren't fed forward."""
 SWING_S: Final = 0.6
-"""Time aside of the leader at which the heading's loop has half its bandwidth, in the follower's own frame."""
+"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame."""
 BRAKING_SHARE: Final = 0.5
-"""Of the acceleration limit, with which a vehicle comes to its slot's speed."""
+"""Share of the acceleration limit that is planned for slowing down to the slot's speed."""
 LEAST_CLOSING_MPS: Final = 1.0
-"""Closing speed that is never limited by that."""
+"""Closing speed that is allowed at any distance."""
 FAR_M: Final = 10.0
-"""Error from which a vehicle that closes, or overshoots, faster than `SLOW_MPS` is on its way to its slot."""
+"""A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot."""
 SLOW_MPS: Final = 0.5
 SETTLES_S: Final = 5.0
-"""It has arrived once it has been slower for so long; until then nothing is integrated that it works off by itself."""
+"""The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink."""
 CLIMBING: Final = 0.35
-"""Share of the climb limit beyond which an error of height that shrinks so fast isn't integrated."""
+"""Share of the climb limit: a height error that shrinks faster than this isn't integrated."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class LawParameters:
     scheduler: FuzzyGainScheduler | None
     """None for the plain PID: gains stay nominal."""
     gust_radps: float
-    """Bandwidth with which a change of the drift is fed forward."""
+    """Bandwidth of the filter by which a change of the drift is fed forward."""
     slew: tuple[float, float] = SLEW
 
 
@@ -84,16 +84,16 @@ class Pair:
         bandwidth: list[float],
         replaced: Replaced,
     ) -> None:
-        """Take the follower's state, slot and `held` model, and more of the tick.
+        """Take the inputs of the law at one tick.
 
         Args:
             leader: how the leader flies.
             state: the follower's.
             slot: the follower's.
-            model: the follower's, as its setpoints are held from tick to tick.
-            commanded: speed, heading and height that it follows; NaN where none.
+            model: the follower's `held` model, for setpoints that are constant during a tick.
+            commanded: speed, heading and height setpoints that it follows at that instant; NaN where none.
             wind_variance: of each component of the difference of their winds, (m/s)².
-            bandwidth: share of their bandwidth that the loops are to have.
+            bandwidth: share of its full bandwidth for each loop.
             replaced: channels whose last setpoint was the separation rule's.
         """
         self.leader = leader
@@ -107,10 +107,10 @@ class Pair:
 
 
 class Controller(ABC):
-    """The law of one follower, with the state it keeps between ticks and what it decided last."""
+    """The law of one follower, with its state between ticks and its last decision."""
 
     def __init__(self, parameters: LawParameters) -> None:
-        """Start at rest, with nothing decided."""
+        """Start with empty integrators and filters, and no decision."""
         gain_range, scheduler = parameters.gain_range, parameters.scheduler
         self._parameters = parameters
         self._forward = Pid(parameters.speed, gain_range, scheduler)
@@ -125,23 +125,23 @@ class Controller(ABC):
         return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
 
     def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains and filters."""
+        """Use other gains and filters from now on."""
         self._parameters = parameters
         self._forward.retune(parameters.speed)
         self._right.retune(parameters.heading)
         self._height.retune(parameters.height)
 
     def forget(self) -> None:
-        """Start again: it isn't commanded, or follows another leader."""
+        """Reset: the follower isn't commanded, or follows another leader."""
         self._forward.forget()
         self._right.forget()
         self._height.forget()
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
-        """Return what the controllers add to the feed-forward, for mixed errors that change at the rates `slopes`.
+        """Return the PID outputs, which are added to the feed-forward; `slopes` are the mixed errors' rates of change.
 
-        The loop to the right, or of the heading, has `right_share` of the bandwidth that it would have.
+        `right_share` scales the bandwidth of the second loop: rightward velocity, or heading.
         """
         bandwidth, mixed = pair.bandwidth, self.mixed
         self._forward.filter_rate(slopes[0], dt_s)
@@ -158,20 +158,20 @@ class Controller(ABC):
 
 
 class FollowerController(Controller):
-    """The law of a follower that flies by speed and heading."""
+    """The law of a follower that is commanded by speed and heading."""
 
     def __init__(self, parameters: LawParameters) -> None:
-        """Start at rest."""
+        """Start with empty integrators and filters."""
         super().__init__(parameters)
         self._trailing = TrailingSlot() if parameters.frame == "follower_heading" else None
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._share, self._share_for = 0.0, (0.0, 0.0)
-        """The share by which the drift's error shrinks in a tick, and the tick's length and bandwidth it is for."""
+        """Gain of the drift's filter for one tick, and the bandwidth and tick length it was computed for."""
         self._correction: tuple[float, float] = (math.nan, math.nan)
         self._arriving, self._slow_s = False, 0.0
 
     def forget(self) -> None:
-        """Start again: it isn't commanded, or follows another leader."""
+        """Reset: the follower isn't commanded, or follows another leader."""
         super().forget()
         if self._trailing is not None:
             self._trailing.forget()
@@ -189,23 +189,24 @@ class FollowerController(Controller):
         self.error_m = formation_error(leader.state, state, slot, axis_rad)
         along_mps2, across_mps2 = self._gust(pair, axis_rad, dt_s)
         target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
-        self.mixed = mix(self._parameters.mixer, target, state, self._steady(pair, target))
-        lies_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
+        self.mixed = mix(self._parameters.mixer, target, state, self._errors_to_mix(pair, target))
+        slot_axis_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
         speed_mps, heading_rad, height_m = feed_forward(
-            target, leader, lies_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
+            target, leader, slot_axis_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
         )
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
-        output = self._output(self._slopes(pair, axis_rad, target, forward, dt_s), self._share_aside(pair), pair, dt_s)
-        answer = lead(target, lies_rad, -along_mps2, -across_mps2, model)
-        self.setpoint = self._limited(pair, target, forward, output, answer, dt_s)
+        slopes = self._slopes(pair, axis_rad, target, forward, dt_s)
+        output = self._output(slopes, self._heading_bandwidth(pair), pair, dt_s)
+        against_gust = lead(target, slot_axis_rad, -along_mps2, -across_mps2, model)
+        self.setpoint = self._limited(pair, target, forward, output, against_gust, dt_s)
 
     def _target(
         self, pair: Pair, axis_rad: float, turn_rps: float, across_mps2: float, dt_s: float
     ) -> tuple[Target, float, float]:
-        """Return the slot's target, and by how much speed and heading lead it beyond the feed-forward.
+        """Return the slot's target, and the leads of speed and heading beyond the feed-forward.
 
-        In the follower's own frame a gust across has the heading crab slowly, and swing a slot at the side as it does:
-        speed is led by that.
+        In the follower's own frame, the heading crabs slowly against a gust across the axes. That swings a slot at the
+        side forward or back, so speed is led by the swing.
         """
         leader, state, slot, frame = pair.leader.state, pair.state, pair.slot, self._parameters.frame
         drift_north_mps = state.wind_north_mps - leader.wind_north_mps
@@ -219,27 +220,27 @@ class FollowerController(Controller):
         target.speed_mps -= slot.right_m * crab_rps
         return target, -pair.model.tau_v_s * slot.right_m * crab_rps2, pair.model.tau_psi_s * crab_rps
 
-    def _steady(self, pair: Pair, target: Target) -> Triple:
-        """Return the errors that are mixed: in the follower's own frame, without what its heading sweeps forward.
+    def _errors_to_mix(self, pair: Pair, target: Target) -> Triple:
+        """Return the errors that enter the mixer: `error_m`, corrected for the heading in the follower's own frame.
 
         While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
-        side forward by y_rc times the angle. Speed can't follow that and needn't: the error vanishes as the heading
-        comes back. A slot behind swings sideways by x_rc times the angle, which adds damping; a slot with less of
-        this damping than `TRAIL_S` gives is given the rest.
+        side forward by y_rc times the angle. This error is removed: speed can't follow it, and it vanishes as the
+        heading returns. A slot behind swings sideways by x_rc times the angle, which adds damping; a slot less than
+        `TRAIL_S` behind is given the missing damping.
         """
         x_m, y_m, z_m = self.error_m
         if self._trailing is None:
             return self.error_m
         off = math.sin(wrap(pair.state.heading_rad - target.heading_rad))
-        return x_m + pair.slot.right_m * off, y_m - _short_m(target, pair.slot) * off, z_m
+        return x_m + pair.slot.right_m * off, y_m - _missing_trail_m(target, pair.slot) * off, z_m
 
     def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
         """Return the rates of change of the mixed errors, from the states and not from earlier errors.
 
-        What the target needs changes at the rate that the feed-forward leads it by. The follower's own rates are those
-        by which (7) has it fly as the last tick ends, for which lags count less by the tick. The others' are means of
-        the tick that begins: setpoints are held in between, so rates fall during a tick, and those of its beginning
-        would be too large by half of that, whenever the leader turns.
+        The target's rates are the ones that the feed-forward leads it by. The follower's own rates are means over the
+        tick that ends: from the errors left at its end, (7) gives them with `held` lags shortened by a tick. The others
+        are means over the tick that begins: setpoints are held during a tick, so rates fall, and the initial ones
+        would be too large whenever the leader turns.
         """
         model, state, slot = pair.model, pair.state, pair.slot
         speed_mps, heading_rad = pair.commanded[0], pair.commanded[1]
@@ -253,7 +254,7 @@ class FollowerController(Controller):
             off_rad = wrap(state.heading_rad - target.heading_rad)
             swing_rps = (own_rps - wanted_rps) * math.cos(off_rad)
             x_mps += slot.right_m * swing_rps + slot.right_mps * math.sin(off_rad)
-            y_mps -= _short_m(target, slot) * swing_rps
+            y_mps -= _missing_trail_m(target, slot) * swing_rps
         mixer = self._parameters.mixer
         return (
             mixer.k_v * (wanted_mps2 - own_mps2) + mixer.k_x * x_mps,
@@ -261,11 +262,11 @@ class FollowerController(Controller):
             mixer.k_z * z_mps,
         )
 
-    def _share_aside(self, pair: Pair) -> float:
-        """Return the share of the design bandwidth for the heading's loop: less for a slot at the side.
+    def _heading_bandwidth(self, pair: Pair) -> float:
+        """Return the heading loop's share of its design bandwidth: less for a slot at the side.
 
-        In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The follower's speed
-        has to match that, and changes far more slowly than the heading loop would turn.
+        In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The speed loop has
+        to match that, and is far slower than the heading loop.
         """
         if self._trailing is None:
             return 1.0
@@ -273,30 +274,30 @@ class FollowerController(Controller):
         return SWING_S / (SWING_S + aside_s)
 
     def _limited(
-        self, pair: Pair, target: Target, forward: Triple, output: Triple, answer: tuple[float, float], dt_s: float
+        self, pair: Pair, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float
     ) -> Triple:
-        """Return the setpoint inside the envelope, and have the controllers integrate what is left of their output.
+        """Return the setpoint within the envelope, and update the integrators by what was limited.
 
-        Corrections of the feed-forward grow no faster than the vehicle can follow. They shrink as fast as they like, or
-        the loop would lag in large manoeuvres. Heights are limited by their envelope. A gust is answered at once: they
-        grow by as much as its `answer` besides. In the follower's own frame, where headings crab slowly, speed alone
-        answers it.
+        Corrections of the feed-forward grow no faster than the vehicle can follow, but may shrink at any rate, or the
+        loop would lag in large manoeuvres. Heights are limited by the envelope alone. `gust`, the lead of speed and
+        heading against a gust, acts at once and extends the growth limit. In the follower's own frame, where headings
+        crab slowly, only its speed is used.
         """
         model, replaced, slew = pair.model, pair.replaced, self._parameters.slew
         bounds = Envelope(forward[1], pair.state, model)
-        # What a gust is answered with is within the envelope too, or a correction at its limit were undone by it.
-        led_mps, led_rad = forward[0] + answer[0], forward[1] + (answer[1] if self._trailing is None else 0.0)
+        # The lead against a gust is inside the envelope too: it would otherwise undo a correction at the limit.
+        led_mps, led_rad = forward[0] + gust[0], forward[1] + (gust[1] if self._trailing is None else 0.0)
         wanted = bounds.limit(led_mps + output[0], led_rad + output[1], forward[2] + output[2])
         before_mps, before_rad = self._correction
-        most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(answer[0])
-        most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(answer[1])
-        # A setpoint that the separation rule replaced isn't one to start from.
+        most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(gust[0])
+        most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(gust[1])
+        # Growth isn't limited from a setpoint that the separation rule replaced.
         closing_mps = self._closing(wanted[0] - led_mps, pair.state.airspeed_mps - target.speed_mps, model)
-        faster_mps = _grown(closing_mps, math.nan if replaced[0] else before_mps, most_mps)
-        turned_rad = _grown(wanted[1] - led_rad, math.nan if replaced[1] else before_rad, most_rad)
+        faster_mps = _limit_growth(closing_mps, math.nan if replaced[0] else before_mps, most_mps)
+        turned_rad = _limit_growth(wanted[1] - led_rad, math.nan if replaced[1] else before_rad, most_rad)
         self._correction = (faster_mps, turned_rad)
         limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
-        # What the feed-forward alone asks beyond the envelope isn't the integrators' to work off.
+        # What the feed-forward alone exceeds the envelope by doesn't count as excess of the integrators.
         free = bounds.limit(led_mps, led_rad, forward[2])
         arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
         if not replaced[0]:
@@ -311,10 +312,10 @@ class FollowerController(Controller):
         return limited
 
     def _arrives(self, flown_mps: float, dt_s: float) -> bool:
-        """Return whether it is on its way to its slot: what is integrated of that can only be lost by overshooting.
+        """Return whether it is arriving at its slot, flying `flown_mps` faster than the slot.
 
-        It flies `flown_mps` faster than its slot. Who stays far off, as slow as its slot, hasn't the speed that it is
-        told: that is integrated.
+        An integral gathered during the arrival would only be lost again by overshooting. A vehicle that stays far off
+        at its slot's speed isn't arriving: it doesn't fly its speed setpoint, and that error is integrated.
         """
         fast = abs(flown_mps) > SLOW_MPS
         self._arriving = self._arriving or (fast and abs(self.error_m[0]) > FAR_M)
@@ -323,9 +324,9 @@ class FollowerController(Controller):
         return self._arriving
 
     def _closing(self, faster_mps: float, flown_mps: float, model: AutopilotModel) -> float:
-        """Return a correction of speed that brings a vehicle no faster to its slot than it can brake from.
+        """Return the speed correction `faster_mps`, limited so that the vehicle can brake before it reaches its slot.
 
-        The controllers want `faster_mps`, and it is faster than its slot by `flown_mps`.
+        `flown_mps`: how much faster than its slot it flies now.
         """
         error_m = self.error_m[0]
         most_mps = LEAST_CLOSING_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * abs(error_m))
@@ -334,17 +335,17 @@ class FollowerController(Controller):
         return max(faster_mps, -most_mps - max(most_mps + flown_mps, 0.0))
 
     def _closes_fast(self, model: AutopilotModel) -> bool:
-        """Whether the height's error shrinks at a rate near the vehicle's climb limit: it is being worked off.
+        """Return whether the height error shrinks at a rate near the vehicle's climb limit.
 
-        What an integrator gathers on a long climb, where the limit keeps the error, it can only lose by overshooting.
+        On a long climb the limit sustains the error; an integral gathered then would only be lost by overshooting.
         """
         most = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
         return abs(self._height.rate) > most and self._height.rate * self.mixed[2] < 0.0
 
     def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
-        """Return how fast the follower's drift is to be followed, along and across, in m/s².
+        """Return the rate of change of the filtered drift (follower's wind minus leader's), along and across, m/s².
 
-        The drift is followed with a lag of 1/`gust_radps`, as far as it stands out from what isn't known of the wind.
+        The filter's lag is 1/`gust_radps`. The part of the rate that the wind's variance explains is left out.
         """
         leader, state, gust_radps = pair.leader.state, pair.state, self._parameters.gust_radps
         north_mps = state.wind_north_mps - leader.wind_north_mps
@@ -362,13 +363,13 @@ class FollowerController(Controller):
         return rotated(axis_rad, certain * north_mps, certain * east_mps)
 
 
-def _short_m(target: Target, slot: Slot) -> float:
-    """Return how much farther behind than its slot is a place whose damping the heading's gains are for."""
+def _missing_trail_m(target: Target, slot: Slot) -> float:
+    """Return how much less far behind a slot is than the distance that the heading gains are designed for."""
     return max(TRAIL_S * target.speed_mps + slot.forward_m, 0.0)
 
 
-def _grown(wanted: float, before: float, most: float) -> float:
-    """Return a correction that grows from the one before by no more than `most`; NaN: there is none before."""
+def _limit_growth(wanted: float, before: float, most: float) -> float:
+    """Return the correction `wanted`, grown by at most `most` from the one `before`; NaN: no previous correction."""
     if math.isnan(before):
         return wanted
     return within(wanted, min(before, 0.0) - most, max(before, 0.0) + most)

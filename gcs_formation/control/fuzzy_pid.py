@@ -22,7 +22,7 @@ from flight_model.slot import UNKNOWN, Triple
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS: Final = 5
 Gains = tuple[float, float, float, float, float, float, float, float, float]
-"""k_p of the three channels, k_i, k_d."""
+"""k_p of the three channels, then k_i, then k_d."""
 NO_GAINS: Gains = (*UNKNOWN, *UNKNOWN, *UNKNOWN)
 
 # Rows are the error's rate from NH to PH, columns the error from NH to PH.
@@ -60,7 +60,7 @@ def _parse(table: str) -> Array:
 
 
 class FuzzyGainScheduler:
-    """Infers how far each gain moves from its base value towards its greatest."""
+    """Infers how far each gain moves from its base value towards its maximum."""
 
     def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
         """Use the tables as printed, or symmetrised."""
@@ -70,10 +70,10 @@ class FuzzyGainScheduler:
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:
         """Return F_p, F_i, F_d in [0, 1], shape (..., 3), for normalised inputs of any shape (...).
 
-        One of them may be of fewer dimensions, as numpy broadcasts. Inputs outside [-1, 1] are clipped to it.
+        Inputs are broadcast against each other and clipped to [-1, 1].
 
         Raises:
-            ValueError: an input is NaN, or their shapes don't go together.
+            ValueError: an input is NaN, or the shapes can't be broadcast.
         """
         inputs = np.array(np.broadcast_arrays(error, error_rate), dtype=np.float64)
         if np.isnan(inputs).any():
@@ -100,7 +100,7 @@ class FuzzyGainScheduler:
 
 
 def _between(table: vec[float], corner: i64, across: float, down: float) -> float:
-    """Return the value between four of a table, of which the first is at `corner`."""
+    """Return the bilinear interpolation between four entries of a table, the first of which is at `corner`."""
     left, up = 1.0 - across, 1.0 - down
     upper = table[corner] * left + table[corner + 1] * across
     lower = table[corner + SETS] * left + table[corner + SETS + 1] * across
@@ -119,9 +119,9 @@ class PidGains:
     def slowed(self, bandwidth: float) -> PidGains:
         """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
 
-        About its crossover the loop falls like an integrator, (13) and (7) with the derivative: its crossover goes
-        with its gain. The integral's corner ki/kp goes down with it, as its phase lag there would grow otherwise; the
-        derivative's corner kp/kd stays, as the lag that it makes up for is the autopilot's own.
+        Near crossover the loop of (13), (7) and the derivative falls like an integrator, so its crossover frequency is
+        proportional to its gain. The integral's corner ki/kp is lowered with it, or its phase lag would grow; the
+        derivative's corner kp/kd stays, because it cancels the autopilot's own lag.
         """
         return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
 
@@ -159,44 +159,44 @@ class ChannelConstants:
 
     nominal: PidGains
     error_scale: float
-    """Mixed error that counts as 1 to the scheduler."""
+    """Mixed error that the scheduler normalises to 1."""
     rate_scale: float
-    """Its rate, a second, likewise."""
+    """Rate of the mixed error, per second, likewise."""
     anti_windup_s: float
 
 
 class Pid:
-    """One channel's controller, with what it remembers."""
+    """One channel's controller, with its state."""
 
     def __init__(self, channel: ChannelConstants, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
-        """Start at rest, with the integrator at trim (29); without a scheduler gains stay nominal."""
+        """Start with the integrator at trim (29); without a scheduler gains stay nominal."""
         self._channel = channel
         self._gain_range = gain_range
         self._scheduler = scheduler
         self.kp, self.ki, self.kd = channel.nominal.kp, channel.nominal.ki, channel.nominal.kd
         self._kept, self._kept_for_s = 1.0, 0.0
-        """What the rate's filter keeps over a time."""
+        """Decay factor of the rate's filter, and the time step it was computed for."""
         self.integral = 0.0
-        """Integral of k_i(t) e dt: a change of gain doesn't kick the output (errata item 29b)."""
+        """Integral of k_i(t) e dt, so that a change of gain doesn't make the output jump (errata item 29b)."""
         self.rate = 0.0
-        """Filtered rate of the error, a second."""
+        """Filtered rate of the error, per second."""
 
     def forget(self) -> None:
-        """Start again."""
+        """Reset the integral and the filter."""
         self.integral = self.rate = 0.0
 
     def retune(self, channel: ChannelConstants) -> None:
-        """Go on with other constants; what is integrated and filtered stays."""
+        """Use other constants from now on; the integral and the filtered rate are kept."""
         self._channel, self._kept, self._kept_for_s = channel, 1.0, 0.0
 
     def filter_rate(self, slope: float, dt_s: float) -> None:
-        """Put the error's rate through the filter 1/(T s + 1), exact for a `slope` that holds for `dt_s`."""
+        """Filter the error's rate by 1/(T s + 1), exactly for a `slope` that is constant over `dt_s`."""
         if dt_s != self._kept_for_s:
             self._kept, self._kept_for_s = math.exp(-dt_s / self._channel.nominal.filter_s), dt_s
         self.rate = self._kept * self.rate + (1.0 - self._kept) * slope
 
     def schedule(self, error: float, bandwidth: float) -> None:
-        """Choose k_0 + F Delta k_max (14) by error and rate, for a share of the loop's bandwidth."""
+        """Set the gains k_0 + F Delta k_max (14) by error and rate; `bandwidth` is a share of the loop's own."""
         nominal, channel, p, i, d = self._channel.nominal, self._channel, 1.0, 1.0, 1.0
         if self._scheduler is not None:
             f_p, f_i, f_d = self._scheduler.factors(error / channel.error_scale, self.rate / channel.rate_scale)
@@ -207,17 +207,17 @@ class Pid:
         self.kd = d * nominal.kd * bandwidth
 
     def output(self, error: float) -> float:
-        """Return what the controller wants before any limit."""
+        """Return the output before any limit."""
         return self.kp * error + self.integral + self.kd * self.rate
 
     def integrate(
         self, error: float, excess: float, dt_s: float, most: float = math.inf, *, gathers: bool = True
     ) -> None:
-        """Go on by `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
+        """Integrate over `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
 
-        This back-calculation takes from an integral what it has gathered, and no more: what it put in beyond that could
-        leave by the integral gain only, which may be 0. Where `excess` is small, since integral and derivative cancel
-        each other, an integral still gathers no more than `most`. One that doesn't gather loses what the error takes.
+        This back-calculation discharges the integral at most to 0: a charge of the opposite sign could leave by the
+        integral gain only, which may be 0. `most` bounds the integral where `excess` is small because integral and
+        derivative cancel. Unless it `gathers`, the integral may only shrink.
         """
         before = self.integral
         grown = within(before + self.ki * error * dt_s, -most, most)

@@ -1,4 +1,4 @@
-"""The laws that a scenario can name, in one table of all that differs between them; and the law of what hovers."""
+"""The table of the laws that a scenario can name, how they are made from it, and the law of hovering vehicles."""
 
 from __future__ import annotations
 
@@ -21,18 +21,17 @@ from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 
 STANDS_MPS: Final = 0.02
-"""Commanded speed below which no direction is taken from it."""
+"""Commanded speed below which its course is the leader's heading."""
 LEAST_CORRECTION_MPS: Final = 0.5
-"""Corrections up to this are never limited by that."""
+"""Speed correction that is allowed at any distance."""
 
 
 class VelocityController(Controller):
-    """The law of a follower that hovers: (13) and (14) with velocities in the place of speed and heading.
+    """The law of a follower that can hover: (13) and (14) with velocities in place of speed and heading.
 
-    A multirotor flies the velocity over ground that it is told, in any direction and down to 0, so forward and right
-    are two channels of one kind: both have the gains of `law.speed`, and neither is divided by a speed. Slots lie in
-    the leader's frame, which keeps its direction where the leader stands. A commanded velocity is told as a speed and a
-    course.
+    A multirotor flies a commanded velocity over ground in any direction and down to 0. Forward and right are therefore
+    equal channels: both use the gains of `law.speed`, and neither is divided by a speed. Slots are defined in the
+    leader's frame, which keeps its direction while the leader stands. Setpoints are a speed and a course.
     """
 
     def decide(self, pair: Pair, dt_s: float) -> None:
@@ -49,9 +48,9 @@ class VelocityController(Controller):
         self.setpoint = speed_mps, axis_rad + aside_rad, height_m
 
     def _limited(self, pair: Pair, forward: Triple, output: Triple, dt_s: float) -> Triple:
-        """Return velocities and height within the limits, and have the controllers integrate what is left.
+        """Return velocities and height within the limits, and update the integrators by what was limited.
 
-        A correction is no faster than a vehicle can brake from until it is in its slot.
+        A correction is no faster than the vehicle can brake from before it reaches its slot.
         """
         model, mixed = pair.model, self.mixed
         away_m = math.hypot(self.error_m[0], self.error_m[1])
@@ -71,10 +70,10 @@ class VelocityController(Controller):
 
 
 def _feed_forward(pair: Pair) -> Triple:
-    """Return what holds the slot without any error: velocities along and across the leader's heading, and height.
+    """Return the feed-forward: velocities along and across the leader's heading, and height.
 
-    They are the velocity of a point of the leader's turning frame, led by its acceleration over the vehicle's lags of
-    speed and of course.
+    The velocity is that of a point in the leader's turning frame, plus its acceleration times the vehicle's lags of
+    speed and course.
     """
     leader, slot, model = pair.leader, pair.slot, pair.model
     turn_rps, bend_rps2, speed_mps = leader.turn_rps, leader.bend_rps2, leader.state.airspeed_mps
@@ -89,7 +88,7 @@ def _feed_forward(pair: Pair) -> Triple:
 
 
 def _share(along: float, across: float, most: float) -> float:
-    """Return to which share a vector is shortened that may be no longer than `most`."""
+    """Return the factor that limits a vector's length to `most`."""
     length = math.hypot(along, across)
     return 1.0 if length <= most else most / length
 
@@ -101,7 +100,7 @@ PRINTED, SYMMETRIC = "law.fuzzy.tables=printed", "law.fuzzy.tables=symmetric"
 
 
 class FormationLaw(Law):
-    """The law of all followers, with the state it keeps between ticks."""
+    """The law of all followers, with its state between ticks."""
 
     def __init__(
         self,
@@ -109,32 +108,32 @@ class FormationLaw(Law):
         models: list[AutopilotModel],
         controller: Callable[[LawParameters], Controller] = FollowerController,
     ) -> None:
-        """Start at rest, with a `controller` for each vehicle.
+        """Make a `controller` for each vehicle.
 
-        The (C,) `models` are read anew at every tick: their lags are learnt in flight.
+        The (C,) `models` are read at every tick: their lags are learnt in flight.
         """
         self._models = models
         self._controllers = [controller(parameters) for _ in models]
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
-        """Start again behind a new leader: what the integrators hold belongs to the old pair of leader and follower."""
+        """Reset the controllers behind a new leader: the integrals belong to the previous one."""
         self._leader = leader
         self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
             controller.forget()
 
     def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains; integrators keep what they hold."""
+        """Use other gains from now on; integrals are kept."""
         for controller in self._controllers:
             controller.retune(parameters)
 
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
-        """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
+        """Return the followers' setpoints; the controllers of inactive ones are reset."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
         its_model, states = self._models[self._leader].held(dt_s), situation.states
-        # Stage by stage for all: the code of a stage stays in the processor's cache, that of all stages doesn't fit.
+        # Each stage runs for all followers: its code then stays in the processor's cache, which can't hold all stages.
         flown = [states.of(column, column) for column in self._followers]
         pairs = list[Pair | None]()
         for i, column in enumerate(self._followers):
@@ -155,7 +154,7 @@ class FormationLaw(Law):
     def _pair(
         self, situation: Situation, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
     ) -> Pair:
-        """Return a follower, and its leader, whose `held` model is `its_model`, as the follower's setpoint acts."""
+        """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
         leader = situation.states.of(self._leader, column)
         return Pair(
             led(situation.lead.commanded[column], leader, its_model),
@@ -170,9 +169,9 @@ class FormationLaw(Law):
 
 
 def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> LeaderMotion:
-    """Return the motion of a leader in `state`, by a `held` model; its heading lags what is commanded by (7).
+    """Return the motion of a leader in `state`, which follows `commanded` by (7), through a `held` model.
 
-    Its setpoint jumps where its route changes. The slots turn no faster than the leader can.
+    Turn rates are limited to the leader's: its heading setpoint jumps where its route changes.
     """
     most_rps = model.turn_rate_max_rps
     turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, most_rps)
@@ -184,7 +183,7 @@ def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> 
 
 
 def nominal_gains(scenario: Scenario) -> Nominal:
-    """Return the gains that a scenario gives; vehicles that hover fly velocities, across as along."""
+    """Return the gains that a scenario gives; hovering vehicles use those of speed for both horizontal channels."""
     speed, heading, height = (
         PidGains(channel.kp, channel.ki, channel.kd, scenario.law.derivative_filter_s)
         for channel in _channels(scenario)
@@ -193,13 +192,13 @@ def nominal_gains(scenario: Scenario) -> Nominal:
 
 
 def gain_range(scenario: Scenario) -> GainRange:
-    """Return the range in which the law moves its gains about the nominal ones."""
+    """Return the range of the law's gains about the nominal ones."""
     fuzzy = scenario.law.fuzzy
     return GainRange(fuzzy.base, fuzzy.span) if law_kind(scenario).scheduled else FIXED_GAINS
 
 
 def _by_velocity(scenario: Scenario) -> bool:
-    """Return whether followers are commanded velocities, not speed and heading."""
+    """Return whether followers are commanded by velocity, not by speed and heading."""
     return scenario.hovers and not law_kind(scenario).mutual
 
 
@@ -209,7 +208,7 @@ def _channels(scenario: Scenario) -> tuple[keys.PidGains, keys.PidGains, keys.Pi
 
 
 def law_parameters(scenario: Scenario) -> LawParameters:
-    """Return the constants of a law in which each follows the leader by controllers of its own."""
+    """Return the constants of a law in which each follower has its own controllers and follows the leader."""
     law = scenario.law
     speed, heading, height = (
         ChannelConstants(
@@ -233,13 +232,13 @@ def law_parameters(scenario: Scenario) -> LawParameters:
 
 
 def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
-    """Return the law in which each follows the leader by controllers of its own."""
+    """Return the law in which each follower has its own controllers and follows the leader."""
     controller = VelocityController if _by_velocity(scenario) else FollowerController
     return FormationLaw(law_parameters(scenario), models, controller)
 
 
 def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> ConsensusLaw:
-    """Return the consensus law, its graph in the order of the columns: that of the scenario's leader is 0."""
+    """Return the consensus law, its graph in column order; the scenario's leader is column 0."""
     law, followers = scenario.law.consensus, {each.vehicle_id: 1 + i for i, each in enumerate(scenario.followers)}
     columns = np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
     weights = np.zeros((1 + len(followers),) * 2)
@@ -253,17 +252,17 @@ class LawKind:
     """What the commands need to know of a law."""
 
     name: str
-    """As reports show it."""
+    """As shown in reports."""
     make: Callable[[Scenario, list[AutopilotModel]], Law]
     mutual: bool = False
-    """Whether vehicles follow one another over the scenario's graph, the leader among them; else each the leader.
+    """Whether all vehicles, including the leader, follow one another over the scenario's graph; else each the leader.
 
-    Their states are then needed at one instant, and their loops are closed around all at once.
+    A mutual law needs all states at one instant, and its loop is closed around all vehicles at once.
     """
     scheduled: bool = False
-    """Whether gains are moved about the nominal ones."""
+    """Whether gains are scheduled about the nominal ones."""
     variants: tuple[tuple[str, tuple[str, ...]], ...] = (("", ()),)
-    """What `compare` flies of it: the ending of the name, and overrides in the manner of `--set`."""
+    """Variants that `compare` flies: a suffix of the name, and overrides in the manner of `--set`."""
 
 
 LAWS: dict[keys.LawType, LawKind] = {
@@ -279,5 +278,5 @@ LAWS: dict[keys.LawType, LawKind] = {
 
 
 def law_kind(scenario: Scenario) -> LawKind:
-    """Return what there is to know of the law that a scenario flies."""
+    """Return the kind of law that a scenario flies."""
     return LAWS[scenario.law.type]

@@ -1,7 +1,7 @@
-"""The parts of a setpoint: errors of a follower and the linear mixer (13), the slot's own motion, lead and envelope.
+"""The parts of a setpoint: a follower's errors and the linear mixer (13), the slot's own motion, lead and envelope.
 
 Signs: actual minus commanded, leader minus follower (errata items 14 and 25). Slots are forward, right and up of the
-leader, that is (-x_rc, -y_rc, -z_rc); all holds in either slot frame.
+leader, that is (-x_rc, -y_rc, -z_rc), in either slot frame.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ from flight_model.slot import Slot, Triple
 from formation_scenario.formation import Frame
 
 Replaced = tuple[bool, bool, bool]
-"""Of speed, heading and height: what is commanded isn't what the law decided."""
+"""For speed, heading and height: whether something else than the law's decision is commanded."""
 AS_DECIDED: Final[Replaced] = (False, False, False)
 TRAIL_S: Final = 1.36
-"""Least time behind the leader that the heading's gains are for in the follower's own frame: 30 m at 22 m/s."""
+"""Least distance behind the leader, divided by airspeed, that the heading gains are designed for in the follower's own
+frame: 30 m at 22 m/s."""
 asin: Final = math.asin
 atan2: Final = math.atan2
 hypot: Final = math.hypot
 CRAB_RADPS: Final = 0.65
-"""How fast a heading crabs against a gust: a slot 30 m aside is swung no faster than speed can follow."""
+"""Bandwidth with which a heading crabs against a gust: speed can still follow the swing of a slot 30 m to the side."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
-"""Most that a heading setpoint may deviate from the slot's own heading: a follower far to the side doesn't circle."""
+"""Largest deviation of a heading setpoint from the slot's own heading, so that a follower far off doesn't circle."""
 AWAY_RAD: Final = math.radians(120.0)
 """A follower whose heading differs from its slot's by more gets the slot's heading, so that it turns to one side.
 
-Between `INTERCEPT_MAX_RAD` and this angle, the correction allowed shrinks to zero. With its back to the leader, a
-follower would be commanded to turn left and right in alternation, and so fly straight on.
+Between `INTERCEPT_MAX_RAD` and this angle, the allowed correction shrinks to zero. Without this limit, a follower that
+flies away from the leader would be commanded left and right in alternation, and so fly straight on.
 """
 
 
@@ -49,7 +50,7 @@ class Mixer:
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class Target:
-    """The air-relative motion that keeps a follower in its slot without error in a steady turn."""
+    """Airspeed and heading that keep a follower in its slot without error in a steady turn."""
 
     def __init__(self, speed_mps: float, heading_rad: float) -> None:
         """Take airspeed and heading."""
@@ -60,7 +61,7 @@ class Target:
 def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis_rad: float) -> Triple:
     """Return x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
 
-    Both states are of one instant; x and y lie along and across `axis_rad`.
+    Both states are of the same instant; x and y are along and across `axis_rad`.
     """
     north_m, east_m = leader.north_m - follower.north_m, leader.east_m - follower.east_m
     x_m, y_m = rotated(axis_rad, north_m, east_m)
@@ -70,7 +71,7 @@ def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis
 def error_rate(
     leader: FlightState, follower: FlightState, error_m: Triple, slot: Slot, axis_rad: float, axis_turn_rps: float
 ) -> Triple:
-    """Return how fast `formation_error` changes, m/s: (8), from velocities over ground, while its axes turn."""
+    """Return the rate of change of `formation_error`, m/s: (8), from velocities over ground and its axes' turn rate."""
     leader_north_mps, leader_east_mps = leader.ground_mps()
     north_mps, east_mps = follower.ground_mps()
     x_mps, y_mps = rotated(axis_rad, leader_north_mps - north_mps, leader_east_mps - east_mps)
@@ -84,9 +85,9 @@ def error_rate(
 def slot_target(
     leader: FlightState, drift_x_mps: float, drift_y_mps: float, turn_rps: float, slot: Slot, frame: Frame
 ) -> Target:
-    """Return the airspeed and heading at which the slot stays occupied while its axes turn at `turn_rps`.
+    """Return the airspeed and heading that keep a follower in its slot while the slot's axes turn at `turn_rps`.
 
-    It allows for the drift D of (8) along and across the axes, and for a slot that is moving to another place. Source:
+    They include the drift D of (8) along and across the axes, and the motion of a slot that changes its place. Source:
     (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
     """
     v1, x_rc, y_rc = leader.airspeed_mps, -slot.forward_m, -slot.right_m
@@ -102,9 +103,10 @@ def slot_target(
 def amid(
     followers: list[FlightState], slots: list[Slot], speed_mps: float, turn_rps: float, frame: Frame
 ) -> FlightState:
-    """Return the leader relative to which the followers are, on average, in their slots.
+    """Return the leader's state for which the followers' slot errors are 0 on average.
 
-    It flies at `speed_mps` and turns at `turn_rps`, and each follower heads as its slot moves (errata item 24).
+    The leader flies at `speed_mps` and turns at `turn_rps`; each follower heads the way its slot moves (errata item
+    24).
     """
     count, still = len(followers), FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
     aside_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in slots]
@@ -133,7 +135,7 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) ->
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class LeaderMotion:
-    """How the leader flies."""
+    """The leader's state and how it changes."""
 
     def __init__(
         self,
@@ -143,7 +145,7 @@ class LeaderMotion:
         acceleration_mps2: float,
         climb_change_mps2: float,
     ) -> None:
-        """Take its state, its heading's first two derivatives, and the changes of its airspeed and its climb."""
+        """Take its state, its heading's first two derivatives, and the rates of its airspeed and climb."""
         self.state = state
         self.turn_rps = turn_rps
         self.bend_rps2 = bend_rps2
@@ -174,7 +176,7 @@ def feed_forward(
         bend_rps2: rate of that rate.
         slot: offset from the leader along the axes.
         model: of the vehicle that is to hold it.
-        updraught_mps: what carries that vehicle up.
+        updraught_mps: of the air at that vehicle.
     """
     off_rad = leader.state.heading_rad - axis_rad
     cos, sin = math.cos(off_rad), math.sin(off_rad)
@@ -189,7 +191,7 @@ def feed_forward(
 
 
 def lead_height(leader: LeaderMotion, slot: Slot, model: AutopilotModel, updraught_mps: float) -> float:
-    """Return the height setpoint that holds a slot: the slot's own, led by (7) as far as the air doesn't do it."""
+    """Return the height setpoint that holds a slot: its height, plus the lead of (7) for the climb less updraught."""
     height_m = leader.state.height_m + slot.up_m
     height_m += (model.tau_ha_s + model.tau_hb_s) * (leader.state.climb_mps + slot.up_mps - updraught_mps)
     return height_m + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
@@ -198,7 +200,7 @@ def lead_height(leader: LeaderMotion, slot: Slot, model: AutopilotModel, updraug
 def lead(
     target: Target, axis_rad: float, along_mps2: float, across_mps2: float, model: AutopilotModel
 ) -> tuple[float, float]:
-    """Return by how much speed and heading setpoints lead an acceleration of the slot along and across the axes."""
+    """Return the leads of the speed and heading setpoints for an acceleration along and across the axes."""
     angle_rad = target.heading_rad - axis_rad
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return (
@@ -208,26 +210,26 @@ def lead(
 
 
 class TrailingSlot:
-    """The turning of the axes of a slot in its follower's own frame, with the state kept between ticks.
+    """The turning of a slot's axes in the follower's own frame, with its state between ticks.
 
-    Equation (8) with the errors held at zero leaves the follower's heading no choice (the zero dynamics, errata item
-    23): x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity sideways. The slot's heading follows the leader's with
-    a lag of x_rc / v, which changes as the slot moves.
+    Equation (8) with the errors held at zero determines the follower's heading (the zero dynamics, errata item 23):
+    x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity sideways. The slot's heading follows the leader's with a
+    lag of x_rc / v, which changes as the slot moves.
     """
 
     def __init__(self) -> None:
-        """Start with a slot that has finished turning."""
+        """Start with a slot whose heading is steady."""
         self._off_rad = math.nan
         self._crab_rad = math.nan
 
     def turning(self, leader: LeaderMotion, slot: Slot, dt_s: float) -> tuple[float, float]:
-        """Return the axes' turn rate until the next tick, `dt_s` later, and how it changes."""
+        """Return the axes' turn rate until the next tick, `dt_s` later, and its rate of change."""
         speed, turn, x_rc = leader.state.airspeed_mps, leader.turn_rps, -slot.forward_m
-        # The angle that it comes to, and how that changes.
+        # Steady-state angle, and its rate.
         due_rad = math.asin(within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0))
         due_rps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
         off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
-        # A share of the way until the next tick, and the lag that makes it so: never less than a tick.
+        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would.
         lag_s = -dt_s / math.expm1(-dt_s * speed / max(x_rc, speed * dt_s))
         rate_rps = (due_rad - off_rad) / lag_s
         self._off_rad = off_rad + dt_s * rate_rps
@@ -236,8 +238,8 @@ class TrailingSlot:
     def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Triple:
         """Return the angle by which a follower crabs to the right, and its first two derivatives.
 
-        The air carries it to the right, relative to the leader. The heading goes by a lag of 1/`CRAB_RADPS`; so it's
-        known how the slot swings, and speed can go with it.
+        `drift_mps` is the drift to the right, relative to the leader. The angle follows it with a lag of
+        1/`CRAB_RADPS`, so the swing of the slot is known and speed can be led by it.
         """
         due_rad, due_rps = -drift_mps / speed_mps, -gust_mps2 / speed_mps
         angle_rad = due_rad if math.isnan(self._crab_rad) else self._crab_rad
@@ -246,7 +248,7 @@ class TrailingSlot:
         return angle_rad, rate_rps, CRAB_RADPS * (due_rps - rate_rps)
 
     def forget(self) -> None:
-        """Start again."""
+        """Start again with a steady slot."""
         self._off_rad = self._crab_rad = math.nan
 
 
@@ -255,12 +257,12 @@ class Envelope:
     """The limits of a vehicle's setpoints.
 
     Speed stays within the autopilot's limits, and heading within `INTERCEPT_MAX_RAD` of the slot's own heading (less
-    for a vehicle that flies elsewhere). Height stays so near the present height that the model needs no more than its
-    climb limit to get there within its time constants.
+    for a vehicle whose heading differs more). Height stays so near the present height that the model reaches it within
+    its time constants without exceeding its climb limit.
     """
 
     def __init__(self, own_heading_rad: float, state: FlightState, model: AutopilotModel) -> None:
-        """Take the limits of a vehicle in `state`, whose slot heads along `own_heading_rad`."""
+        """Compute the limits of a vehicle in `state` whose slot has the heading `own_heading_rad`."""
         off_rad = abs(wrap(state.heading_rad - own_heading_rad))
         self.aside_max_rad = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
         self.own_heading_rad = own_heading_rad
@@ -269,10 +271,10 @@ class Envelope:
         self.model = model
 
     def limit(self, speed_mps: float, heading_rad: float, height_m: float) -> Triple:
-        """Return the setpoints that are sent.
+        """Return the limited setpoints.
 
-        A heading stays on the side on which it is wanted: it is the slot's own heading plus a correction, which may
-        exceed half a turn far from the slot.
+        The heading isn't wrapped: it is the slot's own heading plus a correction, whose sign is the side to turn to and
+        which may exceed half a turn far from the slot.
         """
         aside_rad = within(heading_rad - self.own_heading_rad, -self.aside_max_rad, self.aside_max_rad)
         return (

@@ -1,4 +1,4 @@
-"""Input and output of every formation law at a tick, lists with an entry for each of C columns."""
+"""Input and output of every formation law at a tick; lists have an entry for each of C columns."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from gcs_formation.guidance.tracking import RouteHeading
 
 
 class Lead:
-    """What the guidance asks of the leader, and how the path continues there."""
+    """The guidance's commands to the leader, and how the path continues."""
 
     def __init__(self, leader: int, at: Instant, commanded: list[LeaderCommand], path: RouteHeading) -> None:
-        """Take what is asked for.
+        """Take the guidance's output.
 
         Args:
             leader: its column.
-            at: the instant of the leader's state that it was asked for.
-            commanded: for each column, what the leader flies by when that column's setpoint acts, in the envelope.
+            at: instant of the leader's state that the guidance used.
+            commanded: for each column, the command that the leader follows when that column's setpoint acts, within
+                the envelope.
             path: how it continues.
         """
         self.leader = leader
@@ -54,14 +55,13 @@ class Situation:
 
         Args:
             states: of all vehicles.
-            lead: what the leader does.
+            lead: the leader's commands.
             slots: at rest at 0 for the leader.
-            history: the setpoints that they were sent.
+            history: setpoints sent to the vehicles.
             wind_variance: of each component of the wind in a state, (m/s)².
-            active: columns that follow setpoints; the others' states are no more than finite.
-            bandwidth: share of their bandwidth that the loops of each channel are to have now; 1: as the scenario's
-                gains.
-            replaced: channels whose last setpoint was the separation rule's: nothing is to be learnt from their errors.
+            active: columns that follow setpoints; the others' states are finite but otherwise meaningless.
+            bandwidth: share of the full bandwidth for each channel's loop now; 1: the scenario's gains.
+            replaced: channels whose last setpoint was the separation rule's: their errors aren't integrated.
         """
         self.states = states
         self.lead = lead
@@ -73,22 +73,22 @@ class Situation:
         self.replaced = replaced
 
     def commanded(self, column: int) -> Triple:
-        """Return what a vehicle follows at the instant of its own state; NaN where nothing."""
+        """Return the setpoint that a vehicle follows at the instant of its own state; NaN before the first."""
         return self.history.commanded(self.states.instant(column) - 1, column)
 
 
 @mypyc_attr(acyclic=True)
 class Decided:
-    """What a law has decided for one vehicle, and the quantities that it came from."""
+    """A law's decision for one vehicle, and the quantities behind it."""
 
     def __init__(
         self, column: int, state: FlightState, setpoint: Triple, error_m: Triple, mixed: Triple, gains: Gains
     ) -> None:
-        """Take the decision; of no meaning for a vehicle that isn't active.
+        """Take the decision; it has no meaning for an inactive vehicle.
 
         Args:
             column: the vehicle's.
-            state: as the law took it.
+            state: the one that the law used.
             setpoint: speed, heading and height.
             error_m: formation error; NaN for the leader.
             mixed: mixed errors of (13); NaN where the law has none.
@@ -103,12 +103,12 @@ class Decided:
 
 
 class Law(ABC):
-    """A formation law, with the state it keeps between ticks."""
+    """A formation law, with its state between ticks."""
 
     @abstractmethod
     def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
-        """Return what the vehicles that it commands are told at this tick, which is `dt_s` after the last one."""
+        """Return the decisions for the vehicles that it commands at this tick, which is `dt_s` after the last one."""
 
     @abstractmethod
     def retune(self, parameters: LawParameters) -> None:
-        """Go on with other gains; a law without those of `LawParameters` keeps its own."""
+        """Use other gains from now on; a law that has none of `LawParameters` keeps its own."""

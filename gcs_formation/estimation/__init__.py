@@ -1,1 +1,1 @@
-"""Estimates of the present states from delayed ones."""
+"""Estimates of the vehicles' present states from delayed telemetry."""

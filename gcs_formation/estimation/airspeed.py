@@ -1,16 +1,17 @@
-"""What an aircraft's airspeed sensor is worth: whether its reading is believed, and how much faster the aircraft flies.
+"""Airspeed sensors: whether a reading is believed, and the ratio of true airspeed to readings.
 
-A sensor that fails reads 0, or sticks. Taken for airspeed, that shows an acceleration that nobody flies and a wind that
-nobody feels. What no flight reads isn't believed as long as velocity over ground and the wind known so far show an
-airspeed that is flown: that one, the synthetic airspeed, is taken instead. While it is, wind along the nose is kept
-and wind across it still followed. A gust changes airspeed or velocity over ground, but keeps the former within what
-is flown, so gusts are believed whatever their size.
+A failed sensor reads 0, or sticks. Used as airspeed, such readings show accelerations and winds that don't exist. A
+reading outside the flight envelope is rejected as long as the velocity over ground and the wind estimate give an
+airspeed inside the envelope. This synthetic airspeed then replaces it: the wind along the nose is held, the wind across
+it is still estimated. A gust changes airspeed or velocity over ground but keeps the airspeed within the envelope, so
+gusts are believed whatever their size.
 
-Autopilots tell, and are told, what the sensor reads: equivalent airspeed, if it is calibrated. In thin air the aircraft
-flies faster than that, by 8 % at 1600 m. Taken for true airspeed, readings show a wind that turns with the aircraft.
+Autopilots report and accept readings: equivalent airspeed, if the sensor is calibrated. In thin air true airspeed is
+higher, by 8 % at 1600 m. Used as true airspeed, readings show a wind that turns with the aircraft.
 
-The readings' scale is learnt from the wind triangle, which a turn tells from wind: velocity over ground is wind, plus
-the scaled reading along the heading. Linear in wind and scale, it takes a Kalman filter of three states.
+The scale of the readings is estimated from the wind triangle: velocity over ground is wind plus the scaled reading
+along the heading. In turns, scale and wind can be told apart. The equation is linear in both, so a Kalman filter of
+three states estimates them.
 
 Sources: ArduPilot, synthetic airspeed of EKF3. PX4, Airspeed Validation. Cho, Kim, Lee, Kee, "Wind Estimation and
 Airspeed Calibration using a UAV with a Single-Antenna GPS Receiver and Pitot Tube", IEEE Transactions on Aerospace and
@@ -26,52 +27,51 @@ from flight_model.autopilot_model import squared, within
 from flight_model.earth import true_by_equivalent_airspeed
 
 SLOWEST_SHARE: Final = 0.7
-"""Share of the lowest airspeed told below which nobody flies: a wing has to lift twice as well as there."""
+"""Lower end of the envelope, by the lower airspeed limit: there a wing needs twice its lift coefficient."""
 FASTEST_SHARE: Final = 1.2
-"""Share of the highest one above which nobody flies for long: drag grows by half."""
+"""Upper end of the envelope, by the upper airspeed limit: there drag is larger by half."""
 OFF_SHARE: Final = 0.25
-"""Share of the lowest one by which a reading has to be off what velocity over ground and wind show as well."""
+"""A rejected reading also differs from the synthetic airspeed by more than this share of the lower airspeed limit."""
 RETURN_SHARE: Final = 0.5
-"""The share of all these margins within which a reading has to be to be believed again."""
+"""Share of these margins that a reading must keep, for `RETURN_S`, to be believed again."""
 RETURN_S: Final = 2.0
-"""For how long it has to."""
 WIND_S: Final = 30.0
-"""Over about so long the wind is averaged: a sensor that ices up loses 1 m/s in a second, and what it shows until it is
-found out makes little of that."""
+"""Averaging time of the wind: a sensor that ices up, and so loses 1 m/s each second, changes it little before it is
+detected."""
 
 SCALE_SIGMA: Final = 0.08
-"""Standard deviation of a sensor's scale about 1 before anything is learnt."""
+"""Prior standard deviation of a sensor's scale about 1."""
 SCALE_WALK: Final = 2e-4
-"""How far the scale strays in a square root of a second."""
+"""Random walk of the scale, per square root of a second."""
 SCALES: Final = (0.75, 1.35)
-"""A scale beyond these isn't believed, whatever flies."""
+"""Limits of the estimated scale."""
 WIND_SIGMA_MPS: Final = 15.0
 WIND_WALK_MPS: Final = 0.1
-"""How far each component of the wind strays in a square root of a second."""
+"""Random walk of each component of the wind, per square root of a second."""
 TRIANGLE_SIGMA_MPS: Final = 3.0
-"""By how much a wind triangle is off: gusts, slip, and lags of what is measured. Gusts of 0.7 m/s that last for 10 s
-make each of the triangles in that time as wrong as the others, so that each says no more than one of this error."""
+"""Standard deviation of a wind triangle's error: gusts, sideslip, and lags of the measurements. It makes up for
+correlation: gusts of 0.7 m/s that last for 10 s give all triangles in that time the same error."""
 PERIOD_S: Final = 0.5
 GAP_S: Final = 10.0
-"""After a longer one the wind may be any."""
+"""After a longer gap in the telemetry the wind is unknown again."""
 LEAST_MPS: Final = 5.0
-"""Slower aircraft show no scale."""
+"""Smaller readings aren't used."""
 LIMITS_STEP: Final = 0.005
-"""By how much the ratio differs before limits of airspeed follow it."""
+"""Smallest change of the ratio that the airspeed limits follow."""
 
 
 class AirspeedCheck:
-    """Whether one aircraft's readings are believed, and its synthetic airspeed in the place of those that aren't."""
+    """Whether one aircraft's readings are believed, and its synthetic airspeed, which replaces rejected ones."""
 
     def __init__(self, slowest_mps: float, fastest_mps: float) -> None:
-        """Believe readings; those that are told are between the two limits."""
+        """Start by believing readings; the two limits are those of commanded airspeeds."""
         self._slowest_mps, self._fastest_mps = slowest_mps, fastest_mps
         self._north_mps: float = 0.0
         self._east_mps: float = 0.0
         """The wind; calm before the first reading."""
         self._stamp_s: float = math.nan
         self._plausible_s: float = 0.0
-        """For how long readings that aren't believed have been plausible again."""
+        """How long rejected readings have been plausible again."""
         self.believes = True
         """Whether the newest reading is believed."""
         self.synthetic_mps: float = math.nan
@@ -94,7 +94,7 @@ class AirspeedCheck:
             east_mps: likewise.
             heading_rad: of the nose.
             reading_mps: what the sensor reads.
-            ratio: true airspeed by what the sensor reads.
+            ratio: of true airspeed to the reading.
         """
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         begins, elapsed_s = math.isnan(self._stamp_s), stamp_s - self._stamp_s
@@ -118,41 +118,41 @@ class AirspeedCheck:
         self.believes = self._plausible_s >= RETURN_S
 
     def _is_plausible(self, reading_mps: float, expected_mps: float, share: float) -> bool:
-        """Return whether a reading is flown or as expected, within a share of the margins."""
+        """Return whether a reading is in the envelope or as expected, within a share of the margins."""
         off_mps = abs(reading_mps - expected_mps)
         return off_mps < share * OFF_SHARE * self._slowest_mps or self._is_flown(reading_mps, share)
 
     def _is_flown(self, reading_mps: float, share: float) -> bool:
-        """Return whether a reading is within a share of the margins around those that are told."""
+        """Return whether a reading is in the envelope, within a share of its margins around the airspeed limits."""
         lowest = 1.0 - share * (1.0 - SLOWEST_SHARE)
         highest = 1.0 + share * (FASTEST_SHARE - 1.0)
         return lowest * self._slowest_mps <= reading_mps <= highest * self._fastest_mps
 
 
 class AirspeedScale:
-    """The scale of one aircraft's readings, learnt from its wind triangles."""
+    """The scale of one aircraft's readings, estimated from its wind triangles."""
 
     def __init__(self, field_m: float, slowest_mps: float, fastest_mps: float) -> None:
-        """Start with a calibrated sensor, `field_m` above sea level; readings told are between the two limits."""
+        """Start with a calibrated sensor, `field_m` above sea level; the two limits are those of commanded readings."""
         self.ratio = true_by_equivalent_airspeed(field_m)
-        """True airspeed by what the sensor reads, where it flies now."""
+        """Ratio of true airspeed to the reading at the present height."""
         self._slowest_mps, self._fastest_mps = slowest_mps, fastest_mps
-        self._limited_by = self.ratio
+        self._limits_ratio = self.ratio
         self._stamp_s = math.nan
         self._states = [0.0, 0.0, 1.0]
-        """Wind north and east, m/s, and the scale: true airspeed by what a calibrated sensor would make of it."""
+        """Wind north and east, m/s, and the scale."""
         self._covariance = [[0.0] * 3 for _ in range(3)]
         self._covariance[2][2] = squared(SCALE_SIGMA)
 
     @property
     def scale(self) -> float:
-        """True airspeed by what it would be if the sensor were calibrated."""
+        """Ratio of true airspeed to the one that a calibrated sensor with the same reading would mean."""
         return self._states[2]
 
     @property
     def speeds_mps(self) -> tuple[float, float]:
-        """The least and the highest true airspeed: readings within their limits, and none faster than those."""
-        ratio = self._limited_by
+        """Limits of true airspeed: both it and its reading stay within the limits of readings."""
+        ratio = self._limits_ratio
         return self._slowest_mps * max(1.0, ratio), self._fastest_mps * min(1.0, ratio)
 
     def true(self, reading_mps: float) -> float:
@@ -160,7 +160,7 @@ class AirspeedScale:
         return self.ratio * reading_mps
 
     def reading(self, true_mps: float) -> float:
-        """Return what to tell the aircraft for a true airspeed: a reading within the limits."""
+        """Return the reading to command for a true airspeed, within the limits."""
         return within(true_mps / self.ratio, self._slowest_mps, self._fastest_mps)
 
     def learn(
@@ -184,18 +184,18 @@ class AirspeedScale:
         apart_s = stamp_s - self._stamp_s
         if not 0.0 <= apart_s < PERIOD_S and reading_mps >= LEAST_MPS:
             self._stamp_s = stamp_s
-            self._stray(apart_s)
+            self._predict(apart_s)
             north_mps, east_mps, climb_mps = velocity_mps
             level_mps = math.sqrt(max(squared(by_density * reading_mps) - squared(climb_mps), 0.0))
-            self._see((1.0, 0.0, level_mps * math.cos(heading_rad)), north_mps)
-            self._see((0.0, 1.0, level_mps * math.sin(heading_rad)), east_mps)
+            self._update((1.0, 0.0, level_mps * math.cos(heading_rad)), north_mps)
+            self._update((0.0, 1.0, level_mps * math.sin(heading_rad)), east_mps)
             self._states[2] = within(self._states[2], *SCALES)
         self.ratio = self._states[2] * by_density
-        if abs(self.ratio - self._limited_by) > LIMITS_STEP:
-            self._limited_by = self.ratio
+        if abs(self.ratio - self._limits_ratio) > LIMITS_STEP:
+            self._limits_ratio = self.ratio
 
-    def _stray(self, apart_s: float) -> None:
-        """Let wind and scale be what they are after a time, s; NaN or back in time: any wind."""
+    def _predict(self, apart_s: float) -> None:
+        """Grow the covariance over a time, s; after a gap, a step back in time or NaN the wind is unknown."""
         covariance = self._covariance
         if not 0.0 <= apart_s <= GAP_S:
             for wind in (0, 1):
@@ -207,8 +207,8 @@ class AirspeedScale:
             covariance[wind][wind] += squared(WIND_WALK_MPS) * apart_s
         covariance[2][2] += squared(SCALE_WALK) * apart_s
 
-    def _see(self, of: tuple[float, float, float], seen_mps: float) -> None:
-        """Correct the states by a component of the velocity over ground, which is `of` times them."""
+    def _update(self, of: tuple[float, float, float], seen_mps: float) -> None:
+        """Correct the states by a measured component of the velocity over ground; `of` is its derivative by them."""
         states, covariance = self._states, self._covariance
         shared = [each[0] * of[0] + each[1] * of[1] + each[2] * of[2] for each in covariance]
         expected_mps = states[0] * of[0] + states[1] * of[1] + states[2] * of[2]

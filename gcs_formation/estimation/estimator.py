@@ -1,7 +1,7 @@
 """The state of every vehicle at its newest time stamp, on the station's clock: one Kalman filter each.
 
-It always runs: exact telemetry is the case of small noise. It predicts by model (7) through the setpoints that were
-sent, weighs a sample by the noise that it has been seen to have, and gives little to a sample that isn't plausible.
+The filter always runs: exact telemetry is the case of small noise. It predicts by model (7) through the setpoints that
+were sent, weights samples by the noise estimated from the telemetry, and gives implausible samples little weight.
 """
 
 from __future__ import annotations
@@ -40,26 +40,26 @@ from gcs_formation.estimation.noise_and_plausibility import (
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 LEAST_AIRSPEED_MPS: Final = 1.0
-"""What a smaller airspeed is taken as: equations divide by it, and what can't hover has more."""
+"""Lower bound of airspeeds: equations divide by them, and a vehicle that can't hover flies faster."""
 COMMANDED_WALK: Final[tuple[float, float, float]] = UNMODELLED
 UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""How far climb, airspeed and heading stray, of a vehicle that is commanded by us and of one that isn't."""
+"""Random walk of climb, airspeed and heading, per square root of a second, of a vehicle we command and of others."""
 BEYOND_LIMIT: Final = 1.1
-"""Climbs a tenth above its limit aren't flown by our setpoints yet: so a take-off ends."""
+"""Share of the climb limit above which a climb doesn't follow our setpoints yet: the end of a take-off."""
 WITHOUT_WIND: Final = 0.1
-"""How far positions stray, m in a square root of a second, where the wind isn't observed."""
+"""Random walk of positions, m per square root of a second, where the wind isn't estimated."""
 GUST_RADPS: Final = 1.0
-"""Bandwidth of the wind's observation from which a gust is believed at once: a slower one is asked for where airspeed
-lags or is off, and would show gusts that aren't there."""
+"""Least bandwidth of the wind estimate at which gusts are accepted at once. A lower one is set where airspeed lags or
+is biased, which would look like gusts."""
 GUST_SIGMAS: Final = 4.0
-"""Standard deviations of the wind that a sample tells beyond which it is a gust: believed, at once."""
+"""A wind shown by a sample that differs by more standard deviations from the estimate is a gust, accepted at once."""
 FIRST_WIND_RADPS: Final = 0.2
-"""Bandwidth from which the wind's observation slows down to a slower one that is asked for: a first sample is off by
-its whole noise, which would be flown for as long as the observation is slow."""
+"""Initial bandwidth of the wind estimate where a lower one is set: it takes out the noise of the first sample, which
+would otherwise persist as long as the slow estimate does."""
 IMPLAUSIBLE_SAMPLES: Final = 5
-"""So many in a row aren't outliers: somebody else flies the vehicle. Its state begins anew from the newest."""
+"""This many in a row aren't outliers: somebody else flies the vehicle. The filter restarts from the newest sample."""
 FORGOTTEN_S: Final = 5.0
-"""A state that is so old says nothing about the present one."""
+"""The filter restarts from a sample if its state is older than this."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -81,10 +81,10 @@ class Sample:
         by_course: bool = False,
         airspeed_ratio: float = 1.0,
     ) -> None:
-        """Take the instant, the place, the velocity over ground, and the motion in the air.
+        """Take the instant, the position, the velocity over ground, airspeed and heading.
 
-        `by_course`: the vehicle is told courses over ground, and turns against the wind by itself.
-        `airspeed_ratio`: the airspeed by what its sensor read.
+        `by_course`: the vehicle is commanded by course over ground, and corrects for wind by itself.
+        `airspeed_ratio`: of true airspeed to the sensor's reading.
         """
         self.stamp = stamp
         self.north_m = north_m
@@ -99,7 +99,7 @@ class Sample:
         self.airspeed_ratio = airspeed_ratio
 
     def values(self, least_mps: float) -> Values:
-        """Return what was measured, in the order of the constructor's arguments; the airspeed no less than a limit."""
+        """Return the values in the order of the constructor's arguments; the airspeed is at least `least_mps`."""
         return (
             self.north_m,
             self.east_m,
@@ -113,9 +113,9 @@ class Sample:
 
 
 def heading_shown(state: FlightState, north_mps: float, east_mps: float) -> float:
-    """Return the heading that a velocity over ground shows of a vehicle in the wind that is known of its `state`.
+    """Return the heading that a velocity over ground implies: its course less the crab angle of the vehicle's `state`.
 
-    What is told courses turns against a gust by itself, before the wind's estimate has it.
+    A vehicle commanded by course turns into a gust by itself, before the wind estimate has changed.
     """
     known_north_mps, known_east_mps = state.ground_mps()
     crabbed_rad = math.atan2(known_east_mps, known_north_mps) - state.heading_rad
@@ -131,14 +131,14 @@ class VehicleFilter:
         self.stray = PlaceStray()
         self.state: FlightState | None = None
         self.stamp = 0
-        """Of the state, ns."""
+        """Time stamp of the state, ns."""
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
         self.updraught = Updraught(followed=updraughts)
         self._along = VelocityJacobian()
         """The Jacobian of the velocity over ground at the present state."""
         self.wind_radps = wind_radps
-        """The highest rate, rad/s, at which the wind's estimate follows what isn't a gust."""
+        """Highest bandwidth of the wind estimate for changes that aren't gusts, rad/s."""
         self._airspeed_ratio = 1.0
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -150,7 +150,7 @@ class VehicleFilter:
         self._along.linearise(state)
 
     def read_by(self, ratio: float) -> None:
-        """Take airspeeds as `ratio` times the readings from now on: the wind is another, the ground velocity isn't."""
+        """Use another airspeed ratio: the state's airspeed and wind change, its velocity over ground doesn't."""
         if ratio == self._airspeed_ratio:
             return
         if self.state is not None:
@@ -168,7 +168,7 @@ class VehicleFilter:
         self._begin(values, stamp, self._wind_of(values), (wind, wind))
 
     def _begin(self, values: Values, stamp: int, winds: tuple[float, float], variances: tuple[float, float]) -> None:
-        """Start from a single sample, with a wind north and east of these variances."""
+        """Start from a single sample, with a wind north and east and its variances."""
         noise, airspeed_mps, heading_rad = self.noise.values, values[6], values[7]
         wind_north, wind_east = winds
         self.state = FlightState(
@@ -192,7 +192,10 @@ class VehicleFilter:
         *,
         commanded: bool,
     ) -> None:
-        """Correct the state `predicted` for the time of a sample by its values; `commanded`: by our setpoints."""
+        """Correct the state `predicted` for the time of a sample by the sample's values.
+
+        `commanded`: the vehicle follows our setpoints.
+        """
         elapsed_s, along, before = (stamp - self.stamp) / NANOSECONDS, self._along, self.state
         follows = commanded and before is not None and abs(before.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
         walk = COMMANDED_WALK if follows else UNCOMMANDED_WALK
@@ -215,12 +218,12 @@ class VehicleFilter:
         self._residual = innovation(values, predicted, along)
         self._implausible = 0 if plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
-            # Whoever flies the vehicle, the wind is what it was.
+            # The wind estimate is kept: it doesn't depend on who flies the vehicle.
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
             self._begin(values, stamp, winds, (level.wind_north[WIND_NORTH], level.wind_east[WIND_EAST]))
 
     def _move(self, state: FlightState, along: VelocityJacobian, difference: Values, variances: Values) -> None:
-        """Move a predicted state to where a sample's values, of such noise, have it; the covariances shrink."""
+        """Correct a predicted state, and the covariances, by a sample's innovations and their noise variances."""
         north, east, speed, heading, wind_north, wind_east = correct_level(self.level, along, difference, variances)
         up, climb = correct_height(self.height, difference, variances)
         state.north_m += north
@@ -234,11 +237,11 @@ class VehicleFilter:
 
     @property
     def wind_variance(self) -> float:
-        """Of each component of the wind, (m/s)²."""
+        """Variance of each component of the wind, (m/s)²."""
         return (self.level.wind_north[WIND_NORTH] + self.level.wind_east[WIND_EAST]) / 2
 
     def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
-        """Carry the covariances on to the time of a sample."""
+        """Predict the covariances for the time of a sample."""
         variances = self.noise.values
         climb, speed, heading = walk
         self.level.carry(self._along, elapsed_s, model)
@@ -252,17 +255,17 @@ class VehicleFilter:
         self.height.climb += squared(climb) * elapsed_s
 
     def _wind_of(self, values: Values) -> tuple[float, float]:
-        """Return the wind that a sample tells by itself."""
+        """Return the wind that a single sample shows."""
         if self.wind_radps <= 0.0:
             return 0.0, 0.0
         airspeed_mps, heading_rad = values[6], values[7]
         return values[3] - airspeed_mps * math.cos(heading_rad), values[4] - airspeed_mps * math.sin(heading_rad)
 
     def _first_wind_variance(self, airspeed_mps: float) -> float:
-        """Return the variance of the wind that a first sample tells: its own, or that of an estimate that is slow.
+        """Return the initial variance of the wind: that of the first sample's wind, or less for a slow estimate.
 
-        An estimate that begins with a sample's own follows the next ones at once: for its first seconds it would be as
-        fast as those asked not to have that lag.
+        Starting with the sample's own variance, a slow estimate would follow the next samples as fast as a fast one for
+        its first seconds.
         """
         if self.wind_radps <= 0.0:
             return 0.0
@@ -278,7 +281,7 @@ class VehicleFilter:
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
     def _believe_gust(self, values: Values, predicted: FlightState, elapsed_s: float) -> None:
-        """Let the wind be uncertain where a sample tells of one that has changed at once."""
+        """Raise the wind's variance where a sample shows a gust."""
         north_mps, east_mps = self._wind_of(values)
         size = (squared(north_mps - predicted.wind_north_mps) + squared(east_mps - predicted.wind_east_mps)) / 2
         known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
@@ -304,21 +307,21 @@ class StateEstimator:
             noise: of the columns' telemetry, (C,).
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
-            wind_radps: the most that the wind's estimate follows anything but gusts; 0: the wind stays 0.
-            updraughts: whether what carries them up or down is followed; else it stays 0.
+            wind_radps: highest bandwidth of the wind estimate for anything but gusts; 0: the wind stays 0.
+            updraughts: whether vertical motion of the air is estimated; else it stays 0.
         """
         self.filters = [VehicleFilter(each, wind_radps, telemetry_hz, updraughts=updraughts) for each in noise]
-        """Every column's, with its newest state."""
+        """One for each column, with its newest state."""
         self._history = history
 
     def observe_wind(self, wind_radps: float) -> None:
-        """Follow the wind at most so fast from now on."""
+        """Set the highest bandwidth of the wind estimate."""
         for each in self.filters:
             each.wind_radps = wind_radps
 
     @property
     def sway_m(self) -> float:
-        """How far air that rises and sinks moves the one that it moves farthest, a standard deviation."""
+        """Standard deviation of the height error from vertical gusts, of the vehicle with the largest, m."""
         return math.sqrt(max([each.updraught.sway_m2 for each in self.filters]))
 
     def age_s(self, column: int, now: Instant) -> float:
@@ -327,7 +330,7 @@ class StateEstimator:
         return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
     def forget(self, column: int) -> None:
-        """Forget a vehicle that has restarted."""
+        """Reset the filter of a vehicle that has restarted."""
         self.filters[column].state = None
         self.filters[column].noise.begin()
         self.filters[column].stray = PlaceStray()
@@ -337,9 +340,9 @@ class StateEstimator:
         self.filters[column].place(state, stamp)
 
     def take(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
-        """Take the newest samples of those that have one, all (C,); who is `commanded` follows our setpoints.
+        """Take the newest samples, None where there is none; `commanded`: who follows our setpoints; (C,) each.
 
-        All are predicted, then all are corrected: the code of both wouldn't stay in a processor's first cache.
+        All states are predicted, then all corrected: the code of both steps exceeds the processor's first cache.
         """
         predicted = [
             None if sample is None else self._predict(column, sample, models[column])
@@ -353,7 +356,7 @@ class StateEstimator:
                 each.correct(values, stamp, state, model, commanded=commanded[column])
 
     def _predict(self, column: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
-        """Return a column's state at its newest sample; None where it begins with that sample."""
+        """Return a column's state predicted for its newest sample; None if the filter starts from that sample."""
         each, stamp = self.filters[column], int(sample.stamp)
         each.read_by(sample.airspeed_ratio)
         state = each.state
@@ -366,5 +369,5 @@ class StateEstimator:
 
 
 def _least_mps(model: AutopilotModel) -> float:
-    """Return what a smaller airspeed is taken as; what can stand may drift backwards."""
+    """Return the lower bound of a vehicle's airspeeds; one that can hover may drift backwards."""
     return -model.speed_max_mps if model.may_stand else LEAST_AIRSPEED_MPS

@@ -1,8 +1,8 @@
 """The extended Kalman filter of a vehicle's state through model (7).
 
-Height and climb are a filter of their own: nothing of them is in the motion over ground, nor the other way round. A
-sample's values have independent noise, so they are taken one after another, which is the same as all at once. What
-carries a vehicle up besides its own climb is found from how the filter corrects its climb.
+Height and climb have a filter of their own, since they are independent of the motion over ground. A sample's values
+have independent noise, so they are processed one after another, which is equivalent to all at once. Updraughts are
+estimated from the filter's corrections of the climb.
 
 Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6.
 """
@@ -17,7 +17,7 @@ from flight_model.decay import of_climb
 from gcs_formation.estimation.noise_and_plausibility import Values
 
 Level = tuple[float, float, float, float, float, float]
-"""Of north, east, airspeed, heading, and the wind north and east. Compiled, it is six numbers side by side."""
+"""Values for north, east, airspeed, heading, and the wind north and east. Compiled, it is six adjacent numbers."""
 NORTH: Final = 0
 EAST: Final = 1
 SPEED: Final = 2
@@ -25,14 +25,15 @@ HEADING: Final = 3
 WIND_NORTH: Final = 4
 WIND_EAST: Final = 5
 UPDRAUGHT_GAIN: Final = 2.0
-"""How many metres a height setpoint answers each metre of height, in a fast swing, that the model doesn't explain.
+"""Response of the height setpoint to fast changes of height that the model doesn't explain, in metres per metre.
 
-Real autopilots follow fast setpoints farther than (7) says: a PX4 whose lags add up to 8 s kept swinging by 1 m at 8.
+Real autopilots follow fast setpoints further than (7) says: with a gain of 8, a PX4 whose lags add up to 8 s kept
+oscillating by 1 m.
 """
 UPDRAUGHT_SIGMAS: Final = 2.0
-"""Standard deviations of a sample's climb below which it may be noise."""
+"""Updraughts within this many standard deviations of the telemetry's climb are taken for noise."""
 SWAY_MEMORY_S: Final = 60.0
-"""For how long it is remembered how far a vehicle was moved; turbulence lasts for minutes, a gust for seconds."""
+"""Averaging time of `Updraught.sway_m2`; turbulence lasts for minutes, a gust for seconds."""
 
 
 class LevelCovariance:
@@ -49,9 +50,9 @@ class LevelCovariance:
         self.grow(variances, 1.0)
 
     def carry(self, along: VelocityJacobian, elapsed_s: float, model: AutopilotModel) -> None:
-        """Carry it on by the derivative F of the states after `elapsed_s` by the states before: F P F^T.
+        """Predict it over `elapsed_s` by F P F^T; F is the derivative of the later states by the present ones.
 
-        The heading is taken to be constant for that: `along` is of the state before.
+        F takes the heading to be constant: `along` is of the state before.
         """
         speed_left, heading_left = math.exp(-elapsed_s / model.tau_v_s), math.exp(-elapsed_s / model.tau_psi_s)
         speed_s, heading_s = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
@@ -61,12 +62,12 @@ class LevelCovariance:
         north = plus(plus(plus(self.north, north_v, speed), north_psi, heading), elapsed_s, self.wind_north)
         east = plus(plus(plus(self.east, east_v, speed), east_psi, heading), elapsed_s, self.wind_east)
         by_speed, by_heading = (north_v, east_v, speed_left), (north_psi, east_psi, heading_left)
-        self.north = _across(north, by_speed, by_heading, elapsed_s)
-        self.east = _across(east, by_speed, by_heading, elapsed_s)
-        self.speed = _across(plus(speed, speed_left - 1.0, speed), by_speed, by_heading, elapsed_s)
-        self.heading = _across(plus(heading, heading_left - 1.0, heading), by_speed, by_heading, elapsed_s)
-        self.wind_north = _across(self.wind_north, by_speed, by_heading, elapsed_s)
-        self.wind_east = _across(self.wind_east, by_speed, by_heading, elapsed_s)
+        self.north = _predicted(north, by_speed, by_heading, elapsed_s)
+        self.east = _predicted(east, by_speed, by_heading, elapsed_s)
+        self.speed = _predicted(plus(speed, speed_left - 1.0, speed), by_speed, by_heading, elapsed_s)
+        self.heading = _predicted(plus(heading, heading_left - 1.0, heading), by_speed, by_heading, elapsed_s)
+        self.wind_north = _predicted(self.wind_north, by_speed, by_heading, elapsed_s)
+        self.wind_east = _predicted(self.wind_east, by_speed, by_heading, elapsed_s)
 
     def grow(self, variances: Level, share: float) -> None:
         """Add `share` times `variances`."""
@@ -79,7 +80,7 @@ class LevelCovariance:
         self.wind_east = plus(self.wind_east, share, (0.0, 0.0, 0.0, 0.0, 0.0, f))
 
     def gust(self, variance: float, elapsed_s: float) -> None:
-        """Add a change of the wind, of `variance` north and east, that came at any time of the last `elapsed_s`."""
+        """Add a step of the wind, of `variance` north and east, at an unknown time in the last `elapsed_s`."""
         place, both = variance * elapsed_s**2 / 3, variance * elapsed_s / 2
         self.north = plus(self.north, 1.0, (place, 0.0, 0.0, 0.0, both, 0.0))
         self.east = plus(self.east, 1.0, (0.0, place, 0.0, 0.0, 0.0, both))
@@ -95,9 +96,9 @@ class LevelCovariance:
         return plus(plus(self.wind_east, along.east_by_speed, self.speed), along.east_by_heading, self.heading)
 
     def update(self, seen: Level, spread: float, off: float) -> Level:
-        """Return the correction of the states by a scalar measurement of innovation `off`, and update the covariance.
+        """Update the covariance by a scalar measurement, and return the correction of the states.
 
-        `seen`: its covariances with the states; `spread`: the variance of its innovation.
+        `seen`: the measurement's covariances with the states; `spread`: variance of its innovation, `off`.
         """
         a, b, c, d, e, f = seen
         self.north = plus(self.north, -a / spread, seen)
@@ -124,14 +125,14 @@ class VelocityJacobian:
         self.east_by_speed, self.east_by_heading = sin, state.airspeed_mps * cos
 
     def north_mps(self, states: Level) -> float:
-        """Return by how much the velocity over ground to the north changes with a change of the states.
+        """Return the change of the velocity over ground to the north for a change of the states.
 
-        Of the states' covariances with that velocity, it makes the velocity's variance.
+        Applied to the states' covariances with that velocity, it gives the velocity's variance.
         """
         return self.north_by_speed * states[SPEED] + self.north_by_heading * states[HEADING] + states[WIND_NORTH]
 
     def east_mps(self, states: Level) -> float:
-        """Return by how much the velocity over ground to the east changes, or its variance, as `north_mps` does."""
+        """Return the change of the velocity over ground to the east, or its variance, as `north_mps` does."""
         return self.east_by_speed * states[SPEED] + self.east_by_heading * states[HEADING] + states[WIND_EAST]
 
 
@@ -145,7 +146,7 @@ class HeightCovariance:
         self.climb = climb
 
     def carry(self, elapsed_s: float, model: AutopilotModel) -> None:
-        """Carry it on by `elapsed_s` through the height's two poles; their difference 0 makes them a double pole."""
+        """Predict it over `elapsed_s` through the height's two poles, which may be equal."""
         slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
         slow, fast = math.exp(-elapsed_s / slow_s), math.exp(-elapsed_s / fast_s)
         climb_s = of_climb(elapsed_s, slow_s, fast_s, slow, fast)
@@ -157,32 +158,32 @@ class HeightCovariance:
 
 
 class Updraught:
-    """What carries one vehicle up, from how it climbs against model (7)."""
+    """Vertical motion of the air at one vehicle, estimated from its climb beyond model (7)."""
 
     def __init__(self, *, followed: bool) -> None:
-        """Start in still air. `followed`: whether states have it."""
+        """Start in still air. `followed`: whether the vehicle's state includes the updraught; else that stays 0."""
         self._followed = followed
         self._felt_mps = 0.0
-        """As samples show it; of a state it is as far as that is followed."""
+        """The updraught that samples show; the state's follows it with a lag."""
         self._known_s = 0.0
         self.sway_m2 = 0.0
-        """Mean square of how far it moves a vehicle that is told a height."""
+        """Mean square of the height error that updraughts cause at a constant height setpoint, m²."""
 
     def forget(self) -> None:
-        """Begin anew with a vehicle's state; the air is as rough as it was."""
+        """Reset the updraught with the vehicle's state, but keep `sway_m2`."""
         self._felt_mps = 0.0
 
     def feel(
         self, state: FlightState, climbs_mps: float, variance: float, elapsed_s: float, model: AutopilotModel
     ) -> None:
-        """Take what a sample says; the updraught that the sample's `state` has follows.
+        """Update the estimate by a sample, and the updraught of the sample's `state`.
 
-        Its own climb follows its setpoints by (7): what it climbs faster than that, it keeps as long as the air carries
-        it, and a difference that doesn't last ends by both lags. It counts as far as it stands out from noise.
+        The vehicle's own climb follows its setpoints by (7). A climb beyond that lasts as long as the updraught; a
+        passing difference decays with both lags. Only the part above the telemetry's noise counts.
 
         Args:
-            state: by model and sample; its updraught is changed.
-            climbs_mps: by how much it climbs faster than the model has it in its updraught.
+            state: the corrected state; its updraught is changed.
+            climbs_mps: correction of the climb that the model predicted with the present updraught.
             variance: of the telemetry's climb, (m/s)².
             elapsed_s: since the sample before.
             model: the vehicle's.
@@ -201,13 +202,13 @@ class Updraught:
 
 
 def innovation(sample: Values, state: FlightState, along: VelocityJacobian) -> Values:
-    """Return a sample minus the one that a vehicle in `state` would give; `along` is of that state."""
+    """Return a sample minus the one expected from a vehicle in `state`; `along` is of that state."""
     a, b, c, d, e, f, g, h = sample
     return (
         a - state.north_m,
         b - state.east_m,
         c - state.height_m,
-        d - (along.east_by_heading + state.wind_north_mps),  # as V cos(psi) is its derivative east, by the heading
+        d - (along.east_by_heading + state.wind_north_mps),  # V cos(psi) is the derivative of V sin(psi) by psi
         e - (state.wind_east_mps - along.north_by_heading),
         f - state.climb_mps,
         g - state.airspeed_mps,
@@ -225,7 +226,7 @@ def minus(values: Values, others: Values) -> Values:
 def innovation_variances(
     level: LevelCovariance, height: HeightCovariance, along: VelocityJacobian, noise: Values
 ) -> Values:
-    """Return the variances of a sample's innovations: what comes from the state's, and its values' own `noise`."""
+    """Return the variances of a sample's innovations: the state's contribution plus the values' own `noise`."""
     return (
         level.north[NORTH] + noise[0],
         level.east[EAST] + noise[1],
@@ -239,9 +240,9 @@ def innovation_variances(
 
 
 def correct_level(covariance: LevelCovariance, along: VelocityJacobian, off: Values, noise: Values) -> Level:
-    """Return by how much a sample's values correct the states, and take what they tell from the covariance.
+    """Return the correction of the states by a sample's values, and update the covariance.
 
-    `off` and `noise` are the innovations and variances of all eight values.
+    `off` and `noise` are the innovations and noise variances of all eight values.
     """
     seen = covariance.north
     found = covariance.update(seen, seen[NORTH] + noise[0], off[0])
@@ -260,7 +261,7 @@ def correct_level(covariance: LevelCovariance, along: VelocityJacobian, off: Val
 
 
 def correct_height(covariance: HeightCovariance, off: Values, noise: Values) -> tuple[float, float]:
-    """Return by how much height and climb are corrected likewise."""
+    """Return the corrections of height and climb likewise."""
     height, cross, climb = covariance.height, covariance.cross, covariance.climb
     by_height = height + noise[2]
     first, second = height / by_height, cross / by_height
@@ -277,16 +278,16 @@ def correct_height(covariance: HeightCovariance, off: Values, noise: Values) -> 
 
 
 def plus(row: Level, share: float, other: Level) -> Level:
-    """Return a row plus a share of another."""
+    """Return `row + share * other`."""
     a, b, c, d, e, f = row
     u, v, w, x, y, z = other
     return a + share * u, b + share * v, c + share * w, d + share * x, e + share * y, f + share * z
 
 
-def _across(
+def _predicted(
     row: Level, by_speed: tuple[float, float, float], by_heading: tuple[float, float, float], elapsed_s: float
 ) -> Level:
-    """Return a row's covariances with the states `elapsed_s` later: P F^T of a row of P.
+    """Return a row of P F^T from that of P: its covariances with the states `elapsed_s` later.
 
     Args:
         row: covariances with the states now.

@@ -1,4 +1,4 @@
-"""The lags that fit a vehicle's telemetry, from simulations of it by models (7) of several lags: `lags` says when."""
+"""Fits a vehicle's lags to its telemetry, from simulations by models (7) of several lags; see `lags`."""
 
 from __future__ import annotations
 
@@ -12,38 +12,37 @@ from flight_model.autopilot_model import squared, within
 from gcs_formation.estimation.lag_simulation import ResidualBatch
 
 RATIO_MAX: Final = 2.0
-"""A lag is found between the believed one divided and multiplied by this."""
+"""Fitted lags are between the declared one divided by this and multiplied by it."""
 BOUND: Final = math.log(RATIO_MAX)
-BELIEVED_SPREAD: Final = 0.35
-"""Standard deviation of the logarithm of a lag's ratio before anything is learnt: 40 %."""
-BELIEF: Final = 1.0 / BELIEVED_SPREAD**2
+PRIOR_SPREAD: Final = 0.35
+"""Prior standard deviation of the logarithm of a lag's ratio to the declared one: 40 %."""
+PRIOR_INFORMATION: Final = 1.0 / PRIOR_SPREAD**2
 CORRELATED_S: Final = 1.0
-"""Residuals this far apart count as independent, unless they are seen to stay alike for longer."""
+"""Residuals this far apart count as independent, unless they are found to be correlated for longer."""
 BATCH_S: Final = 1.0
-"""How often lags are fitted."""
+"""Interval between fits."""
 ALIKE_S: Final = 60.0
-"""Time constant of the memory of how long residuals stay alike."""
+"""Time constant of the memory of `Persistence`."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
-GUST_ALIKE: Final = 6.0
-"""How many batches are believed to tell no more than one, until it is seen. The misfit's count goes no higher: what
-stays alike for longer may be lags that are far off."""
-GUST_WORTH: Final = 5.0
-"""How many pairs of batches that belief is worth."""
+PRIOR_BATCHES: Final = 6.0
+"""Prior number of successive batches whose residuals are correlated. Also the largest number that the misfit uses:
+residuals that are correlated for longer may come from wrong lags."""
+PRIOR_WORTH: Final = 5.0
+"""Weight of that prior, in pairs of batches."""
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 SETTLED: Final = 1e-3
-"""A change of a ratio's logarithm at a fit so small that the next fit waits for samples that show lags."""
+"""After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation."""
 LEAST_SPREAD: Final = 0.02
-"""What was seen first is forgotten once the ratio is known better than this: lags may change. Without excitation
-nothing is learnt, and nothing forgotten."""
+"""Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since lags may change. Without
+excitation nothing is learnt and nothing forgotten."""
 RECENT_S: Final = 20.0
 """Time constant of the misfit's memory."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
-"""What it keeps from one fit to the next."""
 FITTED: Final = 2.0
-"""Independent residuals that a mean and a share take up which are fitted to them: so few tell nothing of chance."""
+"""Degrees of freedom of the residuals that the misfit's own fit uses, for a mean and a share."""
 SIGNIFICANT: Final = 2.0
-"""Standard deviations of the misfit that don't count."""
+"""Standard deviations by which the misfit is reduced, so that chance doesn't count."""
 
 
 class Nodes:
@@ -61,13 +60,13 @@ class Nodes:
 
     def weights(self, log_ratio: list[float]) -> vec[vec[float]]:
         """Return (P + 1, K): the weights of the simulations at `log_ratio` (P), and their derivatives."""
-        first, by_first = self._of_one(log_ratio[0])
+        first, by_first = self._one_parameter(log_ratio[0])
         if self.parameters == 1:
             return vec[vec[float]]([first, by_first])
-        second, by_second = self._of_one(log_ratio[1])
-        return vec[vec[float]]([_each(first, second), _each(by_first, second), _each(first, by_second)])
+        second, by_second = self._one_parameter(log_ratio[1])
+        return vec[vec[float]]([_outer(first, second), _outer(by_first, second), _outer(first, by_second)])
 
-    def _of_one(self, log_ratio: float) -> tuple[vec[float], vec[float]]:
+    def _one_parameter(self, log_ratio: float) -> tuple[vec[float], vec[float]]:
         """Return the weights (n) for one parameter, and their derivatives."""
         size = len(self._terms)
         weights, slopes = vec[float]([0.0] * size), vec[float]([0.0] * size)
@@ -81,13 +80,13 @@ class Nodes:
 
 
 class Persistence:
-    """How long residuals stay alike: turbulence moves a vehicle for longer than a batch, and tells nothing of lags.
+    """For how many batches residuals stay correlated: turbulence moves a vehicle for longer than a batch.
 
-    By von Neumann's ratio of the means of batch after batch: rho = 1 - steps / (2 size), of squares.
+    From von Neumann's ratio of successive batches' means: rho = 1 - steps / (2 size), both sums of squares.
     """
 
     def __init__(self, resolution: float) -> None:
-        """Begin with residuals that are independent, and no larger than a `resolution`."""
+        """Begin with independent residuals of the size of `resolution`."""
         self._before: float = math.nan
         self._count: float = 0.0
         self._mean: float = 0.0
@@ -106,47 +105,47 @@ class Persistence:
 
     @property
     def batches(self) -> float:
-        """How many batches in a row tell no more than one of independent residuals: (1 + rho) / (1 - rho)."""
+        """Number of successive batches with the information of one of independent residuals: (1 + rho) / (1 - rho)."""
         seen = max(1.0, 4.0 * self._size / self._steps - 1.0)
-        return (GUST_WORTH * GUST_ALIKE + self._count * seen) / (GUST_WORTH + self._count)
+        return (PRIOR_WORTH * PRIOR_BATCHES + self._count * seen) / (PRIOR_WORTH + self._count)
 
 
 class LagFit:
-    """A vehicle's airspeed, heading or height: what was seen, and the P lags that fit it."""
+    """The fit of the P lags of a vehicle's airspeed, heading or height."""
 
     def __init__(self, nodes: Nodes, resolution: float, rate_hz: float, *, in_use: bool) -> None:
-        """Start with the believed lags.
+        """Start with the declared lags.
 
-        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
+        `rate_hz` is that of the telemetry; `in_use`: whether the model has the fitted lags, not the declared ones.
         """
         self.log_ratio = [0.0] * nodes.parameters
-        """(P) of the lags to the believed ones."""
+        """(P) logarithms of the fitted lags' ratios to the declared ones."""
         self.misfit = 0.0
-        """Share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        """Relative difference of recently flown lags from those in use, beyond chance."""
         self._nodes, self._resolution, self._in_use = nodes, resolution, in_use
         self._least_variance = resolution**2
         self._alike = max(1.0, CORRELATED_S * rate_hz)
         self._kept = 1.0
-        """Share of what was seen that counts from now on."""
+        """Factor by which the sums are scaled before the next batch is added: forgetting."""
         self._settled = True
-        """Whether the last fit changed next to nothing."""
+        """Whether the last fit changed less than `SETTLED`."""
         self._weights = nodes.weights(self.log_ratio)
-        """Of the simulations at the lags in use, and their derivatives."""
+        """Weights of the simulations at the lags in use, and their derivatives."""
         self._persistence = Persistence(resolution)
         self._all, self._recent = _zeros(len(nodes.at) + 1), _zeros(len(nodes.at) + 1)
-        """(K + 1, K + 1) sums of products over all samples that count and over recent ones, of batches that show lags,
-        up to the diagonal: of K simulations minus telemetry, and of 1."""
+        """(K + 1, K + 1) sums of products over all samples, and over recent ones, of batches with excitation, up to the
+        diagonal: products of the K simulations minus telemetry, and of 1."""
         self._still_recent = 1.0
-        """Share of the recent sums that still counts."""
+        """Factor by which the recent sums are yet to be scaled."""
         self._shown = _zeros(nodes.parameters + 2)
         """(P + 2, P + 2) likewise over recent samples: of residuals of the lags in use, their derivatives, and 1."""
         self._calm_square = self._calm_total = self._calm_count = 0.0
-        """Sums over recent samples of batches that don't show lags: of residuals, and of 1."""
+        """Sums over recent samples of batches without excitation: of residuals squared, of residuals, and of 1."""
 
     def learn(self, tracks: ResidualBatch) -> bool:
-        """Take a batch of samples. Fit the lags anew if it shows any, or while they still change; return whether.
+        """Take a batch of samples; refit the lags if it has excitation or they still change, and return whether.
 
-        Where simulations of all lags are the same, samples only tell how large and how lasting other residuals are.
+        Without excitation all simulations agree; the samples then only show how large and how correlated residuals are.
         """
         excited = tracks.excited(self._resolution)
         fits = excited or not self._settled
@@ -155,35 +154,35 @@ class LagFit:
             self._add(tracks)
         if fits:
             weights = self._nodes.weights(self.log_ratio)
-            seen = _about_means(_projected(self._all, weights))
-            nearer = self._nearer(seen)
-            self._take(tracks, _moved(weights, nearer), calm=not excited)
-            self._fit(seen, self._persistence.batches * _left(seen, nearer) / _count(self._all))
+            seen = _centred(_projected(self._all, weights))
+            step = self._least_squares_step(seen)
+            self._take(tracks, _weights_near(weights, step), calm=not excited)
+            self._fit(seen, self._persistence.batches * _residual_square(seen, step) / _count(self._all))
             self._shown = _projected(self._recent, self._weights)
-            _keep(self._shown, self._still_recent)
+            _scale(self._shown, self._still_recent)
         else:
             self._take(tracks, self._weights[0], calm=True)
         self._judge()
         return fits
 
     def _age(self) -> None:
-        """Have what was recent be so no more, by and by."""
+        """Apply one batch's forgetting to the recent sums."""
         self._still_recent *= STILL_RECENT
-        _keep(self._shown, STILL_RECENT)
+        _scale(self._shown, STILL_RECENT)
         self._calm_square *= STILL_RECENT
         self._calm_total *= STILL_RECENT
         self._calm_count *= STILL_RECENT
 
     def _add(self, tracks: ResidualBatch) -> None:
-        """Add a batch that shows lags to the sums."""
-        _keep(self._all, self._kept)
-        _keep(self._recent, self._still_recent)
+        """Add a batch with excitation to the sums."""
+        _scale(self._all, self._kept)
+        _scale(self._recent, self._still_recent)
         self._still_recent = 1.0
         for sample in range(tracks.count):
             _add(tracks.rows[sample], self._all, self._recent)
 
     def _take(self, tracks: ResidualBatch, weights: vec[float], *, calm: bool) -> None:
-        """Take what lags leave of a batch, by these weights; it's `calm` if it shows none."""
+        """Take a batch's residuals, given the weights of the simulations; `calm`: without excitation."""
         square = total = 0.0
         for sample in range(tracks.count):
             residual = _dot(weights, tracks.rows[sample])
@@ -196,27 +195,27 @@ class LagFit:
             self._calm_total += total
             self._calm_count += count
 
-    def _nearer(self, seen: vec[vec[float]]) -> list[float]:
-        """Return by how much other ratios would come nearest to what was `seen`, as far as it stands out."""
+    def _least_squares_step(self, seen: vec[vec[float]]) -> list[float]:
+        """Return the step of the log ratios that minimises the residuals `seen`, regularised by the prior."""
         found = [0.0 for _ in self.log_ratio]
-        held = BELIEF * self._least_variance * self._alike
+        held = PRIOR_INFORMATION * self._least_variance * self._alike
         for place, row in enumerate(_inverse_with(_information(seen, 1.0), held)):
             for other, each in enumerate(row):
                 found[place] -= each * seen[1 + other][0]
         return found
 
     def _fit(self, seen: vec[vec[float]], variance: float) -> None:
-        """Make a Gauss-Newton step towards the most likely lags, and forget what is more than enough.
+        """Make a Gauss-Newton step towards the most likely lags, and set how much is forgotten.
 
         Args:
-            seen: the products of the simulation with its lags, and of its derivatives, about their means.
-            variance: of what no lags would explain, so often as it stays alike.
+            seen: products of the residuals at the present ratios, and of their derivatives, about their means.
+            variance: of the residuals that no lags explain, times the number of correlated batches.
         """
         log_ratio, most, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._least_variance) * self._alike)
         information = _information(seen, worth)
-        pull = [-seen[1 + place][0] * worth - each * BELIEF for place, each in enumerate(log_ratio)]
-        for place, row in enumerate(_inverse_with(information, BELIEF)):
+        pull = [-seen[1 + place][0] * worth - each * PRIOR_INFORMATION for place, each in enumerate(log_ratio)]
+        for place, row in enumerate(_inverse_with(information, PRIOR_INFORMATION)):
             wanted, before = 0.0, log_ratio[place]
             for other, each in enumerate(row):
                 wanted += each * pull[other]
@@ -229,12 +228,11 @@ class LagFit:
             self._weights = self._nodes.weights(log_ratio)
 
     def _judge(self) -> None:
-        """Find by what common share the lags in use differ from those of what was flown last.
+        """Estimate the misfit: the common relative difference of the lags in use from those flown recently.
 
-        So many batches as stay alike tell no more of residuals than an independent one. Only those that show lags
-        count: a gust and the law's answer to it, in calm flight, are one event however long that flight was. Few of
-        them, less a mean and a share that were fitted to them, tell little of how large residuals are, and nothing
-        where none are left. A share beyond what simulations span is taken for theirs.
+        The number of independent residuals is that of samples with excitation, divided by the correlation time, less
+        `FITTED`. Calm flight doesn't add to it: a gust and the law's response to it are one event, however long the
+        flight. With none left the misfit is 0. It is limited to the range of the simulations.
         """
         sums, last = self._shown, len(self._shown) - 1
         samples = max(sums[last][last] + self._calm_count, 1.0)
@@ -248,7 +246,7 @@ class LagFit:
         shown -= slopes * total / samples
         excitation = max(by_all - squared(slopes) / samples, 1e-12)
         size = sums[0][0] + self._calm_square - squared(total) / samples
-        free = sums[last][last] / (self._alike * min(self._persistence.batches, GUST_ALIKE)) - FITTED
+        free = sums[last][last] / (self._alike * min(self._persistence.batches, PRIOR_BATCHES)) - FITTED
         if free <= 0.0:
             self.misfit = 0.0
             return
@@ -258,19 +256,19 @@ class LagFit:
 
 
 def _zeros(size: int) -> vec[vec[float]]:
-    """Return a symmetric matrix of zeros: of each row what is up to the diagonal."""
+    """Return a symmetric matrix of zeros, rows up to the diagonal."""
     return vec[vec[float]]([vec[float]([0.0] * (row + 1)) for row in range(size)])
 
 
 def _dot(one: vec[float], other: vec[float]) -> float:
-    """Return the product of two lists' numbers, as many as the first has."""
+    """Return the scalar product of a list with the first numbers of another."""
     total = 0.0
     for place in range(len(one)):
         total += one[place] * other[place]
     return total
 
 
-def _keep(sums: vec[vec[float]], share: float) -> None:
+def _scale(sums: vec[vec[float]], share: float) -> None:
     """Scale all sums by a share: exponential forgetting."""
     for row in sums:
         for place in range(len(row)):
@@ -278,7 +276,7 @@ def _keep(sums: vec[vec[float]], share: float) -> None:
 
 
 def _add(row: vec[float], sums: vec[vec[float]], others: vec[vec[float]]) -> None:
-    """Add the products of each two numbers of a row to sums, and to others."""
+    """Add the products of every two numbers of a row to `sums` and to `others`."""
     for one in range(len(row)):
         value, to, to_other = row[one], sums[one], others[one]
         for other in range(one + 1):
@@ -288,16 +286,16 @@ def _add(row: vec[float], sums: vec[vec[float]], others: vec[vec[float]]) -> Non
 
 
 def _count(sums: vec[vec[float]]) -> float:
-    """Return how many samples they are of, 1 at least."""
+    """Return the number of samples in the sums, 1 at least."""
     end = len(sums) - 1
     return max(sums[end][end], 1.0)
 
 
 def _projected(sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float]]:
-    """Return the sums of products of P + 1 weighted means of the simulations, and of 1."""
+    """Return the sums of products of P + 1 weighted means of the simulations, and of 1, from those of simulations."""
     totals, found, end = sums[len(sums) - 1], _zeros(len(weights) + 1), len(weights)
     for one in range(end):
-        along = _along(sums, weights[one])
+        along = _products_with_mean(sums, weights[one])
         for other in range(one + 1):
             found[one][other] = _dot(weights[other], along)
         found[end][one] = _dot(weights[one], totals)
@@ -305,7 +303,7 @@ def _projected(sums: vec[vec[float]], weights: vec[vec[float]]) -> vec[vec[float
     return found
 
 
-def _along(sums: vec[vec[float]], weights: vec[float]) -> vec[float]:
+def _products_with_mean(sums: vec[vec[float]], weights: vec[float]) -> vec[float]:
     """Return the sums of products (K) of the simulations' weighted mean with each of them."""
     along = vec[float]([0.0] * len(weights))
     for one in range(len(weights)):
@@ -317,8 +315,8 @@ def _along(sums: vec[vec[float]], weights: vec[float]) -> vec[float]:
     return along
 
 
-def _about_means(sums: vec[vec[float]]) -> vec[vec[float]]:
-    """Make the sums of products, but for those with 1, such about their means, and return them."""
+def _centred(sums: vec[vec[float]]) -> vec[vec[float]]:
+    """Change the sums of products, except those with 1, to ones about the means, and return them."""
     end, count = len(sums) - 1, _count(sums)
     totals = sums[end]
     for one in range(end):
@@ -327,8 +325,8 @@ def _about_means(sums: vec[vec[float]]) -> vec[vec[float]]:
     return sums
 
 
-def _moved(weights: vec[vec[float]], by: list[float]) -> vec[float]:
-    """Return the weights (K) of the simulations at ratios that are moved, from weights and their derivatives."""
+def _weights_near(weights: vec[vec[float]], by: list[float]) -> vec[float]:
+    """Return the weights (K) of the simulations after a step `by` of the log ratios, to first order."""
     moved = vec[float]([0.0] * len(weights[0]))
     for node in range(len(moved)):
         weight = weights[0][node]
@@ -339,7 +337,7 @@ def _moved(weights: vec[vec[float]], by: list[float]) -> vec[float]:
 
 
 def _information(seen: vec[vec[float]], worth: float) -> list[list[float]]:
-    """Return the products (P, P) of the derivatives with each other, times what they are worth."""
+    """Return the products (P, P) of the derivatives with each other, times `worth`."""
     first = seen[1][1] * worth
     if len(seen) == 3:
         return [[first]]
@@ -347,8 +345,8 @@ def _information(seen: vec[vec[float]], worth: float) -> list[list[float]]:
     return [[first, cross], [cross, seen[2][2] * worth]]
 
 
-def _left(seen: vec[vec[float]], by: list[float]) -> float:
-    """Return the simulation's product with itself, about its mean, at ratios that are moved."""
+def _residual_square(seen: vec[vec[float]], by: list[float]) -> float:
+    """Return the sum of squared residuals about their mean after a step `by` of the log ratios, to first order."""
     left, information = seen[0][0], _information(seen, 1.0)
     for one, each in enumerate(by):
         left += 2.0 * each * seen[1 + one][0]
@@ -357,7 +355,7 @@ def _left(seen: vec[vec[float]], by: list[float]) -> float:
     return max(left, 0.0)
 
 
-def _each(rows: vec[float], columns: vec[float]) -> vec[float]:
+def _outer(rows: vec[float], columns: vec[float]) -> vec[float]:
     """Return all products of two lists' numbers, those of the first of `rows` first."""
     return vec[float]([row * column for row in rows for column in columns])
 

@@ -1,4 +1,4 @@
-"""Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once: `lags` says what for."""
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once; see `lags`."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
-"""Share of a rate limit beyond which nothing is learnt of a lag: what flies at its limit doesn't show it, and the limit
-may be lower than believed (an aircraft turns the slower, the faster it flies)."""
+"""Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its lag, and the limit may
+be lower than declared (the faster an aircraft flies, the slower it turns)."""
 STEP_NS: Final = 100_000_000
-"""Simulations move on by about so much at once; in each step they follow the mean of the setpoints that act in it."""
+"""Approximate time step; in each step the simulations follow the mean of the setpoints that act in it."""
 ALIKE_NS: Final = 1_000_000
-"""Steps that differ by no more are taken as equally long, so that exponentials are seldom computed. What one leaves out
-of the time, the next one has."""
+"""Steps that differ by no more count as equal, which saves exponentials. The next step makes up for the difference."""
 Seen = tuple[float, float, float, float]
 """Airspeed, heading, height and climb, m/s, rad, m."""
 
 
 class ResidualBatch:
-    """A vehicle's residuals of one channel: of each of some samples, the K simulations minus telemetry, then 1."""
+    """A vehicle's residuals in one channel: for each sample, the K simulations minus telemetry, then 1."""
 
     def __init__(self, simulations: int, samples: int) -> None:
-        """Take K, and how many samples there may be."""
+        """Take K and the largest number of samples."""
         self.count: i64 = 0
-        """Of the samples."""
+        """Number of samples."""
         self.rows = vec[vec[float]]([vec[float]([0.0] * simulations + [1.0]) for _ in range(samples)])
         """(B, K + 1)."""
 
@@ -42,11 +41,11 @@ class ResidualBatch:
         return self.rows[self.count - 1]
 
     def clear(self) -> None:
-        """Take the samples away."""
+        """Remove all samples."""
         self.count = 0
 
     def excited(self, resolution: float) -> bool:
-        """Return whether the simulations differ by more than a resolution: the first from the last."""
+        """Return whether the first and the last simulation differ by more than `resolution`."""
         for sample in range(self.count):
             row = self.rows[sample]
             if abs(row[0] - row[len(row) - 2]) > resolution:
@@ -55,33 +54,33 @@ class ResidualBatch:
 
 
 class FirstOrder:
-    """Simulations of an airspeed or a heading by K lags."""
+    """Simulations of airspeed or heading by K lags."""
 
-    def __init__(self, lags_s: list[float], believed_s: float, rate_max: float, *, turns: bool) -> None:
-        """Take lags, the believed one, and the limit of the rate; `turns`: what is simulated is an angle."""
+    def __init__(self, lags_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
+        """Take the lags, the declared one, and the rate limit; `turns`: the value is an angle."""
         self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
         self._made_good = vec[float]([0.0] * len(lags_s))
-        """Share of an error that is made good in a step."""
+        """Share of an error that a step removes."""
         self._rate_max, self._turns, self._step_s = rate_max, turns, 0.0
-        self._free = FREE * rate_max * believed_s
+        self._free = FREE * rate_max * declared_s
         self._off = 0.0
-        """Largest mean error of all simulations in the batch."""
+        """Largest error in the batch, as a mean over the simulations."""
 
     def begin(self, value: float) -> None:
-        """Begin anew from a value."""
+        """Restart from a value."""
         for node in range(len(self._values)):
             self._values[node] = value
 
     def begin_batch(self) -> None:
-        """Forget by how much simulations were off."""
+        """Reset the largest error."""
         self._off = 0.0
 
     def free(self) -> bool:
-        """Return whether they kept clear of the rate limit in the batch."""
+        """Return whether the simulations kept clear of the rate limit in the batch."""
         return self._off < self._free
 
     def step_by(self, time_s: float) -> None:
-        """Make steps of so much time from now on."""
+        """Set the time step."""
         self._step_s = time_s
         for node in range(len(self._lags_s)):
             self._made_good[node] = 1.0 - math.exp(-time_s / self._lags_s[node])
@@ -110,43 +109,43 @@ class FirstOrder:
 
 
 class SecondOrder:
-    """Simulations of a height by K pairs of lags."""
+    """Simulations of height by K pairs of lags."""
 
-    def __init__(self, pairs_s: list[tuple[float, float]], believed: AutopilotModel) -> None:
-        """Take pairs of lags, and the believed model."""
+    def __init__(self, pairs_s: list[tuple[float, float]], declared: AutopilotModel) -> None:
+        """Take the pairs of lags, and the declared model."""
         self._slow_s = vec[float]([max(pair) for pair in pairs_s])
         self._fast_s = vec[float]([min(pair) for pair in pairs_s])
         self._heights_m, self._climbs_mps = vec[float]([0.0] * len(pairs_s)), vec[float]([0.0] * len(pairs_s))
         self._left = [Decay() for _ in pairs_s]
-        """What is left of 1 after a step; of a climb, in height, also in `_climb_s`."""
+        """Decay over a step; `_climb_s` repeats its `climb_s`."""
         self._climb_s = vec[float]([0.0] * len(pairs_s))
         self._height_of_error, self._climb_of_error, self._climb_of_climb = (
             vec[float]([0.0] * len(pairs_s)) for _ in range(3)
         )
-        """What is left after a step of an error of 1 m and of a climb of 1 m/s."""
-        self._most_mps, self._step_s = believed.climb_max_mps, 0.0
-        self._free_m = FREE * believed.climb_max_mps * (believed.tau_ha_s + believed.tau_hb_s)
+        """Height and climb after a step from an error of 1 m, and climb after a step from a climb of 1 m/s."""
+        self._most_mps, self._step_s = declared.climb_max_mps, 0.0
+        self._free_m = FREE * declared.climb_max_mps * (declared.tau_ha_s + declared.tau_hb_s)
         self._off_m = 0.0
 
     def begin(self, height_m: float, climb_mps: float) -> None:
-        """Begin anew from a height and a climb."""
+        """Restart from a height and a climb."""
         for node in range(len(self._heights_m)):
             self._heights_m[node], self._climbs_mps[node] = height_m, climb_mps
 
     def begin_batch(self) -> None:
-        """Forget by how much simulations were off."""
+        """Reset the largest error."""
         self._off_m = 0.0
 
     def free(self) -> bool:
-        """Return whether they kept clear of the rate limit in the batch."""
+        """Return whether the simulations kept clear of the rate limit in the batch."""
         return self._off_m < self._free_m
 
     def step_by(self, time_s: float) -> None:
-        """Make steps of so much time from now on."""
+        """Set the time step."""
         self._step_s = time_s
         for node in range(len(self._slow_s)):
             slow_s, fast_s, left = self._slow_s[node], self._fast_s[node], self._left[node]
-            left.find(time_s, math.inf, math.inf, slow_s, fast_s)
+            left.compute(time_s, math.inf, math.inf, slow_s, fast_s)
             climb_s = self._climb_s[node] = left.climb_s
             self._height_of_error[node] = left.slow + climb_s / slow_s
             self._climb_of_error[node] = -climb_s / (slow_s * fast_s)
@@ -183,7 +182,7 @@ class SecondOrder:
 
 
 class Samples:
-    """What a vehicle's telemetry had at the ticks of a batch; the first ended the batch before."""
+    """A vehicle's telemetry at the ticks of a batch; the first sample is the last of the batch before."""
 
     def __init__(self, most: int) -> None:
         """Make room for `most` samples."""
@@ -193,7 +192,7 @@ class Samples:
         self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * most) for _ in range(3))
 
     def add(self, stamp: i64, motion: Seen) -> None:
-        """Add one, unless it isn't newer."""
+        """Add a sample if it is newer than the last."""
         if self.count > 0 and stamp <= self.stamps[self.count - 1]:
             return
         self.stamps[self.count] = stamp
@@ -201,7 +200,7 @@ class Samples:
         self.count += 1
 
     def near(self, sample: i64, instant: i64) -> Triple:
-        """Return airspeed, heading and height at an instant near a sample's, by what changed from the one before it."""
+        """Return airspeed, heading and height at an instant near a sample's, linearly through it and the one before."""
         last = sample - 1
         back = float(self.stamps[sample] - instant) / float(self.stamps[sample] - self.stamps[last])
         return (
@@ -212,31 +211,31 @@ class Samples:
 
     @property
     def span_s(self) -> float:
-        """From the first to the last."""
+        """Time from the first to the last sample."""
         return float(self.stamps[self.count - 1] - self.stamps[0]) / NANOSECONDS
 
 
 class Bank:
     """A vehicle's simulations from its setpoints alone."""
 
-    def __init__(self, believed: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
-        """Simulate lags that are the believed ones times e to the power of `height` (K, 2), and of `air`, fewer."""
+    def __init__(self, declared: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
+        """Simulate the declared lags times exp(`air`), for airspeed and heading, and times exp(`height`), (K, 2)."""
         self.flying = False
         """Whether the simulations have begun."""
-        speed_s, heading_s = believed.tau_v_s, believed.tau_psi_s
+        speed_s, heading_s = declared.tau_v_s, declared.tau_psi_s
         speeds_s = [speed_s * math.exp(each[0]) for each in air]
         headings_s = [heading_s * math.exp(each[0]) for each in air]
-        pairs_s = [(believed.tau_ha_s * math.exp(one), believed.tau_hb_s * math.exp(other)) for one, other in height]
-        self._speeds = FirstOrder(speeds_s, speed_s, believed.accel_max_mps2, turns=False)
-        self._headings = FirstOrder(headings_s, heading_s, believed.turn_rate_max_rps, turns=True)
-        self._heights = SecondOrder(pairs_s, believed)
-        self._slowest_mps, self._fastest_mps = believed.speed_min_mps, believed.speed_max_mps
+        pairs_s = [(declared.tau_ha_s * math.exp(one), declared.tau_hb_s * math.exp(other)) for one, other in height]
+        self._speeds = FirstOrder(speeds_s, speed_s, declared.accel_max_mps2, turns=False)
+        self._headings = FirstOrder(headings_s, heading_s, declared.turn_rate_max_rps, turns=True)
+        self._heights = SecondOrder(pairs_s, declared)
+        self._slowest_mps, self._fastest_mps = declared.speed_min_mps, declared.speed_max_mps
         self._at: i64 = 0
         """The instant of the simulations, ns."""
         self._step: i64 = 0
 
     def begin(self, learnt: list[bool], stamp: i64, seen: Seen) -> None:
-        """Begin those simulations, of airspeed, heading and height, anew that aren't `learnt` from what was `seen`."""
+        """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `learnt`."""
         self.flying = not math.isnan(seen[0])
         speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
         if not any(learnt):
@@ -249,10 +248,10 @@ class Bank:
             self._heights.begin(height_m, climb_mps)
 
     def fly(self, samples: Samples, sent: SentSetpoints, batch: list[ResidualBatch]) -> list[bool]:
-        """Put the simulations minus telemetry into a batch of airspeed, heading and height, without samples.
+        """Fill the empty batches of airspeed, heading and height with the simulations minus telemetry.
 
-        Return of which of them lags are to be learnt: of those that kept clear of the rate limits; of none if the
-        vehicle hadn't been `sent` setpoints all the time.
+        Return which of them are to be used: those that kept clear of the rate limits; none if the vehicle wasn't `sent`
+        setpoints all the time.
         """
         self._speeds.begin_batch()
         self._headings.begin_batch()
@@ -279,7 +278,7 @@ class Bank:
         return [self._speeds.free(), self._headings.free(), self._heights.free()]
 
     def _step_by(self, step: i64) -> None:
-        """Make steps of so many ns, unless they are so long already."""
+        """Set the time step, ns, unless it's about the same."""
         if -ALIKE_NS <= step - self._step <= ALIKE_NS:
             return
         self._step, step_s = step, float(step) / NANOSECONDS

@@ -1,10 +1,10 @@
-"""The lags of equation (7) as each vehicle flies them, learnt from its telemetry and what it was sent.
+"""Estimates of each vehicle's lags in equation (7), from its telemetry and the setpoints that it was sent.
 
 Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
 setpoints alone by several models at once, whose lags span `RATIO_MAX`. Between them the simulated motion is
-interpolated by a polynomial in the logarithm of the lag's ratio to the believed one. The ratio found is the one that
-comes nearest to the telemetry by least squares, held by a normal prior about the believed lag. No measurement enters
-the simulation, so white noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
+interpolated by a polynomial in the logarithm of the lag's ratio to the declared one. The ratio is fitted to the
+telemetry by least squares, with a normal prior about the declared lag. No measurement enters the simulation, so white
+noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from gcs_formation.estimation.lag_simulation import Bank, ResidualBatch, Samples
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
-"""Residuals of airspeed (m/s), heading (rad) and height (m) count as no smaller: telemetry's digits, and the instant at
-which a setpoint acts, aren't known better."""
+"""Least standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m): telemetry is rounded, and
+the instant at which a setpoint acts isn't known exactly."""
 GAP_S: Final = 3.0
-"""A longer gap in the telemetry starts the simulation anew."""
+"""A longer gap in the telemetry restarts the simulations."""
 
 
 class VehicleLags:
-    """A vehicle's batch of samples, its simulations, and the lags that fit them."""
+    """A vehicle's batch of samples, its simulations, and the lags fitted to them."""
 
     def __init__(
         self, model: AutopilotModel, air: Nodes, height: Nodes, samples: int, hz: float, *, learnt: bool, in_use: bool
     ) -> None:
-        """Start with the lags that `model` has; so many `samples` are a batch, `hz` a second of them are measured."""
+        """Start with the lags of `model`; `samples`: of a batch; `hz`: rate of the telemetry."""
         self._learnt = learnt
-        """Whether it flies by (7); of others, whose model only comes near them, no lags are learnt."""
+        """Whether it flies by (7); where the model is only an approximation, no lags are estimated."""
         self.model = model
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
         self._bank = Bank(model, air.at, height.at)
@@ -49,7 +49,7 @@ class VehicleLags:
         self._learning = True
 
     def log_ratios(self) -> list[float]:
-        """Return logarithms of its lags by the believed ones: of airspeed, of heading, and both of height."""
+        """Return the logarithms of its lags' ratios to the declared ones: airspeed, heading, and both of height."""
         return [each for channel in self.channels for each in channel.log_ratio]
 
     def hear(self, stamp: i64, motion: Seen) -> None:
@@ -57,14 +57,14 @@ class VehicleLags:
         self._stamp, self._motion = max(stamp, self._stamp), motion
 
     def note(self, *, learning: bool) -> None:
-        """Add the newest sample; `learning`: it flies as it was commanded."""
+        """Add the newest sample; `learning`: the vehicle follows its setpoints."""
         self._learning = self._learning and learning and not math.isnan(self._motion[0])
         self._samples.add(self._stamp, self._motion)
 
     def learn(self, sent: SentSetpoints) -> None:
-        """Learn from the batch what it shows, and begin the next one.
+        """Fit the lags to the batch, and begin the next one with the newest sample.
 
-        It begins with the newest sample; the simulations that didn't teach begin anew from it.
+        Simulations whose residuals couldn't be used restart from that sample.
         """
         learnt, changed = [False, False, False], False
         if self._learning and self._learnt and self._bank.flying and self._samples.span_s <= GAP_S + BATCH_S:
@@ -81,7 +81,7 @@ class VehicleLags:
         self._samples.add(self._stamp, self._motion)
 
     def _use(self) -> None:
-        """Give its model the lags that were found."""
+        """Set the model's lags to the fitted ones."""
         speed, heading, slow, fast = self.log_ratios()
         model, (speed_s, heading_s, slow_s, fast_s) = self.model, self._lags_s
         model.tau_v_s, model.tau_psi_s = speed_s * math.exp(speed), heading_s * math.exp(heading)
@@ -89,9 +89,9 @@ class VehicleLags:
 
 
 class LagEstimator:
-    """Keeps the lags of the models of all vehicles, (C,), as they fly; they are changed in place.
+    """Updates the lags of all vehicles' models, (C,), in place.
 
-    Everyone who predicts or steers by those models reads them anew each tick.
+    Whatever predicts or steers by those models reads the lags again each tick.
     """
 
     def __init__(
@@ -104,10 +104,10 @@ class LagEstimator:
         in_use: bool,
         learnt: list[bool] | None = None,
     ) -> None:
-        """Start with the lags that `models` have; `history` holds what was commanded.
+        """Start with the lags of `models`; `history` holds the setpoints.
 
-        Not `in_use`, the models stay as they are, and only their misfit is watched. `learnt` (C,): who flies by (7), so
-        that its lags can be found; everybody by default.
+        Unless `in_use`, the models stay as they are, and only their misfit is estimated. `learnt` (C,): vehicles that
+        fly by (7), so that their lags can be estimated; all by default.
         """
         air, height, self._ticks = Nodes(5, 1), Nodes(4, 2), max(2, round(BATCH_S * law_hz))
         size = air, height, self._ticks, telemetry_hz
@@ -120,7 +120,7 @@ class LagEstimator:
 
     @property
     def misfit(self) -> list[list[float]]:
-        """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
+        """(3, C) estimated relative differences of the lags of airspeed, heading and height from those in use."""
         return [[each.channels[place].misfit for each in self.vehicles] for place in range(len(RESOLUTION))]
 
     def hear(self, column: int, stamp: int, motion: Seen) -> None:
@@ -128,9 +128,9 @@ class LagEstimator:
         self.vehicles[column].hear(stamp, motion)
 
     def learn(self, learning: list[bool]) -> None:
-        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were commanded.
+        """Take the newest samples at a tick, and fit the lags every `BATCH_S`.
 
-        Once in `BATCH_S` the models' lags are fitted.
+        `learning` (C,): vehicles that follow their setpoints.
         """
         for column, flies in enumerate(learning):
             self.vehicles[column].note(learning=flies)

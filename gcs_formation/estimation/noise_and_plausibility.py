@@ -1,12 +1,12 @@
-"""How samples of telemetry are weighed: noise as it is seen, how far positions stray, values that aren't plausible.
+"""How telemetry samples are weighted: their noise, the drift of their positions, and implausible values.
 
-White noise of variance r in a sample makes the increments that the model doesn't explain alternate: successive ones
-have a covariance of -r. Gusts and lags that differ from the model's give increments that are uncorrelated or follow
-each other in sign, so they aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
+White noise of variance r makes successive increments that the model doesn't explain anticorrelated: their covariance is
+-r. Gusts, and lags that differ from the model's, give increments that are uncorrelated or of the same sign, so they
+aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
 
-A sample has eight values: north, east, height, their rates over ground, airspeed, heading. One counts in full up to
-`IMPLAUSIBLE_SIGMAS` standard deviations from what is expected; beyond, its noise is taken to be larger by the square
-of the excess.
+A sample has eight values: north, east, height, their rates over ground, airspeed, heading. A value within
+`IMPLAUSIBLE_SIGMAS` standard deviations of the expected one has full weight; beyond, its noise is increased by the
+square of the excess.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ import numpy as np
 from flight_model.autopilot_model import squared, within
 
 Values = tuple[float, float, float, float, float, float, float, float]
-"""Of a sample."""
+"""The values of a sample, or figures for each of them."""
 Quantities = tuple[float, float, float, float, float, float]
-"""Of `QUANTITIES`."""
+"""Figures for each of `QUANTITIES`."""
 QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "heading")
-"""What has a noise of its own. North and east count as one quantity."""
+"""Quantities with a noise of their own. North and east count as one quantity."""
 RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
-"""Where nothing is declared: the noise that a real autopilot's estimates begin with here."""
+"""Initial standard deviations where none are declared, for a real autopilot's estimates."""
 MOST_PLACE: Final = 30.0 * 30.0
-"""Largest variance of positions and heights; what is noisier isn't telemetry of a flight in formation; m²."""
+"""Largest variance of positions and heights, m²."""
 MOST_VELOCITY: Final = 5.0 * 5.0
 """Largest variance of velocities and climbs, (m/s)²."""
 MOST_AIRSPEED: Final = 10.0 * 10.0
@@ -37,26 +37,27 @@ MOST_AIRSPEED: Final = 10.0 * 10.0
 MOST_HEADING: Final = 0.5 * 0.5
 """Largest variance of headings, rad²."""
 MEMORY: Final = 100.0
-"""Samples over which the mean is taken."""
+"""Number of samples in the mean."""
 FIRST_MEMORY: Final = 20.0
-"""Samples that the declared noise weighs as much as, at the start."""
+"""Initial weight of the declared noise, in samples."""
 CLIPPED_AT: Final = 2.0
 """Standard deviations at which increments are clipped, so that an outlier isn't taken for noise."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
-"""Standard deviations beyond which a value of a sample counts less, by the square of the excess."""
+"""Standard deviations beyond which a sample's value has less weight, by the square of the excess."""
 STRAYED: Final = 1.0
-"""Added to their square, (m/s)²: what a vehicle may do between two samples that the model doesn't know of; of positions
-and heights it is by the square of the time between them."""
+"""Added to their variance, (m/s)²: motion between two samples that the model doesn't know. For positions and heights it
+is the square of the interval, in m²."""
 STRAYED_ROUND: Final = 0.1 * 0.1
-"""Added to the square of headings, rad²."""
+"""The same for headings, rad²."""
 MOST_STRAY: Final = 0.05 * 0.05
-"""Most by which positions stray in a second from the integral of velocities, m²: beyond it they are followed anyway."""
+"""Largest variance per second of the drift of positions from integrated velocities, m²: with it, positions are followed
+anyway."""
 STRAY_S: Final = 3.0
-"""Over about so long what positions gain on that integral is added up: an autopilot corrects both more slowly."""
+"""Memory of the sum of what positions gain on integrated velocities; an autopilot corrects both more slowly."""
 STRAY_EXCESS: Final = 4.0
-"""Times what noise makes of the mean square of that beyond which positions stray."""
+"""Positions drift where the mean square of that sum exceeds this many times the one that noise gives."""
 STRAY_GAP_S: Final = 0.3
-"""What the velocity does between samples that are further apart isn't known well enough."""
+"""After a longer interval between samples velocities can't be integrated accurately."""
 
 
 class VehicleNoise:
@@ -68,7 +69,7 @@ class VehicleNoise:
         Args:
             declared: standard deviations.
             least: lower bounds of what is estimated, standard deviations.
-            stated: whether the scenario says so, and noise is to be compared with it.
+            stated: whether the scenario declares them, so that the estimate can be compared with them.
         """
         self._declared, self._least, self._stated = declared, _squares(least), stated
         self.begin()
@@ -77,7 +78,7 @@ class VehicleNoise:
         """Start again from what is declared."""
         self.by_quantity = _squares(self._declared)
         self.values: Values = _by_value(self.by_quantity)
-        """Of each value of a sample."""
+        """Variance of each value of a sample."""
         self._before: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.samples = 0.0
 
@@ -86,16 +87,16 @@ class VehicleNoise:
         return [math.sqrt(each) for each in self.by_quantity]
 
     def ratios(self) -> list[float]:
-        """Return the noise by what is stated; 1 where that is no more than rounding, and before `MEMORY` samples."""
+        """Return the ratios of noise to that declared; 1 where that is only rounding, and before `MEMORY` samples."""
         if self.samples < MEMORY or not self._stated:
             return [1.0] * len(QUANTITIES)
         each = zip(self.sigma(), self._declared, RESOLUTION.tolist(), strict=True)
         return [sigma / declared if declared > finest else 1.0 for sigma, declared, finest in each]
 
     def learn(self, increments: Values, spread: Values) -> None:
-        """Take the increments of a sample's values that the model doesn't explain, and the innovations' variances.
+        """Update the variances by the increments of a sample's values, and the innovations' variances `spread`.
 
-        An increment is an innovation minus the residual of the sample before.
+        An increment, an innovation minus the residual of the sample before, is what the model doesn't explain.
         """
         now, before, known, least = (
             _clipped(increments, spread, self.values),
@@ -125,7 +126,7 @@ def _squares(sigma: Quantities) -> Quantities:
 
 
 def _by_value(quantities: Quantities) -> Values:
-    """Return for each value of a sample what is known of its quantity."""
+    """Return each quantity's figure for the values of a sample."""
     place, height, velocity, climb, airspeed, heading = quantities
     return place, place, height, velocity, velocity, climb, airspeed, heading
 
@@ -150,21 +151,21 @@ def _within_sigmas(increment: float, variance: float) -> float:
 
 
 class PlaceStray:
-    """How far a vehicle's positions stray from the integral of its velocities: an autopilot's filter corrects both.
+    """Drift of a vehicle's positions from the integral of its velocities: an autopilot's filter corrects both.
 
-    What positions gain on velocities from sample to sample adds up where they stray. Noise of positions doesn't, since
-    what one sample gains by it the next one loses; noise of velocities does, and is known.
+    What positions gain on integrated velocities from sample to sample is summed. A drift adds up in the sum. Noise of
+    positions cancels from one sample to the next; noise of velocities adds up, but is known.
     """
 
     def __init__(self) -> None:
-        """Start with positions that don't stray."""
+        """Start without drift."""
         self._values: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._samples = self._north_m = self._east_m = self._square = 0.0
         self.variance = 0.0
-        """In a second, m²."""
+        """Variance of the drift per second, m²."""
 
     def begin(self, values: Values) -> None:
-        """Start again from a sample; what was learnt is kept."""
+        """Restart the sums from a sample; the estimated variance is kept."""
         self._values = values
         self._north_m = self._east_m = 0.0
 
@@ -174,7 +175,7 @@ class PlaceStray:
         if not 0.0 < elapsed_s < STRAY_GAP_S:
             self.begin(values)
             return
-        half_s = elapsed_s / 2.0 * _of_bend(before[3], before[4], values[3], values[4])
+        half_s = elapsed_s / 2.0 * _arc_ratio(before[3], before[4], values[3], values[4])
         bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MOST_STRAY * elapsed_s)
         north_m = within(values[0] - before[0] - (values[3] + before[3]) * half_s, -bound_m, bound_m)
         east_m = within(values[1] - before[1] - (values[4] + before[4]) * half_s, -bound_m, bound_m)
@@ -183,22 +184,22 @@ class PlaceStray:
         self._samples += 1.0
         square = (squared(self._north_m) + squared(self._east_m)) / 2.0
         self._square += (square - self._square) / min(self._samples + FIRST_MEMORY, MEMORY)
-        honest = noise[0] + noise[3] * elapsed_s * STRAY_S / 2.0
-        self.variance = within(2.0 / STRAY_S * (self._square - STRAY_EXCESS * honest), 0.0, MOST_STRAY)
+        by_noise = noise[0] + noise[3] * elapsed_s * STRAY_S / 2.0
+        self.variance = within(2.0 / STRAY_S * (self._square - STRAY_EXCESS * by_noise), 0.0, MOST_STRAY)
         self._values = values
 
 
-def _of_bend(north_mps: float, east_mps: float, later_north_mps: float, later_east_mps: float) -> float:
-    """Return a bend's length by the mean of the velocities at its ends: tan x / x, where x is half the angle turned."""
+def _arc_ratio(north_mps: float, east_mps: float, later_north_mps: float, later_east_mps: float) -> float:
+    """Return an arc's chord by the mean of the velocities at its ends: tan x / x, where x is half the angle turned."""
     cross = north_mps * later_east_mps - east_mps * later_north_mps
     before, later = squared(north_mps) + squared(east_mps), squared(later_north_mps) + squared(later_east_mps)
     return 1.0 + squared(cross) / (12.0 * max(before * later, 1.0))
 
 
 def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
-    """Return by how much a sample's values are off beyond what is plausible, squared; 1 for what is.
+    """Return the squared excess of each of a sample's values over the plausible deviation; 1 for plausible values.
 
-    `difference`: from what is expected, of the variances `own`.
+    `difference`: the innovations, which have the variances `own`.
     """
     place = squared(elapsed_s)
     return (
@@ -219,15 +220,16 @@ def _excess(difference: float, own: float, strayed: float) -> float:
 
 
 def plausible(excess: Values) -> bool:
-    """Return whether all of a sample's values are."""
+    """Return whether all of a sample's values are plausible."""
     a, b, c, d, e, f, g, h = excess
     return a == b == c == d == e == f == g == h == 1.0
 
 
 def weighed(variances: Values, own: Values, excess: Values) -> Values:
-    """Return the variances by which a sample's values are weighed.
+    """Return the noise variances by which a sample's values are weighted.
 
-    A value that is u times too far off is given a noise that makes its innovation's variance u² times as large.
+    A value that exceeds the plausible deviation u times gets a noise that makes its innovation's variance u² times as
+    large.
     """
     return (
         variances[0] + own[0] * (excess[0] - 1.0),

@@ -1,4 +1,4 @@
-"""From measured states to those that a law acts on, by model (7) and the setpoints that are still on their way."""
+"""From measured states to those that a law acts on: predictions by model (7) and the setpoints in flight."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, wrap
 from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
 HEADING: Final = 5
-"""Which of a state's values is an angle."""
+"""Index of the value of a state that is an angle."""
 MISSED: Final = 2
-"""Periods of telemetry after which something is missing."""
+"""Telemetry periods between two vehicles' newest samples beyond which a message is missing."""
 LOST_NS: Final = 2 * NANOSECONDS
-"""Age from which a vehicle that isn't commanded is taken to be where it was last seen: it costs no prediction."""
+"""A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction."""
 
 
 class States(ABC):
-    """The states that a law acts on at one tick; they aren't to be changed."""
+    """The states that a law acts on at one tick; read-only."""
 
     @abstractmethod
     def of(self, which: int, whose: int) -> FlightState:
-        """Return the state of vehicle `which` at the instant that counts for the setpoint of vehicle `whose`."""
+        """Return the state of vehicle `which` at the instant used for the setpoint of vehicle `whose`."""
 
     @abstractmethod
     def instant(self, whose: int) -> int:
-        """Return the instant that counts for a vehicle's setpoint, ns."""
+        """Return the instant used for a vehicle's setpoint, ns."""
 
 
 class Measured(States):
-    """What is known at a tick, vehicle by vehicle: every newest state, each at its own time stamp."""
+    """Every vehicle's newest state at a tick, each at its own time stamp."""
 
     def __init__(self, states: list[FlightState], stamps: vec[i64], active: list[bool], acts: vec[i64]) -> None:
-        """Take the newest states, their time stamps, who is commanded, and when a setpoint sent now will act."""
+        """Take the newest states, their time stamps, which vehicles are commanded, and when setpoints sent now act."""
         self.states = states
         self.stamps = stamps
         self.active = active
@@ -54,7 +54,7 @@ class Measured(States):
 
 
 class Projection:
-    """Computes the states from those measured, tick by tick; by itself, it leaves them as they are."""
+    """Computes the states that a law acts on, tick by tick; this base class returns the measured ones."""
 
     def take(self, measured: Measured) -> States:
         """Return the tick's states."""
@@ -62,14 +62,14 @@ class Projection:
 
 
 class TickStates:
-    """What was known of every vehicle at a tick."""
+    """Every vehicle's newest state at a tick, and how far the wind has carried it."""
 
     def __init__(self, stamps: vec[i64], states: list[FlightState], before: TickStates | None) -> None:
-        """Take the states at their stamps, in ns, and what the sample of the tick before knew."""
+        """Take the states at their stamps, in ns, and the previous tick's."""
         self.stamps = stamps
         self.states = states
         self.carried_north_m = vec[float]([0.0] * len(stamps))
-        """How far the wind has carried each vehicle since the first sample."""
+        """Displacement of each vehicle by the wind since the first tick."""
         self.carried_east_m = vec[float]([0.0] * len(stamps))
         if before is None:
             return
@@ -93,10 +93,10 @@ class WhenSetpointsAct(States):
         models: list[AutopilotModel],
         between_messages: int,
     ) -> None:
-        """Predict from `samples`, tick by tick and the newest last, by `models` through what `history` says was sent.
+        """Predict from `samples`, one a tick and the newest last, by `models` through the setpoints in `history`.
 
-        A state may be `between_messages` ns later than another vehicle's with nothing missing. Setpoints sent now to
-        each vehicle act at `acts`, (C,).
+        Newest states of two vehicles may be `between_messages` ns apart without a missing message. Setpoints sent now
+        to each vehicle act at `acts`, (C,).
         """
         self._acts = acts
         self._samples, self._history, self._models = samples, history, models
@@ -105,9 +105,9 @@ class WhenSetpointsAct(States):
     def of(self, which: int, whose: int) -> FlightState:
         """Return a vehicle's state predicted through the setpoints in flight, from the stamp of `whose` newest sample.
 
-        Between states that two vehicles measured at different times, a gust looks like a gap. If the newest message of
-        `which` is older than that of `whose`, it is taken to have met the same gusts since then. This doesn't hold
-        for the usual interval between two messages, where it would only add the other's measurement noise.
+        Between states that two vehicles measured at different times, a gust looks like a formation error. If the newest
+        message of `which` is older than that of `whose`, `which` is assumed to have met the same gusts since then. The
+        usual interval between two messages is left out: there it would only add the other's measurement noise.
         """
         newest = self._samples[-1]
         begin = newest if which == whose else self._nearest(which, newest.stamps[whose])
@@ -120,9 +120,9 @@ class WhenSetpointsAct(States):
         return state
 
     def _meet(self, state: FlightState, whose: int, met: TickStates, since: i64) -> None:
-        """Move a state at `since` to where the wind has carried it that `whose` has met since the sample `met`.
+        """Change a state at `since` by the wind that `whose` has met since the sample `met`.
 
-        The prediction takes the wind to have been as it is now since the beginning.
+        The prediction that follows uses the present wind from `since` on; the state's position is corrected for that.
         """
         newest, then = self._samples[-1], met.states[whose]
         now, over_s = newest.states[whose], float(newest.stamps[whose] - met.stamps[whose]) / NANOSECONDS
@@ -137,7 +137,7 @@ class WhenSetpointsAct(States):
         state.wind_east_mps += east_mps
 
     def _nearest(self, vehicle: i64, stamp: i64) -> TickStates:
-        """Return the sample of a vehicle that is nearest to a stamp."""
+        """Return the sample in which a vehicle's stamp is nearest to `stamp`."""
         best = index = len(self._samples) - 1
         nearest = _apart(self._samples[best].stamps[vehicle], stamp)
         while index > 0:
@@ -159,10 +159,10 @@ def _apart(one: i64, other: i64) -> i64:
 
 
 class Prediction(Projection):
-    """Model (7) run through the setpoints in flight."""
+    """Predicts all states by model (7) through the setpoints in flight."""
 
     def __init__(self, history: SetpointHistory, models: list[AutopilotModel], telemetry_hz: float) -> None:
-        """Predict by (C,) `models` through what `history` says was sent."""
+        """Predict by (C,) `models` through the setpoints in `history`."""
         self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
         self._history = history
         self._models = models
@@ -182,17 +182,17 @@ class Prediction(Projection):
 
 
 class Pairing(Projection):
-    """All states at the newest instant for which every active vehicle has one, interpolated where necessary."""
+    """Brings all states to the newest instant for which every active vehicle has one, by interpolation."""
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
         self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
     def take(self, measured: Measured) -> Measured:
-        """Return the states at the common stamp; a vehicle that isn't active stays as measured."""
+        """Return the states at the common stamp; an inactive vehicle's stays as measured."""
         self._samples.append(measured)
         stamps = measured.stamps
-        stamp: int = max([each for each in stamps])  # noqa: C416 - a list, of which there is a greatest
+        stamp: int = max([each for each in stamps])  # noqa: C416 - max() takes a list, not a vec
         for vehicle, active in enumerate(measured.active):
             if active:
                 stamp = min(stamp, int(stamps[vehicle]))

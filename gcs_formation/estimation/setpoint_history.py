@@ -1,4 +1,4 @@
-"""The setpoints that are on their way to vehicles, and those by which they flew."""
+"""The setpoints sent to vehicles: those still in flight, and those that the vehicles followed in the last seconds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SentSetpoints:
     """One vehicle's setpoints of the last ticks, the newest at `end` - 1, and when each is expected to act, in ns."""
 
     def __init__(self, length: int) -> None:
-        """Keep those of so many ticks; before the first acts, the vehicle flies straight on."""
+        """Keep those of `length` ticks; before the first acts, the vehicle flies straight on."""
         self.acts = vec[i64]([0] * (2 * length))
         self._speeds_mps, self._headings_rad, self._heights_m = (vec[float]([0.0] * (2 * length)) for _ in range(3))
         self.first: i64 = 0
@@ -36,7 +36,7 @@ class SentSetpoints:
         self.begin(LONG_AGO)
 
     def begin(self, acts: i64) -> None:
-        """Begin a tick whose setpoint acts at `acts`; until it is known, the vehicle flies straight on then."""
+        """Begin a tick whose setpoint acts at `acts`; it is NaN, for flight straight on, until `note` sets it."""
         length = len(self.acts) // 2
         if self.end - self.first == length:
             self.first += 1
@@ -53,29 +53,29 @@ class SentSetpoints:
         self._headings_rad[to], self._heights_m[to] = self._headings_rad[place], self._heights_m[place]
 
     def note(self, setpoint: Triple) -> None:
-        """Take the setpoint of the tick that was begun last."""
+        """Set the setpoint of the tick that was begun last."""
         newest = self.end - 1
         self._speeds_mps[newest], self._headings_rad[newest], self._heights_m[newest] = setpoint
 
     def acting(self, instant: i64) -> i64:
-        """Return the place of the newest setpoint that acts at an instant; the oldest if none does yet."""
+        """Return the index of the newest setpoint that acts at an instant; the oldest's if none does yet."""
         acts, index = self.acts, self.end - 1
         while index > self.first and acts[index] > instant:
             index -= 1
         return index
 
     def at(self, index: i64) -> Triple:
-        """Return the setpoint at a place."""
+        """Return the setpoint at an index."""
         return self._speeds_mps[index], self._headings_rad[index], self._heights_m[index]
 
     def later(self, index: i64, instant: i64) -> i64:
-        """Return the place of the newest setpoint that acts at an instant at which the one at `index` acts already."""
+        """Return the index of the newest setpoint that acts at an instant, searching from one that acts, `index`."""
         while index < self.end - 1 and self.acts[index + 1] <= instant:
             index += 1
         return index
 
     def mean(self, index: i64, since: i64, until: i64) -> Triple:
-        """Return the mean of the setpoints that act from `since` to `until`, the first of which is at a place."""
+        """Return the mean of the setpoints that act from `since` to `until`, the first of which is at `index`."""
         acts, speeds_mps, headings_rad, heights_m = self.acts, self._speeds_mps, self._headings_rad, self._heights_m
         speed_mps, heading_rad, height_m = speeds_mps[index], headings_rad[index], heights_m[index]
         last, acted, whole = self.end - 1, since, float(until - since)
@@ -89,7 +89,7 @@ class SentSetpoints:
         return speed_mps, heading_rad, height_m
 
     def carry(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
-        """Move the vehicle's `state` on as `SetpointHistory` says."""
+        """Predict the vehicle's `state`: see `SetpointHistory.carry`."""
         acts, last = self.acts, self.end - 1
         for index in range(self.acting(since), self.end):
             end = until
@@ -103,7 +103,7 @@ class SentSetpoints:
                 since = end
 
     def respond(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
-        """Move the vehicle's `state` on as `SetpointHistory` says."""
+        """Predict the vehicle's `state`: see `SetpointHistory.respond`."""
         steps, place = (until - since) // RESPOND_NS + 1, self.acting(since)
         step = (until - since) // steps
         for _ in range(steps):
@@ -138,22 +138,22 @@ class SetpointHistory:
             self._each[vehicle].begin(acts[vehicle])
 
     def note(self, setpoints: list[Triple]) -> None:
-        """Take the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
+        """Set the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
         for vehicle, setpoint in enumerate(setpoints):
             self._each[vehicle].note(setpoint)
 
     def carry(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
-        """Move a vehicle's `state` on from `since` to `until`, instants in ns, through what it was sent.
+        """Predict a vehicle's `state` from `since` to `until`, instants in ns, through the setpoints that it was sent.
 
-        Before the first setpoint acts it flies straight on; of those that are known no more the oldest counts.
+        Before the first setpoint acts it flies straight on. Before the history begins, it follows the oldest setpoint.
         """
         if self._each:
             self._each[vehicle].carry(state, since, until, model)
 
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
-        """Move airspeed, heading, height and climb rate on likewise, roughly, and leave the place.
+        """Predict airspeed, heading, height and climb rate likewise, but coarsely, and leave the position.
 
-        Of the setpoints in each `RESPOND_NS` the mean counts. Of what may stand, a multirotor, the velocity counts.
+        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may stand, a multirotor, follows velocities.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)
@@ -164,5 +164,5 @@ class SetpointHistory:
         return sent.at(sent.acting(instant))
 
     def of(self, vehicle: int) -> SentSetpoints:
-        """Return what one vehicle was sent."""
+        """Return one vehicle's setpoints."""
         return self._each[vehicle]

@@ -1,4 +1,4 @@
-"""The leader: its route to the path and along it, the wind it is guided by, its turns on the spot, its commands."""
+"""The leader's guidance: its route to the path and along it, its filtered wind, its turns on the spot, its commands."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ from gcs_formation.guidance.tracking import (
 )
 
 DECISION_S: Final = 2.0
-"""How long before the path's start to decide whether to begin it or to go around again."""
+"""How long before the path's start it is decided whether to begin the path or to fly another lap."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
 MOST_SETTLES: Final = 4
-"""How many times as long that straight gets at most, round after round."""
+"""Longest such straight, as a multiple; it grows lap by lap."""
 SHORTER_SETTLES: Final = (3.0, 2.0, 1.0, 0.75, 0.5)
-"""How many times as long it is where the fence leaves no room for a longer one."""
+"""Multiples that are tried where the fence leaves no room for a longer straight."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
-"""Within these the leader is on the path, and needs no way back."""
+"""Within these limits the leader is on the path, and needs no way back."""
 RETURNS: Final = 8
-"""How many places are tried to return to, each a turn's radius farther along the path than the one before."""
+"""Number of points of the path that are tried for a return, each a turn's radius farther than the one before."""
 CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
 SHARE: Final = 0.5
-"""Of speed and acceleration, that slots use in a turn; the rest is left to the law."""
+"""Share of the speed and acceleration limits that slots use in a turn on the spot; the rest is left to the law."""
 NOSE_RADPS: Final = 0.5
-"""Fastest turn: noses come round at 1 rad/s."""
+"""Fastest turn on the spot: vehicles yaw at 1 rad/s."""
 LEAST_S: Final = 2.0
 ASSEMBLED_S: Final = 2.0
 """How long followers must stay in their slots to count as assembled."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 AHEAD_M: Final = 165.0
-"""Distance of the places along the leader's way around which the ground is looked at."""
+"""Interval of the points along the leader's way around which the ground is checked."""
 
 
 def way_ahead(route: Route, begin_m: float, way_m: float) -> list[tuple[float, float]]:
-    """Return how far north and east of a place on a route its next `way_m` lead, m, point by point.
+    """Return points of a route's next `way_m`, m north and east of its point at `begin_m`.
 
     A longer way has the same points, and more.
     """
@@ -71,7 +71,7 @@ def way_ahead(route: Route, begin_m: float, way_m: float) -> list[tuple[float, f
 
 @dataclass(frozen=True)
 class TurnOnSpot:
-    """A direction that comes round from one to another, at rest at both ends, with the least jerk."""
+    """A turn of the heading on the spot, minimum-jerk and at rest at both ends."""
 
     begin_rad: float
     by_rad: float
@@ -83,7 +83,7 @@ class TurnOnSpot:
     def to(
         cls, heading_rad: float, from_rad: float, now: Instant, reach_m: float, speed_mps: float, accel_mps2: float
     ) -> TurnOnSpot:
-        """Return the shorter way round, no faster than slots up to `reach_m` away can follow within these limits."""
+        """Return the shorter turn, slow enough for slots up to `reach_m` away to follow within these limits."""
         by_rad = math.remainder(heading_rad - from_rad, math.tau)
         size_rad, reach_m = abs(by_rad), max(reach_m, 1.0)
         most_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
@@ -94,15 +94,15 @@ class TurnOnSpot:
 
     @property
     def goal_rad(self) -> float:
-        """Where it ends."""
+        """The final heading."""
         return self.begin_rad + self.by_rad
 
     def over(self, at: Instant) -> bool:
-        """Whether it has come round, and whoever follows it too: they turn their noses to where they swing."""
+        """Whether the turn is complete, also for followers, which face the way their slots swing until then."""
         return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
 
     def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
-        """Return the heading to tell at an instant (ns) to what follows with a lag, and how fast that turns, rad/s."""
+        """Return the heading setpoint at an instant (ns) for a vehicle with a heading lag, and its rate, rad/s."""
         elapsed_s = seconds_between(self.begun, Instant(at))
         share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
         rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
@@ -110,19 +110,19 @@ class TurnOnSpot:
 
 
 class LeaderWind:
-    """The wind by which the leader is guided: that seen behind two lags."""
+    """The wind for the leader's guidance: the wind estimate filtered by two lags."""
 
     def __init__(self, dt_s: float) -> None:
-        """Begin with the first wind that is seen; `dt_s` is the time from tick to tick."""
+        """Begin without a wind; the first one is taken over unfiltered. `dt_s` is the time between ticks."""
         self._quick_kept, self._slow_kept = math.exp(-QUICK_RADPS * dt_s), math.exp(-SLOW_RADPS * dt_s)
         self._quick_mps: tuple[float, float] | None = None
         self._slow_mps = (0.0, 0.0)
 
     def guided(self, state: FlightState, ahead_s: float) -> tuple[FlightState, MotionRates]:
-        """Return the leader's state for its guidance, and how it changes; the turn isn't known yet.
+        """Return the leader's state for its guidance, and its rates, except the turn rate.
 
-        Its place, predicted `ahead_s` with the wind seen, doesn't jump with that wind: followers can't follow a leader
-        whose turn rate changes at once.
+        The position, predicted `ahead_s` with the estimated wind, is corrected so that it doesn't jump with that wind:
+        followers can't follow a leader whose turn rate jumps.
         """
         seen_mps = state.wind_north_mps, state.wind_east_mps
         if self._quick_mps is None:
@@ -149,10 +149,10 @@ def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) 
 
 @mypyc_attr(acyclic=True)
 class LeaderCommand:
-    """What the leader flies by at some instant."""
+    """The leader's setpoints at an instant."""
 
     def __init__(self, speed_mps: float, heading_rad: float, height_m: float, turn_rps: float) -> None:
-        """Take its setpoints, and how fast the commanded heading turns."""
+        """Take speed, heading and height, and the rate of the commanded heading."""
         self.speed_mps = speed_mps
         self.heading_rad = heading_rad
         self.height_m = height_m
@@ -169,12 +169,12 @@ class LeaderCommands:
         self._commands: list[LeaderCommand] = []
 
     def forget(self) -> None:
-        """Forget everything: another vehicle leads."""
+        """Remove all: another vehicle leads."""
         self._acts.clear()
         self._commands.clear()
 
     def add(self, acts: Instant, command: LeaderCommand) -> None:
-        """Add a tick's command, and when it acts; its heading goes on from the one before without a jump."""
+        """Add a tick's command, and when it acts; its heading is unwrapped to continue the one before."""
         if self._commands:
             before_rad = self._commands[-1].heading_rad
             command.heading_rad = before_rad + signed(command.heading_rad - before_rad)
@@ -184,10 +184,10 @@ class LeaderCommands:
             del self._acts[0], self._commands[0]
 
     def at(self, instant: int) -> LeaderCommand:
-        """Return the mean of what the leader flies by in the tick that begins at an instant, in ns.
+        """Return the leader's mean command over the tick that begins at an instant, in ns.
 
-        Its setpoints are held from tick to tick, so these means lie on straight lines between them. Before the oldest
-        it is taken to fly by that one, after the newest by the newest.
+        Setpoints are held from tick to tick, so these means are linear between them. Before the oldest command the
+        oldest is returned, after the newest the newest.
         """
         index = len(self._acts) - 1
         while index > 0 and self._acts[index] > instant:
@@ -206,7 +206,7 @@ class LeaderCommands:
 
 @dataclass
 class LeaderGuidance:
-    """The leader's route and its position on it; gives its setpoints."""
+    """The leader's route and its position on it; computes its setpoints."""
 
     path: SplinePath
     speed_mps: float
@@ -214,21 +214,21 @@ class LeaderGuidance:
     hold_radius_m: float
     climb_max_mps: float
     settle_s: float = SETTLE_S
-    """Straight flight between a turn and the path; as much is added for each round that didn't do."""
+    """Straight flight between a turn and the path; it is lengthened by as much with each lap."""
     fence: LapFence | None = None
-    """What laps are to have room in."""
+    """Fence that laps are to fit into."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
-    """How often it has gone round, since followers weren't in their slots."""
+    """Number of laps flown because followers weren't in their slots."""
     amid_m: tuple[float, float] | None = None
-    """Where along the path the leader is when it is first steered: between these distances; None: before its start."""
+    """Range of distances along the path where the leader is when it is first steered; None: before the path's start."""
     joins_m: float | None = None
-    """Where along the path the way ends that returns to it."""
+    """Distance along the path at which the way that returns to it ends."""
     turn: TurnOnSpot | None = None
-    """What a leader that stands turns its nose by, and then holds; None: it faces along its route."""
+    """Turn of a standing leader, whose final heading it then holds; None: it faces along its route."""
     _point: PathPoint | None = None
-    """Of the route, where the leader was steered last."""
+    """Point of the route where the leader was steered last."""
 
     @property
     def on_path(self) -> bool:
@@ -266,12 +266,12 @@ class LeaderGuidance:
     def resume(
         self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
     ) -> None:
-        """Go on where a flight stood: its speed, where those that stood faced, how far along the path it may be."""
+        """Continue a flight: at its speed, with the heading it held if it stood, within a range along the path."""
         self.speed_mps, self.amid_m = speed_mps, amid_m
         self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
 
     def fly_at(self, speed_mps: float) -> None:
-        """Fly at another speed from now on; one that stands goes on facing where it does."""
+        """Fly at another speed from now on; a leader that keeps standing holds its heading."""
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
 
     def heading(self, state: FlightState) -> RouteHeading:
@@ -279,11 +279,11 @@ class LeaderGuidance:
         return route_heading(self._here(), state)
 
     def facing_rad(self, state: FlightState) -> float:
-        """Return the direction that the leader faces or, after a turn that has begun, will face."""
+        """Return the leader's heading along its route, or the final heading of a turn that has begun."""
         return self.heading(state).heading_rad if self.turn is None else self.turn.goal_rad
 
     def turn_rps(self, state: FlightState, model: AutopilotModel, rates: MotionRates) -> float:
-        """Return how fast the setpoint of `steer` turns while the leader's state changes at `rates`."""
+        """Return the rate of the heading setpoint of `steer` while the leader's state changes at `rates`."""
         return track_turn(self._here(), state, model, self.speed_mps, rates)
 
     def _here(self) -> PathPoint:
@@ -305,7 +305,7 @@ class LeaderGuidance:
             self._join(state)
 
     def _return(self, state: FlightState, abreast_m: float) -> None:
-        """Return to the path, abreast of which the leader is, in turns in which its followers can stay."""
+        """Choose a way back to the path from abreast of `abreast_m`, with turns that followers can fly."""
         point = self.path.at(abreast_m)
         right_m, _ = point.aside_m(state.north_m, state.east_m, state.height_m)
         course = _course(state)
@@ -338,9 +338,9 @@ class LeaderGuidance:
         self.route, self.distance_m = self.lap(begin, state.wind_north_mps, state.wind_east_mps), 0.0
 
     def lap(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
-        """Return the way from a place to the straight before the path: the longest straight, then the shortest way.
+        """Return the way from a point to the straight before the path: the longest straight, then the shortest way.
 
-        With a fence, the first of these ways that has room in it, or else the one that lacks least.
+        With a fence, the first of these ways that fits into it, or else the one that lacks least room.
         """
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
         ways = (
@@ -353,14 +353,14 @@ class LeaderGuidance:
         return self.fence.roomiest(ways, self.speed_mps, wind_north_mps, wind_east_mps)
 
     def _straights_m(self) -> list[float]:
-        """Return how long the straight before the path may be, the longest first."""
+        """Return the possible lengths of the straight before the path, the longest first."""
         settle_m = self.settle_s * self.speed_mps
         longest_m = max(self.run_in_m, settle_m * min(max(self.rounds, 1), MOST_SETTLES))
         return [longest_m, *(times * settle_m for times in SHORTER_SETTLES if times * settle_m < longest_m)]
 
 
 def _course(state: FlightState) -> float:
-    """Return the course over ground; of one that stands, whose velocity is noise, the direction of its nose."""
+    """Return the course over ground, or the heading of a vehicle that stands, whose velocity is noise."""
     north_mps, east_mps = state.ground_mps()
     if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
         return state.heading_rad

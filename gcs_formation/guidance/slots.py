@@ -1,9 +1,9 @@
-"""Slots over time and over hills, and who leads.
+"""Slots over time and over terrain, and the leader's column.
 
-Over hills slots are lifted. The leader's height along its route is known in advance, and with it the track of every
+Over terrain slots are lifted. The leader's height along its route is known in advance, and with it the track of every
 slot. For the next two kilometres every slot gets the least lift that keeps its clearance, within the climb that the
-leader's own climb leaves. It continues the previous lift, and is computed again as the leader advances and whenever
-the route or the plan changes.
+leader's own climb leaves. The lift continues the previous one, and is computed again as the leader advances and
+whenever the route or the plan changes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ UP: Final = np.array([0.0, 0.0, 1.0])
 ACROSS: Final = np.array([1.0, -1.0, 0.0])
 LEVEL: Final = np.array([1.0, 1.0, 0.0])
 WAITS_S: Final = 30.0
-"""How long slots that gather wait for vehicles, altogether."""
+"""Longest total delay of moving slots that wait for vehicles."""
 KEPT_M: Final = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
@@ -52,27 +52,27 @@ class FormationPlan:
         """The scenario's changes that haven't begun yet."""
         self._way = way = Transition.standing(first.places_m)
         self._over_s: float = way.at_s + way.duration_s
-        """When all are at rest."""
+        """Time from which all slots are at rest."""
         self._rest: SlotMotion | None = None
-        """Where, as asked last, and whether the path had begun then."""
+        """The resting slots returned last, and whether the path had begun then."""
         self._rest_begun = False
         self.goal_m = first.places_m
         """(C, 3) the slots of the arrangement, where all come to rest."""
         self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
         self.offset_m[0] = 0.0
         self.kept_m = scenario.safety.kept_m
-        """Distance that ways to slots are planned to keep."""
+        """Distance that slots are planned to keep from each other while they move."""
         self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
-        """(C,) who flies beside the leader as it turns, at its speed and heading: out of a slot far aside one falls."""
+        """(C,) which columns fly beside the turning leader at its speed and heading: slots far aside can't be held."""
         self._anybody_beside = False
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
-        """Where, (C, 3), at a time of the station's clock, and how fast the leader turns since then."""
+        """Their positions, (C, 3), at a time of the station's clock, and the leader's turn rate since then."""
         self._apart_m: Array | None = None
         self._planned_m: Array | None = None
         self._apart_of = self.goal_m
-        """What is planned to be between slots, and on which ways to which goals."""
+        """The result of `apart_m`, and the planned distances and goals that it was made from."""
         self._pace, self._late_s = 1.0, 0.0
-        """Share of their planned speed at which slots move, and by how much they are late for having waited."""
+        """Share of their planned speed at which slots move, and their delay from having waited."""
 
     def resume(self, scenario: Scenario, arrangement: Arrangement, slots_m: Array, mission_s: float) -> None:
         """Begin with an arrangement, assigned nearest to `slots_m` (C, 3), and the changes due after a mission time."""
@@ -111,7 +111,7 @@ class FormationPlan:
         return SlotMotion(slots.position_m + self.offset_m, slots.velocity_mps, slots.acceleration_mps2)
 
     def _with_those_beside(self, slots: SlotMotion, now_s: float) -> SlotMotion:
-        """Return slots with those that keep their direction and distance over ground: seen by the leader, they turn."""
+        """Return slots with those beside the leader: fixed in direction over ground, they turn in its frame."""
         turn_rps, place_m = self._turn_rps, self._turned_m(now_s)
         motion = (
             (place_m, slots.position_m),
@@ -125,7 +125,7 @@ class FormationPlan:
         return SlotMotion.at_rest(self._beside_m).seen_from(self.leader, swing_rad).position_m
 
     def turn(self, now_s: float, turn_rps: float) -> None:
-        """Take how fast the leader turns from now on, clockwise, rad/s."""
+        """Set the leader's turn rate from now on, clockwise, rad/s."""
         if self._anybody_beside:
             self._beside_m = self._turned_m(now_s)
         self._beside_s, self._turn_rps = now_s, turn_rps
@@ -165,10 +165,10 @@ class FormationPlan:
         self.beside, self._anybody_beside = np.zeros_like(self.beside), False
 
     def wait(self, pace: float, elapsed_s: float) -> None:
-        """Have slots that are on their way move at a share `pace` of their speed from now on; `elapsed_s`: since last.
+        """Move all slots at a share `pace` of their planned speed from now on; `elapsed_s`: since the last call.
 
-        All of them do, so that they are as clear of each other as was planned. Once they are `WAITS_S` late they wait
-        no longer: who can't come to a slot far outside of a turn can come to the one it moves to.
+        Slowed down together they keep the planned distances. Once they are `WAITS_S` late they wait no longer: a
+        vehicle that can't reach a slot far outside a turn can reach the one that the slot moves to.
         """
         if self._late_s >= WAITS_S:
             pace = 1.0
@@ -179,20 +179,20 @@ class FormationPlan:
         self._pace = pace
 
     def fly_beside(self, which: Mask, place_m: Array) -> None:
-        """Let those in a mask (C,) fly beside the leader from places (C, 3) on, until a change is flown."""
+        """Let the columns in a mask (C,) fly beside the leader, from positions (C, 3), until the next change."""
         self._beside_m = np.where(self.beside[:, None], self._beside_m, place_m)
         self.beside = self.beside | which
         self._anybody_beside = bool(self.beside.any())
 
     def at_rest(self, now_s: float) -> bool:
-        """Return whether all slots are at rest, from a time on."""
+        """Return whether all slots are at rest from a time on."""
         return now_s >= self._over_s and not self._anybody_beside
 
     def apart_m(self, now_s: float) -> Array | None:
-        """Return how near each two slots come on their ways (C, C), as planned; None once all rest where they belong.
+        """Return the least planned distances of slots (C, C) while they move; None once all rest in the arrangement.
 
-        Where nothing is planned, how far apart they belong: those that fly beside the leader are where they happen to
-        be. The same array for as long as nothing changes.
+        Without a planned motion, as for vehicles beside the leader, they are those of the arrangement. The array is the
+        same object for as long as nothing changes.
         """
         if self.settled(now_s):
             return None
@@ -204,7 +204,7 @@ class FormationPlan:
         return self._apart_m
 
     def settled(self, now_s: float) -> bool:
-        """Return whether all slots are at rest where they belong."""
+        """Return whether all slots are at rest in the arrangement."""
         if not self.at_rest(now_s):
             return False
         return self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
@@ -217,7 +217,7 @@ class TrackAhead:
     route: Route
     leader: FlightState
     leading: int
-    """Which of the N slots is the leader's own, which is never lifted."""
+    """Index of the leader's own slot among the N; it is never lifted."""
     distance_m: float
     along_mps: float
     slots: Callable[[float], Array]
@@ -240,10 +240,10 @@ class SlotClearance:
         self._held = np.zeros((3, 0))
 
     def look_ahead(self, outlook: TrackAhead, at_m: Array) -> None:
-        """Compute the lifts again if it is time to; `at_m` (N,) is the leader's distance at each follower's instant.
+        """Compute the lifts again if they are due; `at_m` (N,) is the leader's distance at each follower's instant.
 
-        On the same route they continue the present lifts; on another one, possibly with another leader, the last
-        values.
+        On the same route they continue the present splines. On another route, possibly with another leader, they
+        continue the last tick's values.
         """
         going_on = outlook.route is self._route
         if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
@@ -270,7 +270,7 @@ class SlotClearance:
         self._held = np.stack(self.lift(at_m))
 
     def lifted(self, slots: SlotMotion, at_m: Array, along_mps: float) -> SlotMotion:
-        """Return N slots clear of the ground, each with the leader at its own distance (N,), and at this speed."""
+        """Return N slots lifted clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
         lift_m, slope, curvature = self.lift(at_m)
         return SlotMotion(
             slots.position_m + lift_m[:, None] * UP,

@@ -1,7 +1,7 @@
-"""Routes: the setpoints that keep a vehicle on one, where along it one is, and the shortest one to a run-in's start.
+"""Route tracking: setpoints that keep a vehicle on a route, projection onto it, and the shortest way to a run-in.
 
-The latter is a turn, a straight and a turn. Source: L. E. Dubins, American Journal of Mathematics 79 (1957): the ways
-with a least radius between two points.
+The latter is a turn, a straight and a turn. Source: L. E. Dubins, American Journal of Mathematics 79 (1957): shortest
+ways with a least radius between two points.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ BANDWIDTH_RADPS: Final = 0.15
 """Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
-"""What a lower speed along a route counts as, where it is divided by: what hovers may stand."""
+"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
 TURN: Final = 2 * math.pi
 MOST_ASIDE_RAD: Final = math.radians(30.0)
-"""Up to which angle to the path a way onto it continues a vehicle's own."""
+"""Largest angle to the path at which a way onto it continues a vehicle's own course."""
 atan: Final = math.atan
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class MotionRates:
-    """How a vehicle's state changes: what is known of its place and wind needn't agree at once."""
+    """Rates of change of a vehicle's state; those of place and wind are filtered differently and needn't agree."""
 
     def __init__(self, place_mps: tuple[float, float], turn_rps: float, wind_mps2: tuple[float, float]) -> None:
-        """Take the changes of place, heading and wind; of place and wind north and east."""
+        """Take the rates of position, heading and wind; of position and wind north and east."""
         self.place_mps = place_mps
         self.turn_rps = turn_rps
         self.wind_mps2 = wind_mps2
@@ -58,7 +58,7 @@ class RouteHeading:
 
 
 def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
-    """Return the heading along the route at the point where a vehicle is, for its speed over ground."""
+    """Return the heading along the route at a vehicle's nearest point, its rates, and the climb there."""
     along_mps, _ = _along_and_aside(state, point.course_rad)
     return RouteHeading(
         point.course_rad - crab_rad(state, point.course_rad),
@@ -98,7 +98,7 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
     """Return the setpoint that keeps a vehicle on its route, whose nearest point is `point`.
 
     The course closes the cross-track error with `BANDWIDTH_RADPS`; the heading is corrected for wind; the route's own
-    turn and climb are fed forward through the lags of (7). One that is to stand faces along the route wherever it is.
+    turn and climb are fed forward through the lags of (7). At a commanded speed of 0 the heading is along the route.
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
     along_mps, aside_mps = _along_and_aside(state, point.course_rad)
@@ -119,7 +119,7 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
 def track_turn(
     point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, rates: MotionRates
 ) -> float:
-    """Return how fast the heading setpoint of `track` turns, rad/s: its derivative by time along the vehicle's motion.
+    """Return the rate of the heading setpoint of `track`, rad/s: its time derivative along the vehicle's motion.
 
     Differences of setpoints from tick to tick would be mostly the noise of positions.
 
@@ -141,14 +141,14 @@ def track_turn(
     limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
     gain_1pm = gain_1pm / (1.0 + squared(gain_1pm * right_m)) if limited == intercept else 0.0
     course_rps = path_rps - gain_1pm * aside_mps
-    # The axes turn under the wind, so its component across them changes even while it is constant.
+    # The axes turn, so the wind's component across them changes even while the wind is constant.
     aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
     crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, rates.wind_mps2)
     return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 
 def _gain_1pm(speed_mps: float) -> float:
-    """Return by how much the course turns towards the route for each metre beside it: of one that stands not at all."""
+    """Return the course correction per metre of cross-track error; 0 for a vehicle that is to stand."""
     return 0.0 if speed_mps == 0.0 else BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
 
 
@@ -159,7 +159,7 @@ def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, floa
 
 
 def _crab_rate(state: FlightState, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
-    """Return how fast the crab angle changes, rad/s, while the course turns under a wind that changes."""
+    """Return the rate of the crab angle, rad/s, while course and wind change."""
     along_mps, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
     _, aside_mps2 = rotated(course_rad, wind_mps2[0], wind_mps2[1])
     forward_mps2 = max(squared(state.airspeed_mps) - squared(aside_mps), 1.0)
@@ -174,7 +174,7 @@ class Leg(NamedTuple):
     curvature_1pm: float
 
     def at(self, distance_m: float) -> PathPoint:
-        """Return the point at a distance from the leg's start, as high as that."""
+        """Return the point at a distance from the leg's start, at the start's height."""
         start = self.start
         if self.curvature_1pm == 0.0:
             return start.straight_on(distance_m)
@@ -191,7 +191,7 @@ class JoinRoute:
     """Legs, and a height that changes from that of the first point to that of the last at `slope`."""
 
     def __init__(self, legs: tuple[Leg, ...], begin_height_m: float, end_height_m: float, slope: float) -> None:
-        """Take the legs, the heights at both ends, and how steeply the height changes."""
+        """Take the legs, the heights at both ends, and the slope between them."""
         self.legs = legs
         self.begin_height_m = begin_height_m
         self.end_height_m = end_height_m
@@ -269,16 +269,16 @@ def _centre(point: PathPoint, to_the_right_m: float) -> tuple[float, float]:
 
 
 class Abreast(NamedTuple):
-    """A place beside a point of the path, where a vehicle takes the lead: its way onto the path goes on as it moves."""
+    """The place of a vehicle that takes the lead, beside a point of the path; its way onto the path begins there."""
 
     point: PathPoint
     right_m: float
     up_m: float
 
     def rise(self, state: FlightState, commanded_m: float, model: AutopilotModel, speed_mps: float) -> Rise:
-        """Return how a vehicle's height, climb, and the climb commanded of it differ from the path's.
+        """Return the differences of a vehicle's height, slope and slope rate from the path's.
 
-        It flies at a speed along the path and follows `commanded_m`, a height; NaN where there is none.
+        It flies at `speed_mps` along the path and follows the height setpoint `commanded_m`; NaN where there is none.
         """
         climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
         most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
@@ -291,7 +291,7 @@ class Abreast(NamedTuple):
         return Rise(self.up_m, slope, change_mps2 / along_mps**2 - self.point.slope_rate_1pm)
 
     def slope_aside(self, state: FlightState) -> float:
-        """Return how far a vehicle gets to the right for each metre of the path; 0 of one that creeps."""
+        """Return a vehicle's motion to the right per metre of the path; 0 if it is slower than `LEADS_FROM_MPS`."""
         north_mps, east_mps = state.ground_mps()
         if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
             return 0.0

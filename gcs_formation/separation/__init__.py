@@ -1,1 +1,1 @@
-"""Keeping vehicles apart: setpoints give way where nothing else would keep the distance. docs/separation.md."""
+"""The separation rule: changes setpoints where nothing else would keep vehicles apart. See docs/separation.md."""

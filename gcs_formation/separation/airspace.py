@@ -1,4 +1,4 @@
-"""The airspace in flight: setpoints are held inside the fence, and heights above the ground."""
+"""Airspace limits in flight: keeps setpoints inside the fence, and heights above the ground."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from formation_scenario.surroundings import Fence
 from gcs_formation.recorder import Event, Tick
 
 HELD_M: Final = 10.0
-"""Room beyond a turn away from the fence below which a vehicle is turned away."""
+"""A vehicle is turned away from the fence when the room left beyond such a turn is smaller."""
 TURN_RAD: Final = np.pi / 2
-"""How far beside its heading a vehicle is commanded to head that is turned away: more than its tightest turn takes."""
+"""Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
 STEP_M: Final = 1.0
 SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
-"""Of the way to where a height setpoint is reached, at which the ground is looked at."""
+"""Points, as shares of the way until a height setpoint is reached, at which the ground is checked."""
 AROUND_M: Final = 500.0
-"""How far around a vehicle the highest ground is looked for, once until it has flown as far."""
+"""Radius around a vehicle in which the highest ground is searched, again after it has flown that far."""
 AWAY: Final = "turned away"
 OVER_S: Final = 2.0
-"""What hasn't been held for so long isn't held any more: nobody is told of every tick at a limit."""
+"""A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit."""
 
 
 class HeldEvents:
-    """Which setpoints are kept within a limit, by a key each, and when each was last: said once, until it is over."""
+    """Which setpoints are held at a limit, by key, and when each last was: each beginning and end is reported once."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self._last = dict[tuple[str, int], Instant]()
 
     def begins(self, key: tuple[str, int], now: Instant) -> bool:
-        """Take note that it is held; return whether it wasn't before."""
+        """Record that a setpoint is held; return whether it wasn't before."""
         new = key not in self._last
         self._last[key] = now
         return new
 
     def over(self, now: Instant) -> list[tuple[str, int]]:
-        """Return, once, what hasn't been held for `OVER_S`."""
+        """Return and remove the keys that haven't been held for `OVER_S`."""
         found = [key for key, since in self._last.items() if seconds_between(since, now) > OVER_S]
         for key in found:
             del self._last[key]
@@ -54,10 +54,10 @@ class HeldEvents:
 
 
 class FenceLimits:
-    """Holds setpoints inside the fence, tick by tick: after the law, before the separation rule and the ground's floor.
+    """Holds setpoints inside the fence, tick by tick: after the law, before the separation rule and the height floor.
 
-    A vehicle is turned away when it is about to have no room for a circle inside, to either side; until then the law
-    may do as it likes. Where there is no such circle any more, it heads for the inside the shorter way.
+    A vehicle is turned away when it is about to have no room inside for a circle to either side; until then the law's
+    setpoints pass. Without room for any circle, it turns towards the inside the shorter way.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
@@ -68,11 +68,11 @@ class FenceLimits:
         self._is_vehicle = np.array([each is not None for each in self._identities])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
-        """-1, 1: to which side a column is being turned away."""
+        """-1 left, 1 right: side to which a column is being turned away; else 0."""
         self._held = HeldEvents()
 
     def keep(self, tick: Tick) -> None:
-        """Put setpoints inside in the place of a tick's that aren't."""
+        """Replace those of a tick's setpoints that lead out of the fence."""
         if not self._fenced:
             return
         active: Mask = tick.active & self._is_vehicle
@@ -137,11 +137,11 @@ class FenceLimits:
 
 
 class HeightFloor:
-    """Holds heights at `safety.clearance_m` above the ground, tick by tick. The last to change them, after the fence.
+    """Holds heights at `safety.clearance_m` above the ground, tick by tick. It changes heights last, after the fence.
 
-    A height setpoint is where a vehicle is when its height's lags have passed: the straight way from where it is to
-    there is kept clear, so that one that descends with the ground may be told lower than the ground below it. Nobody is
-    asked to climb faster than it can. Where the ground isn't known, there is no floor.
+    A vehicle reaches a height setpoint after the lags of its height. The straight way to that point is kept clear, so a
+    vehicle that descends with the terrain may get a setpoint below the ground under it. Setpoints never ask for more
+    than the climb limit. Where the ground isn't known, there is no floor.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
@@ -152,11 +152,11 @@ class HeightFloor:
         self._first = 0 if self._identities[0] is not None else 1
         """The first column that is a vehicle."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
-        """Where each looked around last, north and east, and the height that is clear of all ground there."""
+        """Each one's place, north and east, at the last search for the highest ground, and a height clear of it."""
         self._held = HeldEvents()
 
     def keep(self, tick: Tick) -> None:
-        """Put heights clear of the ground in the place of a tick's that aren't."""
+        """Replace those of a tick's heights that aren't clear of the ground."""
         for column in range(self._first, len(self._models)):
             height_m = tick.setpoints[column][HEIGHT]
             if tick.active[column] and height_m < self._clear_m(column, tick.state[column]):
@@ -183,7 +183,7 @@ class HeightFloor:
         return clear_m
 
     def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel) -> float:
-        """Return the least height setpoint, from `height_m` on, on the way to which the ground is clear."""
+        """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays clear of the ground."""
         lag_s, (north_mps, east_mps) = _lag_s(model), state.ground_mps()
         over_s = lag_s * SHARES
         ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
@@ -199,5 +199,5 @@ class HeightFloor:
 
 
 def _lag_s(model: AutopilotModel) -> float:
-    """Return by how much a height lags behind its setpoint on a climb, s."""
+    """Return how long a height lags behind its setpoint on a climb, s."""
     return model.tau_ha_s + model.tau_hb_s

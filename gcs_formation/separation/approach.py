@@ -1,4 +1,4 @@
-"""Where vehicles get to by what they are commanded and by a manoeuvre kept up, and how near they come to each other."""
+"""Predicted ways of vehicles through a setpoint and the manoeuvre after it, and how near they come to each other."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ from flight_model.vehicle_arrays import (
 )
 
 FINE_S, COARSE_S = 0.5, 1.0
-"""Steps in which a manoeuvre is looked at, before and after `FINE_UNTIL_S`."""
+"""Time steps of predicted ways, before and after `FINE_UNTIL_S`."""
 FINE_UNTIL_S = 4.0
 
 
 class ClosestApproach(NamedTuple):
-    """How near pairs come, (P,)."""
+    """Closest approaches of pairs, (P,)."""
 
     nearest_m: Array
     in_s: Array
-    """When."""
+    """Time until then."""
     deficit_m_s: Array
-    """Integral over time of what their distance lacks of the one that is to be kept; 0 where it's kept."""
+    """Integral over time of how much their distance falls short of the minimum; 0 where it is kept."""
 
 
 class MinimumDistance(NamedTuple):
-    """What pairs are to keep, (P,)."""
+    """Distance that pairs are to keep, (P,)."""
 
     distance_m: Array
     timing_s: Array
-    """Timing uncertainty of both together, s: the faster they pass each other, the more distance it adds."""
+    """Timing uncertainty of both together, s: it adds distance in proportion to their relative speed."""
 
     def times(self, share: float) -> MinimumDistance:
-        """Return a share of the distance and of the timing."""
+        """Return both multiplied by `share`."""
         return MinimumDistance(share * self.distance_m, share * self.timing_s)
 
 
 def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array) -> ClosestApproach:
-    """Return how near pairs come; between the samples they move straight.
+    """Return the closest approaches of pairs, whose ways are straight between samples.
 
-    The faster they move past each other, the farther may they be from where they're reckoned to be: the distance that
-    they keep grows with `timing_s`. It depends on the way alone: what is safe on a way stays safe while it is flown.
+    The distance to keep grows by `timing_s` times the relative speed, as timing errors displace the predictions. It
+    depends on the ways alone, so ways that are safe stay safe while they are flown.
 
     Args:
-        one: (3, S, P) places of the one vehicle of each pair.
+        one: (3, S, P) positions of the one vehicle of each pair.
         other: (3, S, P), those of the other.
-        minimum: what they are to keep.
+        minimum: distance to keep.
         times_s: (S,) of the samples.
     """
     apart = other - one
@@ -80,14 +80,14 @@ def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array)
 
 
 def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s: Array) -> Mask:
-    """Return whom (O,) any of one vehicle's ways may bring nearer than it's to keep, seen from above.
+    """Return which others (O,) may come nearer than the minimum to any of one vehicle's ways, seen from above.
 
-    From the boxes around ways between one sample and the next: nobody is left out that comes too near.
+    The test is conservative: it uses the bounding boxes of the ways between successive samples.
 
     Args:
         ours: (2, S, M) north and east of the one vehicle's ways.
         theirs: (2, S, O), the way of each of the others.
-        minimum: what each of them and the one are to keep, (O,).
+        minimum: distance that the one and each of them are to keep, (O,).
         times_s: (S,) of the samples.
     """
     steps_s = np.diff(times_s)
@@ -101,53 +101,53 @@ def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s:
 
 
 class Manoeuvre(Columns):
-    """What vehicles do one after the other, (N,) columns: a setpoint first, then another for good."""
+    """Manoeuvres of vehicles, (N,) columns: a first setpoint, and a lasting one after it."""
 
     __slots__ = ()
 
     speed_mps = Row(3)
-    """NaN: at the speed that they then have."""
+    """Lasting speed; NaN: the one flown by then."""
     heading_rad = Row(4)
-    """NaN: on the heading that they then have."""
+    """Lasting heading; NaN: the one flown by then."""
     height_m = Row(5)
-    """NaN: at the height that they come to when they stop climbing."""
+    """Lasting height; NaN: the one reached when the climb of then has been stopped."""
     air_motion = Row(slice(3, 5))
-    """Speed and heading, (2, N)."""
+    """Lasting speed and heading, (2, N)."""
 
     def __init__(self, first: Setpoints, speed_mps: Array, heading_rad: Array, height_m: Array) -> None:
-        """Put the manoeuvres together."""
+        """Take the first and the lasting setpoints."""
         super().__init__(*first.table, speed_mps, heading_rad, height_m)
 
     @property
     def first(self) -> Setpoints:
-        """The setpoint that comes first."""
+        """The first setpoints."""
         return Setpoints.of(self.table[:3])
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Vehicles when what they are commanded now acts, (N,) columns."""
+    """Vehicles at the instants at which their present setpoints act, (N,) columns."""
 
     state: FlightStates
     lead_s: Array
-    """How long before the instant that counting begins at, the same for all, their setpoints act."""
+    """Time from those instants to the common instant at which predictions start."""
     turn_rps: Array
-    """How they turn if nobody commands them; 0 for those that are commanded."""
+    """Turn rates of uncommanded vehicles; 0 for commanded ones."""
     model: AutopilotModels
     hovers: bool
-    """Whether they are multirotors, which fly velocities over ground; else they fly by speed and heading."""
+    """Whether they are multirotors, commanded by velocity over ground; else by speed and heading."""
 
     def take(self, which: Indices) -> Traffic:
-        """Return the columns of the vehicles at `which`, repeated as often as named."""
+        """Return the columns at `which`, repeated as often as they occur there."""
         state, model = self.state.take(which), self.model.take(which)
         return Traffic(state, self.lead_s[which], self.turn_rps[which], model, self.hovers)
 
     def turning(self) -> Traffic:
-        """Return these vehicles if each turns clockwise as tightly as it can."""
+        """Return these vehicles, each turning clockwise at its largest turn rate."""
         return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model, self.hovers)
 
     def beside(self, other: Traffic) -> Traffic:
-        """Return these vehicles and others, in this order."""
+        """Return these vehicles followed by others."""
         return Traffic(
             FlightStates.of(np.concatenate((self.state.table, other.state.table), axis=1)),
             np.concatenate((self.lead_s, other.lead_s)),
@@ -158,17 +158,17 @@ class Traffic:
 
 
 def sample_times(first_s: float, horizon_s: float) -> Array:
-    """Return the instants (S,) at which a manoeuvre is looked at: 0, `first_s`, and so on to the horizon."""
+    """Return the sample times (S,) of predicted ways: 0, `first_s`, and so on to the horizon."""
     fine = np.arange(first_s, min(FINE_UNTIL_S, horizon_s), FINE_S)
     coarse = np.arange(fine[-1] + COARSE_S, horizon_s + COARSE_S, COARSE_S)
     return np.concatenate(((0.0,), fine, coarse))
 
 
 def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
-    """Return the places (3, S, N), north, east and up, at `times_s` by model (7), of multirotors by their velocity.
+    """Return the positions (3, S, N), north, east and up, at `times_s` by model (7), for multirotors by velocity.
 
-    The first setpoint acts until `times_s[1]`. A height beyond what the envelope lets a vehicle be commanded at once is
-    approached as it will be commanded: by setpoints that run ahead of it.
+    The first setpoint acts until `times_s[1]`. A height that the envelope doesn't allow as a setpoint yet is approached
+    as it will be commanded: by setpoints at the edge of the envelope.
     """
     begin, turned = _begun(traffic, manoeuvre, times_s)
     heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))
@@ -177,17 +177,17 @@ def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
 
 
 def fly_level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
-    """Return the north and east of the same places (2, S, N), at a quarter of the cost."""
+    """Return north and east of the same positions (2, S, N), at a quarter of the cost."""
     return _level(traffic, manoeuvre, times_s, *_begun(traffic, manoeuvre, times_s))
 
 
 def reach_m(model: AutopilotModels) -> Array:
-    """Return how far from a vehicle's height its setpoint may be, as in the envelope (N,)."""
+    """Return the largest distance of a height setpoint from the present height, as in the envelope (N,)."""
     return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
 
 
 def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightStates, FlightStates]:
-    """Return the states at the first two instants: until then the first setpoint acts."""
+    """Return the states at the first two samples, between which the first setpoint acts."""
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))

@@ -1,7 +1,7 @@
-"""Who gives way, and how: a predictive filter of setpoints, with manoeuvres that are known to stay safe in reserve.
+"""Decides which vehicles give way, and how: a predictive filter of setpoints with safe manoeuvres in reserve.
 
 A setpoint passes if, after it has acted, a manoeuvre is left that keeps every distance over the whole horizon; if none
-is, such a manoeuvre is flown now. docs/separation.md has the sources and what follows from it.
+is, such a manoeuvre is flown now. See docs/separation.md for sources and consequences.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from gcs_formation.separation.approach import (
 from gcs_formation.separation.traffic import AS_COMMANDED, TrafficPicture, free_heights, possible_pairs, take_height
 
 RELEASE = 1.1
-"""Share of the kept distance that must stay free before a vehicle stops giving way."""
+"""A vehicle stops giving way once it would keep this many times the minimum distance without."""
 RETURN_S = 4.0
-"""For so long a multirotor's way back to its slot must be clear before it stops giving way."""
+"""How long a multirotor's way back to its slot must be clear before it stops giving way."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
-"""Share of the kept distance below which those give way too that go first: states are never quite as reckoned."""
+"""If the best way keeps less than this share of the minimum distance, the vehicle with precedence gives way too. The
+margin allows for prediction errors."""
 HEIGHTS_MAX = 8
-"""Most heights that are looked at for one vehicle."""
+"""Largest number of heights that are tried for one vehicle."""
 SWEEPS = 2
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """A vehicle that gives way, and another that it would come near if it didn't."""
+    """A vehicle that gives way, another, and their closest approach if it didn't."""
 
     vehicle: int
     other: int
@@ -47,16 +48,16 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Resolution:
-    """What is commanded instead."""
+    """The rule's decision at one tick."""
 
     setpoints: Setpoints
     side: Array
-    """(N,) what is remembered until the next tick: 1 above, -1 below the others, 0 of those that don't give way."""
+    """(N,) input of the next tick: 1 for vehicles that pass above the others, -1 below, 0 if they don't give way."""
     conflicts: tuple[Conflict, ...]
 
 
 def resolve(picture: TrafficPicture, side: Array) -> Resolution:
-    """Return the setpoints that keep the distances; exactly those that came in where nobody need give way.
+    """Return setpoints that keep the distances; a vehicle that needn't give way keeps exactly its own.
 
     `side` is that of the last tick's resolution, (N,).
     """
@@ -67,7 +68,7 @@ def resolve(picture: TrafficPicture, side: Array) -> Resolution:
 
 
 def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
-    """Return which pairs come too near as commanded, seen from above: the others keep their distance at any heights."""
+    """Return which pairs come too near as commanded, seen from above; the others are apart whatever their heights."""
     if not one.size:
         return np.zeros(0, dtype=bool)
     which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
@@ -104,11 +105,11 @@ class _Search:
         return Resolution(Setpoints.of(setpoints), self._side, tuple(found))
 
     def _second(self, i: int, j: int) -> int:
-        """Return who of a pair gives way first: the later one, if it's commanded."""
+        """Return which of a pair gives way first: the later one, if it is commanded."""
         return j if self._picture.commanded[j] else i
 
     def _sweep(self) -> bool:
-        """Choose for all that wait, the last one first; return whether somebody found no safe way."""
+        """Choose the ways of all waiting vehicles, the last one first; return whether some found no safe way."""
         waiting, done, unsafe = set(self._waiting), set[int](), False
         while waiting:
             vehicle = max(waiting)
@@ -121,7 +122,7 @@ class _Search:
         return unsafe
 
     def _choose(self, vehicle: int) -> list[int]:
-        """Choose a vehicle's way; return whom it still comes too near to."""
+        """Choose a vehicle's way; return the others that it still comes too near to."""
         picture, others = self._picture, self._neighbours(vehicle)
         plain = self._plain(vehicle)
         near = self._approach(vehicle, plain, others, RELEASE)
@@ -144,17 +145,17 @@ class _Search:
         return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
 
     def _mildest(self, options: Manoeuvre, safe: Indices, waiting: int) -> int:
-        """Return the first of the safe options; of those that give way at once the first within the fence's heights."""
+        """Return the first safe option; if it gives way at once, the first one within the fence's heights if any."""
         if safe[0] < waiting:
             return int(safe[0])
         height_m, (least_m, most_m) = options.height_m[safe], self._picture.heights_m
         return int(safe[int(((height_m < least_m) | (height_m > most_m)).argmin())])
 
     def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
-        """Whether a vehicle that gives way may stop: straight on and as commanded, it keeps well clear of everyone.
+        """Return whether a vehicle may stop giving way: as commanded and then straight on, it keeps well clear of all.
 
-        A multirotor's way back to its slot must be clear for a while of those that nobody commands, too: it would go
-        to and fro before them.
+        A multirotor's way back to its slot must also be clear of uncommanded vehicles for a while: else it would move
+        to and fro in front of them.
         """
         if (near.deficit_m_s[1] > NEGLIGIBLE_M_S).any():
             return False
@@ -172,14 +173,14 @@ class _Search:
         return not (approach(*ways, self._minimum(vehicle, free), times_s[soon]).deficit_m_s > NEGLIGIBLE_M_S).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
-        """Return what a vehicle does if it doesn't give way at all: along the reference, and straight on."""
+        """Return a vehicle's two ways without giving way: as commanded, then along the reference or straight on."""
         which = np.array([vehicle])
         setpoints, (speed_mps, heading_rad) = self._picture.setpoints.take(which), self._picture.lasting(vehicle)
         along = Manoeuvre(setpoints, np.array([speed_mps]), np.array([heading_rad]), setpoints.height_m)
         return _joined(along, self._picture.straight(which))
 
     def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
-        """Return the ways that begin as commanded: the plain ones, and those that give way afterwards."""
+        """Return the ways that begin as commanded: the plain ones, and those that give way later."""
         setpoints = self._picture.setpoints.table[:, [vehicle]]
         courses = escapes.height_m.size // max(heights.size, 1)
         later = escapes.table.reshape(6, heights.size, courses)[:, :, :AS_COMMANDED].reshape(6, -1)
@@ -187,7 +188,7 @@ class _Search:
         return _joined(plain, Manoeuvre.of(later))
 
     def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
-        """Return the ways that give way at once; at the height as commanded if no other helps, of multirotors first."""
+        """Return the ways that give way at once: at other heights first, for multirotors at the commanded one first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
         level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
         return _joined(level, escapes) if self._picture.traffic.hovers else _joined(escapes, level)
@@ -200,10 +201,10 @@ class _Search:
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
 
     def _neighbours(self, vehicle: int) -> Indices:
-        """Return the others that any way of a vehicle could bring it too near to, whatever heights they fly at.
+        """Return the others that any way of a vehicle could bring too near, whatever their heights.
 
-        A way keeps to one of its courses; the others' ways are known. What holds for the boxes around all of them,
-        step by step in a frame that moves on with the reference, holds for the ways.
+        Each of its ways follows one of its courses, and the others' ways are known. The test uses the bounding boxes of
+        these, step by step in a frame that moves with the reference.
         """
         picture = self._picture
         courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
@@ -218,7 +219,7 @@ class _Search:
         return self._picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
 
     def _approach(self, vehicle: int, options: Manoeuvre, others: Indices, share: float) -> ClosestApproach:
-        """Return how near each of a vehicle's options (M,) comes to each of the others: (M, O) arrays."""
+        """Return the closest approach of each of a vehicle's options (M,) to each of the others: (M, O) arrays."""
         picture, count = self._picture, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
         ways = np.repeat(fly(picture.traffic.take(which), options, picture.times_s), others.size, axis=2)
@@ -228,7 +229,7 @@ class _Search:
 
 
 def _conflicts(vehicle: int, others: Indices, near: ClosestApproach, conflicting: Mask) -> tuple[Conflict, ...]:
-    """Return whom a vehicle would come near, flying straight on where that is the nearer way."""
+    """Return a vehicle's conflicts, each on that of its plain ways which comes nearer to the other."""
     way = np.argmin(near.nearest_m, axis=0)
     found: list[Conflict] = []
     for place in np.flatnonzero(conflicting).tolist():

@@ -1,7 +1,7 @@
-"""The separation rule's first look, on plain numbers: whether any two vehicles could come too near at all.
+"""A fast test ahead of the separation rule, on plain numbers: whether any two vehicles could come too near at all.
 
-Nearly always none could, and nothing else of the rule need be looked at. For formations of which every vehicle is
-commanded and responds; `traffic.possible_pairs` has the same bound for all others.
+Nearly always none could, and the rest of the rule is skipped. It is for formations in which every vehicle is commanded
+and responds; `traffic.possible_pairs` has the same bound for all others.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from gcs_formation.separation.approach import COARSE_S
 
 HALF_S: Final = COARSE_S / 2
 SLOT_SHARE: Final = 0.8
-"""Share of the distance of two slots that is kept at most, and of what slots leave on their planned ways: the rule
-doesn't fight the formation."""
+"""Two vehicles keep at most this share of their slots' distance, planned transitions included, so that the rule doesn't
+act against the formation."""
 
 
 class KeptDistance:
@@ -26,62 +26,62 @@ class KeptDistance:
     __slots__ = ("each_m", "most_m", "rows")
 
     def __init__(self, most_m: float, each_m: Array | None = None, first: int = 0) -> None:
-        """Take the most, and what each two keep whose slots are on their way.
+        """Take the largest distance, and those of pairs whose slots are moving.
 
         Args:
-            most_m: kept by those whose slots are far apart, or that come to them from afar.
-            each_m: (C, C); None where slots rest: then they tell.
+            most_m: for vehicles whose slots are far apart, or that are far from their slots.
+            each_m: (C, C); None where slots rest: then it follows from the slots' distance.
             first: the first column that is a vehicle.
         """
         self.most_m = most_m
         self.each_m = each_m
         self.rows: list[list[float]] = [] if each_m is None else each_m[first:, first:].tolist()
-        """The same, for the first look."""
+        """`each_m` of vehicles as lists, for `FirstLook`."""
 
 
 class VehicleBounds:
-    """Where a vehicle is, how far and how fast it may go from there, and how badly it is timed."""
+    """A vehicle's position, bounds of how far and how fast it may move from there, and its timing uncertainty."""
 
     __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "place", "slot_m", "timing_s")
 
     def __init__(self, place: int, model: AutopilotModel) -> None:
-        """Begin with one that hasn't been seen; `place` among all of them."""
+        """Begin with a vehicle that hasn't been seen; `place`: its index."""
         self.place, self.model = place, model
         self.north_m = self.east_m = 0.0
         self.along_m = 0.0
-        """Its place along the axis on which all are farthest apart."""
+        """Its position on the axis along which the vehicles are farthest apart."""
         self.far_m = self.fast_mps = 0.0
-        """How far and how fast it may go."""
+        """Largest distance and speed relative to the moving frame."""
         self.slot_m: Triple = (0.0, 0.0, 0.0)
         """From the leader: forward, right, up."""
         self.timing_s = 0.0
-        """How much earlier or later than reckoned it may be where it's reckoned to be."""
+        """How much earlier or later than predicted it may be at a position."""
 
 
 class FirstLook:
-    """Whether no two can come nearer than they are to keep, as commanded and then along the velocity of a reference.
+    """Tests whether all pairs keep their distance while they fly as commanded and then along the reference's velocity.
 
-    Seen from a frame that moves on as the reference does: the leader, along whose velocity the others can always fly.
-    An error of speed or heading e that decays with a lag tau at a rate of r at most leads e tau + e^2 / (2 r) off; the
-    trapezium rule, half a step more. Of multirotors the error is one of velocity.
+    The test uses a frame that moves with the reference: the leader, along whose velocity the others can always fly. An
+    error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
+    the trapezium rule adds half a step. For multirotors the error is one of velocity.
     """
 
     def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float, *, hovers: bool) -> None:
-        """Look at vehicles with these models `horizon_s` ahead; they fly as commanded for `first_s`.
+        """Look `horizon_s` ahead at vehicles with these models, which fly as commanded for `first_s`.
 
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
         self._spots = [VehicleBounds(place, model) for place, model in enumerate(models)]
         self._order = list(self._spots)
-        """Along the axis on which they were farthest apart: seldom another one than at the tick before."""
+        """Sorted along the axis on which they are farthest apart; the order seldom changes from tick to tick."""
         self._first_s, self._horizon_s = first_s, horizon_s
         self._its: FlightState | None = None
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def begin(self, reference: FlightState) -> None:
-        """Begin a look: `see` every vehicle, then ask whether `all_apart`."""
+        """Begin a test: `see` every vehicle, then ask whether `all_apart`."""
         self._its = reference
         self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
@@ -96,12 +96,12 @@ class FirstLook:
         early_s: float,
         timing_s: float,
     ) -> None:
-        """Look at one vehicle.
+        """Compute one vehicle's bounds.
 
         Args:
-            place: among the models.
-            state: when what it is commanded now acts.
-            slot_m: its slot from the leader, unknown (NaN) where no other's is taken to be near.
+            place: index among the models.
+            state: when its present setpoint acts.
+            slot_m: its slot from the leader; NaN for a vehicle far from its slot.
             speed_mps: commanded.
             heading_rad: commanded.
             early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
@@ -135,7 +135,7 @@ class FirstLook:
         self._off_most_s = max(self._off_most_s, timing_s)
 
     def all_apart(self, kept: KeptDistance) -> bool:
-        """Return whether all that were seen keep their distance: along one axis, those far apart need no look."""
+        """Return whether all seen vehicles keep their distance; pairs far apart along one axis are skipped."""
         most_m = kept.most_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
         self._sort()
         order = self._order
@@ -156,7 +156,7 @@ class FirstLook:
         return True
 
     def _sort(self) -> None:
-        """Put the spots in order along the axis on which they are farther apart, from nearly that order."""
+        """Sort the vehicles along the axis on which they are farther apart, by insertion from the previous order."""
         order = self._order
         south = north = order[0].north_m
         west = east = order[0].east_m
@@ -175,7 +175,7 @@ class FirstLook:
 
 
 def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> float:
-    """Return the distance that two keep; the most where the slot of one of them isn't known."""
+    """Return the distance that two vehicles keep: the largest if one of their slots isn't known."""
     first, second = one.slot_m, other.slot_m
     forward_m, right_m, up_m = first[0] - second[0], first[1] - second[1], first[2] - second[2]
     kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
@@ -185,6 +185,6 @@ def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> flo
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:
-    """Return by how much a velocity over ground differs from a state's."""
+    """Return the difference between a velocity and a state's velocity over ground."""
     north_mps, east_mps = state.ground_mps()
     return math.hypot(speed_mps * math.cos(heading_rad) - north_mps, speed_mps * math.sin(heading_rad) - east_mps)

@@ -1,4 +1,4 @@
-"""The separation rule in flight: from a tick to what the rule looks at, and from what it decides back to the tick."""
+"""The separation rule in flight: builds the rule's input from a tick, and applies its decisions to the tick."""
 
 from __future__ import annotations
 
@@ -27,20 +27,19 @@ from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S, Unresponsive, Wandering
 
 ROOM_M: Final = 0.5
-"""How much more than the distance that is kept is reckoned with. Whoever gives way does so at the last moment, with
-nothing to spare by the ways; those are known to centimetres where states are, and to decimetres where states are noisy
-and ways are curved between the samples."""
+"""Margin added to the distance to keep. Giving way begins at the last moment, when the predicted ways leave nothing to
+spare. Predictions are accurate to centimetres, with noisy states and ways that curve between samples to decimetres."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
-"""One that is farther from its slot than this many times the rule's distance keeps all of that from everybody."""
+"""A vehicle farther from its slot than this many times the rule's distance keeps the full distance from all others."""
 TIMING_SHARE: Final = 0.1
-"""Share of a state's age and of the way back by which instants may be off."""
+"""Timing uncertainty as a share of a state's age plus the one-way delay."""
 RESERVE_TICKS: Final = 2.0
 RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
-"""How much longer than a tick a setpoint is reckoned to act: so many ticks, for the next ones may be lost."""
+"""How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
 LASTS_S: Final = 30.0
-"""An encounter that hasn't ended after this is said not to end."""
+"""An encounter is reported again if it lasts longer."""
 
 
 @dataclass
@@ -49,16 +48,16 @@ class Encounter:
 
     begun: Instant
     least_m: float = math.inf
-    """Least distance since, as the states of the law have it."""
+    """Least distance since then, from the states that the law uses."""
     lasts: bool = False
-    """Whether it was said that it doesn't end."""
+    """Whether it has been reported as lasting."""
 
 
 class ConflictResolver:
-    """Applies the rule tick by tick, and remembers who gives way to whom."""
+    """Applies the rule tick by tick, and keeps track of the encounters."""
 
     def __init__(self, scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> None:
-        """Take the distance to keep; `history` holds what was sent to the columns, (C,) `models`."""
+        """Take the distance to keep; `history` holds the setpoints sent to the columns, (C,) `models`."""
         self._keys = scenario.safety.avoidance
         self._enabled: bool = self._keys.enabled
         self._hovers: bool = scenario.hovers
@@ -77,28 +76,28 @@ class ConflictResolver:
         count, schedule = len(models), slot_schedule(scenario)
         self._side = [0.0] * count
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
-        """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
+        """All columns' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
         self._slots_known: list[Triple] | None = None
-        """The list of a tick that tells nothing new."""
+        """The list that `_slots` was made from; the same object means no change."""
         self._kept_from_others_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
         self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_from_others_m)
         self._apart_m: Array | None = None
-        """The planned ways that `_kept_moving` is for."""
+        """The planned distances that `_kept_moving` was made from."""
         self._identities = column_ids(scenario)
         self._encounters: dict[tuple[int, int], Encounter] = {}
 
     def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
-        """Put setpoints that keep the distance in the place of a tick's, where those don't.
+        """Replace those of a tick's setpoints that don't keep the distance.
+
+        Two vehicles keep the rule's distance, or less where their slots, or the planned ways of these, leave less.
 
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            apart_m: (C, C) how near slots that move come to each other, as planned; None where all rest where they
-                belong. The same array for as long as the plan is the same.
-
-        Two keep the rule's distance, and less where their own slots, or the planned ways of these, leave less.
+            apart_m: (C, C) least planned distances of moving slots; None where all slots rest where they belong. The
+                same array for as long as the plan is the same.
         """
         if not self._enabled:
             return
@@ -119,9 +118,9 @@ class ConflictResolver:
         self._note(tick, picture, resolution.conflicts)
 
     def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
-        """Return what is kept while slots change: the limit and some room, and more where two's own ways leave that.
+        """Return the distances while slots change: the safety limit plus a margin, or more where planned ways allow it.
 
-        Slots on their way are no reason to come nearer to anybody than what is safe.
+        Moving slots are no reason to go below a safe distance.
         """
         if apart_m is not self._apart_m:
             self._apart_m, limit_m = apart_m, self._limit_m
@@ -131,7 +130,7 @@ class ConflictResolver:
         return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
-        """Return whether all are commanded, respond and can't come near each other, and nobody gave way until now."""
+        """Return whether the rule can be skipped: all are commanded, respond and stay apart, and none is giving way."""
         if not self._predicted or self._encounters or self._unresponsive.any or self._wandering.any_astray:
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
@@ -152,7 +151,7 @@ class ConflictResolver:
         return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
-        """Put what the rule decided in the place of what the law did, and remember where they differ."""
+        """Replace the law's setpoints by the rule's, and record which differ."""
         self._side = [0.0] * len(self._models)
         places: list[int] = vehicles.tolist()
         sides: list[float] = resolution.side.tolist()
@@ -165,7 +164,7 @@ class ConflictResolver:
         tick.yielding = [side != 0.0 for side in self._side]
 
     def _members(self, tick: Tick) -> list[int]:
-        """Return the columns that count, the leader's first; multirotors that come to their slots from afar last."""
+        """Return the columns that the rule considers: the leader first, multirotors far from their slots last."""
         counted = [
             column
             for column in range(self._first, len(self._models))
@@ -180,10 +179,10 @@ class ConflictResolver:
         return counted
 
     def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: KeptDistance) -> TrafficPicture:
-        """Return the traffic that the rule looks at.
+        """Return the rule's input.
 
-        Those that may be in several places are in it as often: as they don't respond and fly on or stand, may turn
-        tightly, or, multirotors that go astray or nobody commands, go on changing their velocity, or set off for home.
+        A vehicle that may be in several places is in it several times: one that may not respond and flies on or stands;
+        one that may turn tightly; a multirotor, astray or uncommanded, that may keep accelerating or fly home.
         """
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
@@ -232,7 +231,7 @@ class ConflictResolver:
     def _state(
         self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
     ) -> FlightStates:
-        """Return the states when setpoints act: the law's where it predicts, else predicted here."""
+        """Return the states when setpoints act: the law's if it predicts them, else predicted here."""
         if self._predicted and all(tick.active[each] for each in members):
             return FlightStates.from_each(tick.state[each] for each in members)
         states = [measured.states[each].copy() for each in members]
@@ -243,9 +242,9 @@ class ConflictResolver:
         return FlightStates.from_each(states).turned(turn_rps, over_s)
 
     def _floor_m(self, state: FlightStates) -> Array:
-        """Return the height that vehicles may be sent down to: clear of the ground that they come to straight on.
+        """Return the lowest height that the rule commands: clear of the ground straight ahead.
 
-        Where that isn't known, nobody is sent down.
+        Where the ground isn't known, it is the present height.
         """
         over_s, (north_mps, east_mps) = self._times_s[:, None], state.ground_mps
         north_m, east_m = state.north_m + over_s * north_mps, state.east_m + over_s * east_mps
@@ -253,7 +252,7 @@ class ConflictResolver:
         return np.where(np.isnan(ground_m), state.height_m, ground_m + self._clearance_m + self._keys.distance_m)
 
     def _watch_slots(self, slots_m: list[Triple]) -> None:
-        """Take note of where slots are; the leader's own is unknown, and at the end of a flight all are left."""
+        """Store the slots, the leader's (NaN) as 0; at the end of a flight, all NaN, the last ones are kept."""
         if slots_m is self._slots_known:
             return
         known = False
@@ -264,7 +263,7 @@ class ConflictResolver:
             self._slots_known = slots_m
 
     def _watch_errors(self, tick: Tick) -> None:
-        """Take note of who is far from its slot; where slots are left, at a flight's end, those stay so that were."""
+        """Store which vehicles are far from their slots; at the end of a flight, without slots, keep the result."""
         far_m2 = squared(AFAR * self._kept_from_others_m)
         for column in range(len(self._afar)):
             forward_m, right_m, up_m = tick.error_of(column)
@@ -272,7 +271,7 @@ class ConflictResolver:
                 self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
 
     def _slot(self, column: int) -> Triple:
-        """Return where a vehicle's slot is; unknown of one that comes to it from afar, and is beside nobody else's."""
+        """Return a vehicle's slot; unknown (NaN) if it is far from it, and so not beside the neighbours of its slot."""
         return UNKNOWN if self._afar[column] else self._slots[column]
 
     def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
@@ -304,7 +303,7 @@ class ConflictResolver:
                 self._report(tick, pair, "no longer gives way to", text, figures)
 
     def _way(self, tick: Tick, column: int) -> str:
-        """Return the way in which a vehicle gives way, in a word."""
+        """Return how a vehicle gives way, for the event."""
         aside = "upwards" if self._side[column] > 0.0 else "downwards"
         return aside if tick.replaced[column][HEIGHT] else "as high"
 
@@ -316,12 +315,11 @@ class ConflictResolver:
 
 
 def _acts_s(dt_s: float) -> float:
-    """Return for how long a setpoint is reckoned to act: until the next one that isn't lost."""
+    """Return for how long a setpoint is taken to act: until the next one that isn't lost."""
     return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_LEAST_S, RESERVE_MOST_S)
 
 
 def _timing_s(tick: Tick, column: int) -> float:
-    """Return the timing uncertainty of a vehicle's state, s."""
     timing_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
     return 0.0 if math.isnan(timing_s) else timing_s
 

@@ -1,4 +1,4 @@
-"""All that the separation rule looks at in one tick, and which vehicles could come too near to each other at all."""
+"""Input of the separation rule at one tick, the ways open to a vehicle, and the pairs that could come too near."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistan
 from gcs_formation.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
-"""How much farther than the kept distance above or below another a vehicle aims that gives way."""
+"""Margin, in height, by which a vehicle that gives way passes another beyond the distance to keep."""
 REFERENCE = 0
-"""The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts.
+"""Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
 
-Of a multirotor that gives way it is the velocity that it is commanded: the one that it has comes of that."""
+For a multirotor that gives way, its commanded velocity is used: the present one results from giving way."""
 AS_COMMANDED = 2
-"""How many of a vehicle's courses, the first ones, begin as commanded."""
+"""Number of a vehicle's courses, the first ones, that begin as commanded."""
 ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
-"""Directions in which a multirotor evades, from the reference's."""
+"""Directions in which a multirotor evades, relative to the reference's."""
 Courses = list[tuple[tuple[float, float], tuple[float, float]]]
-"""Speed and heading that are told first, and those that are told after these have acted; NaN: as it then flies."""
+"""Speed and heading commanded first, and those commanded afterwards; NaN: those flown by then."""
 FEW = 32
-"""Vehicles of whom a look at every pair costs less than a search for those that are near."""
+"""Up to this many vehicles, testing every pair is faster than a search for near ones."""
 
 
 @dataclass(frozen=True)
 class TrafficPicture:
-    """Vehicles, (N,) columns, in the order in which they go first: the last one gives way first."""
+    """Vehicles, (N,) columns, in order of precedence: the last one gives way first."""
 
     traffic: Traffic
     setpoints: Setpoints
-    """By the law; of those that aren't commanded what they seem to be about, NaN where they go on as they do."""
+    """The law's; for uncommanded vehicles their assumed intent, NaN where they continue as they fly."""
     commanded: Mask
     vehicles: Indices
-    """(N,) whose columns they are: one that may be in two places has two, which don't keep apart."""
+    """(N,) the vehicle of each column: one that may be in two places has two columns, which needn't keep apart."""
     kept: KeptDistance
-    """Distance that two keep that are commanded, as far as their slots leave so much."""
+    """Distance between two commanded vehicles, as far as their slots allow it."""
     slots_m: Array
-    """(3, N) their slots, from the leader; NaN where no other's is taken to be near."""
+    """(3, N) their slots, from the leader; NaN for a vehicle far from its slot."""
     kept_from_others_m: float
-    """The one that's kept from those that aren't."""
+    """Distance from uncommanded vehicles."""
     timing_s: Array
-    """(N,) how much earlier or later than reckoned a vehicle may be where it's reckoned to be."""
+    """(N,) how much earlier or later than predicted a vehicle may be at a position."""
     floor: Callable[[FlightStates], Array]
-    """Gives the height (N,) that no vehicle is sent below by the rule."""
+    """Returns the lowest heights (N,) that the rule commands."""
     times_s: Array
-    """(S,) at which ways are looked at."""
+    """(S,) sample times of predicted ways."""
     evades: bool = False
-    """Whether the reference has given way until now."""
+    """Whether the reference gave way at the last tick."""
     heights_m: tuple[float, float] = (-math.inf, math.inf)
     """The lowest and the highest height that the fence allows."""
 
@@ -83,25 +83,25 @@ class TrafficPicture:
 
     @cached_property
     def along(self) -> tuple[Array, Array]:
-        """Airspeed and heading of the reference as each can fly them, (N,); those not commanded go on."""
+        """Airspeed and heading of the reference as each can fly them, (N,); uncommanded vehicles keep their own."""
         model, on = self.traffic.model, self.setpoints
         speed, heading = (np.full(self.commanded.size, each) for each in self.reference)
         speed = within(speed, model.speed_min_mps, model.speed_max_mps)
         return np.where(self.commanded, speed, on.speed_mps), np.where(self.commanded, heading, on.heading_rad)
 
     def lasting(self, vehicle: int) -> tuple[float, float]:
-        """Return airspeed and heading that a vehicle can go on with when it has flown as commanded: the reference's.
+        """Return the airspeed and heading that a vehicle can keep after its first setpoint: the reference's.
 
-        The reference itself, unless it goes by what it is commanded, flies on as it then does (NaN). In a bend it turns
-        while commanded to, and straight on isn't the heading of now any more: a way that begins so and turns back
-        couldn't be flown on at the next tick.
+        The reference itself keeps what it flies by then (NaN), unless its commanded velocity is used. In a bend its
+        heading changes while the first setpoint acts. A way that turns back to the present heading couldn't be
+        continued at the next tick.
         """
         speed, heading = self.along
         turns = vehicle == REFERENCE and not self._aims
         return (np.nan, np.nan) if turns else (float(speed[vehicle]), float(heading[vehicle]))
 
     def minimum(self, one: Indices, other: Indices) -> MinimumDistance:
-        """Return what pairs are to keep (P,)."""
+        """Return the distance that pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
         apart = self.vehicles[one] != self.vehicles[other]
         slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
@@ -114,33 +114,33 @@ class TrafficPicture:
 
     @cached_property
     def floor_m(self) -> Array:
-        """The height that no vehicle is sent below, (N,)."""
+        """Lowest heights that the rule commands, (N,)."""
         return self.floor(self.traffic.state)
 
     def as_commanded(self) -> Manoeuvre:
-        """Return what everyone does if nothing gives way: as commanded, then along the reference, as high.
+        """Return all vehicles' manoeuvres without giving way: as commanded, then along the reference at that height.
 
-        Those that aren't commanded go on as they do.
+        Uncommanded vehicles continue as they fly.
         """
         setpoints = self.setpoints
         return Manoeuvre(setpoints, *self.along, setpoints.height_m)
 
     def straight(self, which: Indices) -> Manoeuvre:
-        """Return what the vehicles `which` do that first fly as commanded, then straight on, as high."""
+        """Return the manoeuvres of the vehicles `which`: as commanded, then straight on at that height."""
         setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
-        """Return heights as near to the vehicles' own as they may be commanded (N,)."""
+        """Return heights limited to what vehicles may be commanded now (N,)."""
         own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
         return within(height_m, own_m - most_m, own_m + most_m)
 
 
 def courses(picture: TrafficPicture, vehicle: int) -> Courses:
-    """Return the courses that are open to a vehicle, the mildest first.
+    """Return the courses open to a vehicle, the mildest first.
 
-    The course as commanded, then along the reference or straight on; along the reference at once; straight on at once.
-    A multirotor may also stop, before it flies straight on, or fly in any of eight directions, aside first.
+    As commanded, then along the reference; as commanded, then straight on; along the reference at once; straight on at
+    once. A multirotor may also stop (tried before straight on), or fly in any of eight directions, aside first.
     """
     now, setpoints, on = picture.traffic.state, picture.setpoints, (np.nan, np.nan)
     course = float(setpoints.speed_mps[vehicle]), float(setpoints.heading_rad[vehicle])
@@ -155,7 +155,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
 
 
 def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoeuvre:
-    """Return the ways to get to each of M heights on each of K courses, (M K,) columns, the mildest first."""
+    """Return the manoeuvres to each of M heights on each of K courses, (M K,) columns, the mildest first."""
     first_m = picture.within_reach(np.full(height_m.size, vehicle, dtype=np.intp), height_m)
     open_to_it = courses(picture, vehicle)
     rows = np.empty((6, height_m.size, len(open_to_it)))
@@ -166,9 +166,9 @@ def take_height(picture: TrafficPicture, vehicle: int, height_m: Array) -> Manoe
 
 
 def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m: Array, side: float) -> Array:
-    """Return the heights to command a vehicle to, in the air that carries it, to pass others that end at `ends_m`.
+    """Return the height setpoints, corrected for updraught, with which a vehicle passes others that end at `ends_m`.
 
-    Those on its side come first, then the nearest; upwards where it's the same.
+    Those on its present side come first, then the nearest; of equally near ones the upper.
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
@@ -185,23 +185,22 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
 
 
 def _length(vectors: Array) -> Array:
-    """Return the lengths of (2, N) vectors."""
     return np.hypot(vectors[0], vectors[1])
 
 
 class Reach(NamedTuple):
-    """How far vehicles get, seen from a frame that moves on as the reference does, (N,)."""
+    """Bounds of vehicles' distances and speeds in a frame that moves with the reference, (N,)."""
 
     place_m: Array
-    """(2, N) north and east in that frame, at the instant that all are looked at from."""
+    """(2, N) north and east in that frame, at the common instant at which predictions start."""
     far_m: Array
     fast_mps: Array
 
 
 def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
-    """Return the pairs (one < other) that could come too near as commanded, one of them commanded at least.
+    """Return the pairs (one < other), at least one of them commanded, that could come too near as commanded.
 
-    Exact: no pair is left out whose ways as commanded come nearer than they are to keep.
+    The test is conservative: it finds every pair whose ways as commanded don't keep the distance.
     """
     reach, count = bound(picture), picture.commanded.size
     one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
@@ -214,10 +213,10 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
 
 def bound(picture: TrafficPicture) -> Reach:
-    """Return how far and how fast the ways as commanded lead at most in the frame of the reference, level.
+    """Return bounds of the horizontal distance and speed, in the reference's frame, of the ways as commanded.
 
-    An error of speed or heading e that decays with a lag tau at a rate of r at most leads e tau + e^2 / (2 r) off; the
-    trapezium rule, half a step more.
+    An error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
+    the trapezium rule adds half a step.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)
@@ -245,7 +244,7 @@ def bound(picture: TrafficPicture) -> Reach:
 
 
 def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
-    """Fill in those that aren't commanded: they go on, straight or in a turn; multirotors as they like."""
+    """Fill in the bounds of uncommanded vehicles: they fly straight on or turn; multirotors may fly anywhere."""
     traffic, state, free = picture.traffic, picture.traffic.state, ~picture.commanded
     if traffic.hovers:
         mps = np.maximum(_length(picture.velocity_mps), traffic.model.speed_max_mps) + _length(frame_mps)
@@ -264,7 +263,7 @@ def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
-    import scipy  # noqa: PLC0415 - only a crowd is worth a tree
+    import scipy  # noqa: PLC0415 - a k-d tree pays only for many vehicles
 
     near = scipy.spatial.cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)

@@ -1,4 +1,4 @@
-"""Where vehicles may be that don't fly as the law has it: that may not respond, go astray, or nobody commands."""
+"""Possible positions of vehicles that don't fly by the law's setpoints: unresponsive, astray or uncommanded ones."""
 
 from __future__ import annotations
 
@@ -20,58 +20,59 @@ from gcs_formation.separation.approach import Traffic
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
-"""Before it would stand others make room for one that doesn't answer: how old its last answer is, is known roughly."""
+"""Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
+known only roughly."""
 SEEMS_AFTER_S: Final = 0.5
-"""Over which the acceleration of a multirotor is averaged that nobody commands."""
+"""Averaging time of the acceleration of a multirotor."""
 SEEMS_FOR_S: Final = 2.0
-"""For how long it may go on with it."""
+"""How long an astray or uncommanded multirotor is assumed to keep accelerating."""
 ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
-"""A multirotor goes astray that is so far off the velocity that it is told and changes it so fast away from that."""
+"""A multirotor is astray if its velocity is so far from the commanded one and departs from it that fast."""
 FORGOTTEN_AFTER_S: Final = 30.0
-"""Age of a state that nobody keeps away from any more."""
+"""A vehicle whose state is older is ignored."""
 PROBE_S: Final = 0.27
-"""How far apart requests are at most that every vehicle answers."""
+"""Longest interval of requests that every vehicle answers."""
 MISSED_S: Final = 0.5
-"""For how much longer answers may be missing: over links that lose, some are."""
+"""How much longer answers may be missing, since links lose some."""
 STANDS: Triple = (0.0, 0.0, math.nan)
-"""What one does that stands, or stops."""
+"""Intent of a vehicle that stands or stops."""
 SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
-"""When it is reckoned to have set off: shares of the time in which it may have."""
+"""Assumed times of its departure for home, as shares of the time in which it may depart."""
 
 
 class Place(NamedTuple):
-    """Where one may be that may not respond."""
+    """A position that a vehicle may have if it doesn't respond."""
 
     column: int
     stands: int | None
-    """Since when it stands; None: it flies on."""
+    """Instant from which it stands; None: it flies on."""
     sets_off: int | None = None
-    """Since when it flies home; None: it doesn't."""
+    """Instant from which it flies home; None: it doesn't."""
     home_m: tuple[float, float] = (math.nan, math.nan)
 
 
 class Unresponsive:
-    """Predicts where vehicles are that may not respond: they fly on by the last setpoint that they surely heard.
+    """Predicts vehicles that may not respond: they fly on by the last setpoint that they are known to have received.
 
-    Or multirotors stand some time after the last setpoint, which was the one that they surely heard, or the last that
-    was sent; or a failsafe takes them home from there.
+    A multirotor may also stop some time after its last setpoint, which is the last one that it is known to have
+    received or the last one sent, and a failsafe may take it home from there.
     """
 
     def __init__(
         self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
     ) -> None:
-        """Take the setpoints that were sent from `history`, the (C,) `models`, and how far ahead ways are looked at."""
+        """Take the setpoints sent, the (C,) `models`, and how far ahead the rule predicts."""
         self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
         self._held: list[Triple | None] = [None] * len(models)
-        """The setpoint that each vehicle flies on by that doesn't answer; None for those that answer."""
+        """Setpoint by which each vehicle that doesn't answer flies on; None for those that answer."""
         self._disobeying = [False] * len(models)
         self._left: list[int | None] = [None] * len(models)
-        """Since when each is sent nothing any more."""
+        """Instant from which each has been sent nothing; None while it is sent setpoints."""
 
     def watch(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
-        """Note who may not respond, and the setpoint that each of them holds; who disobeys flies straight on.
+        """Update which vehicles may not respond, and the setpoint that each holds; disobeying ones fly straight on.
 
-        `active`: which are sent setpoints.
+        `active`: those that are sent setpoints.
         """
         for column, link in enumerate(links):
             if active[column]:
@@ -96,9 +97,9 @@ class Unresponsive:
     def traffic(
         self, members: list[int], now: Instant, links: list[VehicleLink], measured: Measured, at: int
     ) -> tuple[list[int], list[Triple], Traffic | None]:
-        """Return those of the columns `members` that may not respond, as they are at the instant `at`.
+        """Return the possible positions, at the instant `at`, of those of the columns `members` that may not respond.
 
-        Each as often as there are places where it may be: the columns, what they are about there, and the traffic.
+        For each position: the column, the vehicle's assumed intent, and its column of the traffic.
         """
         columns, about, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
         for place in self._places(members, now, links, measured.stamps):
@@ -116,7 +117,7 @@ class Unresponsive:
         return columns, about, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
-        """Return where they may be; `seen`: when states were measured. Those show who has set off before."""
+        """Return the possible positions; `seen`: when states were measured, which show departures before that."""
         found = [Place(each, None) for each in members if self._disobeying[each] or self._held[each]]
         for column in members:
             link, left = links[column], self._left[column]
@@ -135,9 +136,9 @@ class Unresponsive:
         return found
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
-        """Fly a state on from an instant: as told, then standing, until it sets off for home or to the instant `at`.
+        """Predict a state from `begin`: by its setpoint, then standing, until it sets off for home or the instant `at`.
 
-        Returns what it is about then, and for how long it has been; None for one that is home by now.
+        Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
         """
         model, stands, sets_off = self._models[place.column], place.stands, place.sets_off
         stands = at if stands is None else min(max(stands, begin), at)
@@ -156,30 +157,30 @@ class Unresponsive:
 
 
 class Wandering:
-    """Learns how those turn that nobody commands, and how multirotors change their velocity, who may go astray."""
+    """Estimates the turn rates of uncommanded vehicles and the accelerations of multirotors, and which are astray."""
 
     def __init__(
         self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
     ) -> None:
-        """Take the setpoints that were sent from `history`, the (C,) `models`, and how far ahead ways are looked at."""
+        """Take the setpoints sent, the (C,) `models`, and how far ahead the rule predicts."""
         self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
         self.turn_rps = [0.0] * len(models)
-        """How fast each turns, if nobody commands it."""
+        """Turn rates of uncommanded vehicles."""
         self.astray = [False] * len(models)
-        """Which multirotors don't fly the velocity that they are told."""
+        """Whether a multirotor doesn't fly its commanded velocity."""
         self._accel_mps2 = [(0.0, 0.0)] * len(models)
         self._last: Measured | None = None
 
     @property
     def any_astray(self) -> bool:
-        """Whether any multirotor doesn't fly the velocity that it is told."""
+        """Whether any multirotor is astray."""
         for astray in self.astray:  # noqa: SIM110 - as above
             if astray:
                 return True
         return False
 
     def watch(self, measured: Measured) -> None:
-        """Learn from two states how those turn that nobody commands, or how multirotors change their velocity."""
+        """Update turn rates, or multirotors' accelerations, from the last two states."""
         before, self._last = self._last, measured
         if before is None:
             return
@@ -202,7 +203,7 @@ class Wandering:
                     self.turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
 
     def about(self, tick: Tick, members: list[int], measured: Measured) -> list[tuple[int, Triple]]:
-        """Return what multirotors among `members` may be about besides, by their places there: speed and heading."""
+        """Return other possible intents of multirotors: their indices in `members`, and velocities as setpoints."""
         if not self._hovers:
             return []
         free = [at for at, each in enumerate(members) if self.astray[each] or not tick.active[each]]
@@ -218,9 +219,9 @@ class Wandering:
         self._accel_mps2[column] = north_mps2, east_mps2
 
     def _goes_astray(self, column: int, measured: Measured) -> bool:
-        """Return whether a multirotor changes its velocity away from what it is told, or has and doesn't come back.
+        """Return whether a multirotor's velocity departs from the commanded one, or has and doesn't return.
 
-        One that was told nothing a second ago may still be stopping.
+        A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
         """
         told_mps, told_rad, _ = self._history.commanded(measured.stamps[column], column)
         if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
@@ -234,13 +235,13 @@ class Wandering:
         return back_mps2 < -ASTRAY_MPS2 or (self.astray[column] and back_mps2 < ASTRAY_MPS2)
 
     def _seems_about(self, column: int, measured: Measured) -> Triple:
-        """Return the velocity, as speed and heading, that a multirotor comes to if it goes on as it accelerates."""
+        """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
         north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
     def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
-        """Return the velocity at which a multirotor may set off for home, None where its mode brings it nowhere."""
+        """Return the velocity of a multirotor's flight home; None if its mode doesn't take it there."""
         home_m = tick.links[column].flies_home_m
         if home_m is None:
             return None
@@ -248,20 +249,20 @@ class Wandering:
 
 
 def _suspect_after_s(link: VehicleLink) -> float:
-    """Return for how long a vehicle may be without a sign that it hears before it counts as one that may not.
+    """Return how long a vehicle may give no sign of receiving setpoints before it counts as unresponsive.
 
-    Its last sign is as old as the way back is long and requests are apart, where nothing is lost.
+    Without loss its last sign is as old as the one-way delay plus the interval of requests.
     """
     most_s = link.delay_s + PROBE_S + MISSED_S
     return most_s if most_s < UNANSWERED_S else UNANSWERED_S
 
 
 def distance_m(state: FlightState, home_m: tuple[float, float]) -> float:
-    """Return how far, level, a vehicle is from its home."""
+    """Return a vehicle's horizontal distance from its home."""
     return math.hypot(home_m[0] - state.north_m, home_m[1] - state.east_m)
 
 
 def homewards(state: FlightState, home_m: tuple[float, float], model: AutopilotModel, within_s: float) -> Triple:
-    """Return the velocity, as speed and heading, at which a multirotor flies home, no sooner than in `within_s`."""
+    """Return the velocity, as speed and heading, at which a multirotor flies home, arriving in `within_s` or later."""
     speed_mps = min(model.speed_max_mps, distance_m(state, home_m) / within_s)
     return speed_mps, math.atan2(home_m[1] - state.east_m, home_m[0] - state.north_m), math.nan

@@ -1,4 +1,4 @@
-"""Delay margins: how much delay a loop closed over the link can have before it loses stability; those of any law."""
+"""Delay margins of a scenario's law: how much delay each loop closed over the link can have before it is unstable."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 LAGS = "tau_v_s", "tau_psi_s"
-"""Of the axes that the consensus closes: along the heading, and across."""
+"""Lags of the axes on which the consensus law closes loops: along the heading, and across."""
 Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None, None, None]
 
 
@@ -52,7 +52,7 @@ Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None,
 class LawMargins:
     """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule.
 
-    They hold for the loops without prediction and without disturbance observer; 0 or less is unstable without delay.
+    They are for loops without prediction and without wind observer; 0 or less means unstable without delay.
     """
 
     small_signal: Mapping[str, float]
@@ -60,10 +60,10 @@ class LawMargins:
 
 
 def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
-    """Return the delay margins of the loops x, y and z around every vehicle that follows at some time.
+    """Return the delay margins of the loops x, y and z around every vehicle that is a follower at some time.
 
-    A follower's margin is the least over the slots that it has during the run, at the speed along the path. The
-    scenario's leader counts as a follower where another vehicle is to lead.
+    A follower's margin is the least over its slots during the run, at the speed along the path. The scenario's leader
+    counts as a follower if another vehicle is planned to lead.
     """
     gains_range, nominal = gain_range(scenario), nominal_gains(scenario)
 
@@ -84,10 +84,7 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
 
 
 def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the loops x, y and z around every follower, for each slot that it has in the plan.
-
-    They have the small-signal gains.
-    """
+    """Return the loops x, y and z around every follower, with small-signal gains, for each of its planned slots."""
     return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
 
 
@@ -98,7 +95,7 @@ def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ..
 
 
 def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
-    """Return every vehicle that is to follow, with the x_rc of its slots in the schedule."""
+    """Return every planned follower, with the x_rc of its scheduled slots."""
     models = {vehicle.vehicle_id: vehicle.model for vehicle in scenario.vehicles}
     return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
 
@@ -129,7 +126,7 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
 
 
 def law_margins(scenario: Scenario) -> LawMargins:
-    """Return the margins of the loops that the scenario's law closes: `consensus`, or x, y and z."""
+    """Return the margins of the law's loops: `consensus`, or x, y and z."""
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
@@ -137,16 +134,16 @@ def law_margins(scenario: Scenario) -> LawMargins:
 
 
 def scenario_delay_margin(scenario: Scenario) -> float:
-    """Return the delay margin, s, of the loop that has the least, at the small-signal gains."""
+    """Return the least delay margin of all loops, s, at the small-signal gains."""
     loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
     return min((loop.delay_margin_s() for loop in loops), default=math.inf)
 
 
 def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[VehicleId, Mapping[str, tuple[Loop, ...]]]:
-    """Return, for each vehicle that the law commands, the loops it is part of, by the name of their margin.
+    """Return, for each vehicle that the law commands, the loops that it is part of, by the name of their margin.
 
-    A mutual law closes its loops around all vehicles at once, the leader among them; the others around the
-    leader too once another leads, with `succession`.
+    A mutual law closes its loops around all vehicles at once, including the leader. Other laws close them around
+    followers; with `succession` also around the leader, for when another vehicle leads.
     """
     if not law_kind(scenario).mutual:
         return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
@@ -159,8 +156,8 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
 
     The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
     it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
-    an undirected graph, since every root belongs to a weighted mean of their dampings. Margins of vehicles with an
-    airframe are around its own response.
+    an undirected graph, since every root belongs to a weighted mean of their dampings. For vehicles with an airframe,
+    the loops are closed around its response.
     """
     along, across = (
         min((loop.delay_margin_s() for loop in _axis_loops(scenario, lag)), default=math.inf) for lag in LAGS
@@ -183,7 +180,7 @@ def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
 
 
 def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
-    """Return the responses of speed, heading and height at an airspeed, m/s; None of what flies as (7) says."""
+    """Return the responses of speed, heading and height at an airspeed, m/s; None for vehicles that fly by (7)."""
     if model.airframe is None:
         return None, None, None
     airframe = AirframeParameters.of(model.airframe.parameters())

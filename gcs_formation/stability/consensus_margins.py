@@ -44,7 +44,7 @@ def consensus_delay_margin(
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
-        k1: position gain, 1/s^2; at 0 position differences stay, and the margin is 0.
+        k1: position gain, 1/s^2; with 0, position differences persist and the margin is 0.
         k2: velocity gain, 1/s.
         k3: gain of the undelayed velocity term, 1/s.
         h: weight of that term, one number or (n,).
@@ -67,7 +67,7 @@ def consensus_delay_margin(
 def ground_consensus_loops(
     adjacency: npt.ArrayLike, k1: float, k2: float, onboard_damping: float, delayed_damping: float
 ) -> list[Loop]:
-    """Loops of the protocol closed through a ground station: its modes, and the speed that all have in common.
+    """Loops of the protocol closed through a ground station: its modes, and the group's common speed.
 
     A mode of eigenvalue lambda: x'' = u - c x' and u = -lambda (k1 x + k2 x') - d x'. Scaling
     the loops' gains scales the protocol's weights and its damping beyond the autopilot's.
@@ -115,8 +115,8 @@ def laplacian(adjacency: Array) -> Array:
 def components(adjacency: Array) -> list[Component]:
     """Strongly connected components: the Laplacian is block triangular over them.
 
-    Its spectrum, and that of the consensus protocol, is the union over the components, also where the
-    whole matrix is defective (a leader-follower chain) and its computed eigenvalues would be far off.
+    Its spectrum, and that of the consensus protocol, is the union over the components. This holds also if the whole
+    matrix is defective (a leader-follower chain), where eigenvalues computed from it would be inaccurate.
     """
     import scipy  # noqa: PLC0415 - only mutual laws have such a graph
 
@@ -220,10 +220,10 @@ def _crossover_grid(matrix: Array, part: Component, gains: _Gains) -> Array:
 def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     """Rows (w, w tau) at which an eigenvalue of G L exp(-iw tau) is -1.
 
-    The graph turns a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
-    (Gershgorin): w tau is taken in (-pi/2, 3 pi/2), negative where the graph turns it by more than the lead.
+    The graph rotates a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
+    (Gershgorin). So w tau is taken in (-pi/2, 3 pi/2), negative where the graph rotates it by more than the lead.
     """
-    import scipy  # noqa: PLC0415 - only for consensus where vehicles' lags differ
+    import scipy  # noqa: PLC0415 - only for the consensus law with vehicles whose lags differ
 
     def excess(w: float, locus: int) -> float:
         return float(np.abs(_loci(w, matrix, gains)[locus])) - 1.0
@@ -240,7 +240,7 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
 
 
 def _undelayed(matrix: Array, part: Component, gains: _Gains) -> Array:
-    """Matrix over position and velocity deviations without any delay, the neutral motion of the group left out."""
+    """System matrix of position and velocity deviations without delay, without the group's neutral common motion."""
     whole = np.eye(len(gains.damping))
     positions = whole[:, int(part.hears_nobody_outside) :]
     relative = positions.T.copy()

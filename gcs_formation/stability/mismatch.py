@@ -1,4 +1,4 @@
-"""How wrong an assumed delay or the lags of the model may be, and how much of a margin is used."""
+"""Margins of loops with prediction against mismatch of the delay and of the model's lags; used shares of margins."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 
 _GRID = 4000
 LAGS_OFF = 0.3
-"""By what share of itself every lag may be off where the mismatch of the delay is given for that."""
+"""Default relative error of every lag with which mismatch margins of the delay are computed."""
 MOST = 0.95
 _STEPS = 10
 _HALVINGS = 5
@@ -28,18 +28,18 @@ DEVIATIONS: Final = 2.0
 STEP_S: Final = 0.05
 """Mismatch margins are computed for whole multiples of this delay."""
 BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
-"""The shares to which the bandwidth may be reduced."""
+"""Shares to which the bandwidth may be reduced."""
 LAGS_NOTED: Final = 0.05
-"""Lags that are less off, as a share of themselves, count as right."""
+"""Smaller relative errors of lags are ignored."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)
-"""How near the ends of a root's bracket get, as a share of the root."""
+"""Width of a root's final bracket, relative to the root."""
 TINY = float(np.finfo(np.float64).smallest_normal)
 
 
 class MismatchMargin(NamedTuple):
     """True delay minus the predicted one at which stability is lost, s: downwards and upwards.
 
-    -inf and inf where no such mismatch exists; the true delay itself can't be below 0.
+    -inf and inf if there is no such mismatch; the true delay can't be negative.
     """
 
     shorter_s: float
@@ -51,7 +51,7 @@ class MismatchMargin(NamedTuple):
 
     @classmethod
     def of(cls, crossings: Array, nominal_delay_s: float) -> MismatchMargin:
-        """Return the margins by all rows (w, w (T - T0)) that put a root at iw."""
+        """Return the margins from all rows (w, w (T - T0)) for which there is a root at iw."""
         if not len(crossings):
             return cls(-np.inf, np.inf)
         w, turned = crossings[:, 0], np.mod(crossings[:, 1], 2.0 * np.pi)
@@ -62,19 +62,19 @@ class MismatchMargin(NamedTuple):
 def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
     """Mismatch of the delay at which the loop with prediction loses stability.
 
-    The state measured T late is carried over the nominal delay T0 by the exact model and the commands sent:
+    The state measured T late is predicted over the nominal delay T0 by the exact model and the commands sent:
     x_p = exp(A T0) x(t - T) + int_0^T0 exp(A r) B u(t - r) dr = x + exp(A T0) (x(t - T) - x(t - T0)).
     With T = T0 the loop is that without delay. Otherwise its characteristic equation is
     1 + L + M (exp(-sT) - exp(-sT0)) = 0, L the open loop and M the one with output row c exp(A T0); the first
     mismatch on either side that has a root s = iw is the margin, as the roots move continuously from T = T0.
 
     Args:
-        loop: the loop, stable without delay. Of one with complex coefficients, take the conjugate's too: only
-            roots above 0 rad/s are looked for.
-        nominal_delay_s: T0, the delay that the prediction bridges.
+        loop: the loop, stable without delay. For one with complex coefficients, evaluate the conjugate too: only
+            roots above 0 rad/s are found.
+        nominal_delay_s: T0, the delay that the prediction compensates.
 
     Returns:
-        Both margins; (0, 0) when the loop is unstable without delay.
+        Both margins; (0, 0) if the loop is unstable without delay.
     """
     if loop.delay_margin_s() <= 0.0:
         return MismatchMargin(0.0, 0.0)
@@ -83,9 +83,9 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
 
 @cache
 def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
-    """Return the row c exp(A T) that takes a state to the output that it leaves after `delay_s`.
+    """Return the row c exp(A T), which gives the free response of the output after `delay_s` from a state.
 
-    Of two states: exp(A T) = exp(m T) (cosh(d T) I + sinh(d T) / d (A - m I)), m +- d being A's eigenvalues.
+    For two states exp(A T) = exp(m T) (cosh(d T) I + sinh(d T) / d (A - m I)), with m +- d the eigenvalues of A.
     """
     state, output = np.array(plant.state, dtype=np.complex128), np.array(plant.output)
     mean = complex(np.trace(state)) / 2.0
@@ -97,7 +97,7 @@ def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
 
 
 def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
-    """Rows (w, w (T - T0)) that put a root at iw; `true` is the loop with the autopilot that is really there."""
+    """Rows (w, w (T - T0)) for which there is a root at iw; `true` is the loop around the actual autopilot."""
     exact, row = loop.open_loop(), carried(loop.plant, delay_s)
     late, true_late = (each.with_output(row).open_loop() for each in (loop, true))
 
@@ -118,9 +118,9 @@ def mismatch_crossings(loop: Loop, delay_s: float, true: Loop) -> Array:
 def roots_between(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """Return a root (n,) of a function of arrays between each low and high (n,), where its signs differ.
 
-    To the bit that of `scipy.optimize.elementwise.find_root`, whose import takes longer than finding it.
+    The result is bit-identical to `scipy.optimize.elementwise.find_root`, whose import takes longer than the search.
     Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using
-    derivatives", Advances in Engineering Software 28 (1997): by inverse quadratic interpolation where it is safe.
+    derivatives", Advances in Engineering Software 28 (1997): inverse quadratic interpolation where it is safe.
     """
     return np.array([_root(function, *ends) for ends in zip(low.tolist(), high.tolist(), strict=True)])
 
@@ -149,7 +149,7 @@ def _value(function: Callable[[Array], Array], x: float) -> float:
 
 
 def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) -> float:
-    """Return the share of the way from the first to the second point at which to look next."""
+    """Return the next point to evaluate, as a share of the way from the first to the second point."""
     (x1, x2, x3), (f1, f2, f3) = x, f
     xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2) if f3 != f2 else np.inf
     if not 1.0 - np.sqrt(1.0 - xi) < phi < np.sqrt(xi):
@@ -160,34 +160,34 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 @cache
 def lag_margin(loop: Loop, delay_s: float) -> float:
-    """Return by what share of itself every lag of the autopilot may be off at once, 0 to `MOST`.
+    """Return the relative error, 0 to `MOST`, that all lags of the autopilot may have at once.
 
-    The prediction bridges `delay_s` with the loop's own plant. Every combination of longer and shorter lags is
-    tried, at a share that rises from 0 until one of them is unstable.
+    The prediction over `delay_s` uses the loop's own plant. Every combination of longer and shorter lags is
+    tried, with an error that rises from 0 until one of them is unstable.
     """
 
-    def stood(shares: Sequence[float]) -> list[bool]:
+    def all_stable(shares: Sequence[float]) -> list[bool]:
         off = [each for share in shares for each in _lags_off(loop, share)]
         ways = len(off) // len(shares)
         stable = predicted_are_stable(loop, off, delay_s)
         return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
 
     shares = np.linspace(0.0, MOST, _STEPS + 1).tolist()
-    most = (*stood(shares), False).index(False)
+    most = (*all_stable(shares), False).index(False)
     if most in {0, len(shares)}:
         return (0.0, *shares)[most]
     low, high = shares[most - 1], shares[most]
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if stood([middle])[0] else (low, middle)
+        low, high = (middle, high) if all_stable([middle])[0] else (low, middle)
     return low
 
 
 @cache
 def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAGS_OFF) -> float:
-    """Return the mismatch of the delay, s, at which the predicted loop loses stability with lags off by up to `share`.
+    """Return the mismatch of the delay, s, at which the predicted loop loses stability with lags off by `share`.
 
-    The least over all combinations; 0 where one of them is unstable without any mismatch of the delay.
+    It is the least over all combinations of signs; 0 if one is unstable without mismatch of the delay.
     """
     off = _lags_off(loop, share)
     if not all(predicted_are_stable(loop, off, delay_s)):
@@ -196,16 +196,16 @@ def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAG
 
 
 def predicted_are_stable(loop: Loop, true: Sequence[Loop], delay_s: float) -> list[bool]:
-    """Return whether a loop with prediction is stable around autopilots that aren't its model's, by Nyquist's count.
+    """Return whether a loop with prediction is stable around mismatched autopilots, by the Nyquist criterion.
 
     With P the model's states per setpoint and P' the true ones, the prediction is
     P u + exp(A T) exp(-sT) (P' - P) u, so the characteristic equation is 1 + L + (M' - M) exp(-sT) = 0: L the open loop
-    of the model, M and M' those of the model and of the autopilot with output row c exp(A T). All other poles of it lie
-    on the left or at 0, where a factor s/(s + 1) takes each away.
+    of the model, M and M' those of the model and of the autopilot with output row c exp(A T). Its other poles are in
+    the left half-plane or at 0, where a factor s/(s + 1) removes each.
 
     Args:
-        loop: with the model's plant.
-        true: with each of the autopilots'.
+        loop: the loop with the model's plant.
+        true: the loops with each autopilot's plant.
         delay_s: T.
     """
     model = _on_grid(loop, delay_s)
@@ -217,7 +217,7 @@ def predicted_are_stable(loop: Loop, true: Sequence[Loop], delay_s: float) -> li
 
 
 class _OnGrid(NamedTuple):
-    """What of the characteristic equation hangs on the model alone, at frequencies w, rad/s."""
+    """The terms of the characteristic equation that depend on the model alone, at frequencies w, rad/s."""
 
     w: Array
     returned: Complex
@@ -241,7 +241,7 @@ def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
 
 
 def _lags_off(loop: Loop, share: float) -> list[Loop]:
-    """Return the loop around autopilots with every lag off by a share of itself, in all combinations of the signs."""
+    """Return the loops around autopilots whose lags have a relative error `share`, in all combinations of signs."""
     return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
 
 
@@ -258,7 +258,7 @@ class Usage:
     """Share of their least margin that loops with a common bandwidth use.
 
     Without prediction, it is the loop's whole delay over the delay margin. With prediction, it is the scatter of the
-    delay about the value that the prediction bridges, over the mismatch margin of the predicted loop there.
+    delay about its mean, which the prediction compensates, over the mismatch margin of the predicted loop there.
     """
 
     def __init__(self, loops: Sequence[Loop], *, predicted: bool) -> None:
@@ -270,7 +270,7 @@ class Usage:
     def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
         """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known.
 
-        It is infinite where there is no margin, however well the delay is known.
+        It is infinite if there is no margin, even for a delay without scatter.
         """
         if math.isnan(delay.mean_s):
             return math.nan
@@ -278,9 +278,9 @@ class Usage:
         return _share(used_s if used_s > 0.0 else 0.0, self.margin_s(delay.mean_s, bandwidth))
 
     def of_lags(self, delay: LoopDelay, off: float) -> float:
-        """Return the share of their margin against wrong lags that loops with prediction use.
+        """Return the used share of the margin against wrong lags; 0 without prediction, which alone uses the model.
 
-        `off` is by what share of itself a lag isn't the model's. Without prediction nothing goes by the model.
+        `off` is the relative error of the model's lags.
         """
         if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
             return 0.0
@@ -288,7 +288,7 @@ class Usage:
         return _share(off, min((lag_margin(loop, delay_s) for loop in self._loops), default=math.inf))
 
     def bandwidth(self, delay: LoopDelay, most: float) -> float:
-        """Return the greatest of `BANDWIDTHS` at which no more than `most` of the margin is used; the least if none.
+        """Return the largest of `BANDWIDTHS` at which at most `most` of the margin is used; the smallest if none.
 
         Margins grow as the bandwidth falls.
         """

@@ -1,6 +1,6 @@
 """Delay margins of the three PID loops (13)-(14) closed over the link around the autopilot model (7), or the aircraft.
 
-The leader doesn't react in them: its motion is an input, and the feed-forward is not part of the loop.
+The leader's motion is an input of these loops, so the feed-forward isn't part of them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MID_RANGE: Triple = (0.5, 0.5, 0.5)
 """(F_p, F_i, F_d) of the nominal gains with the default range."""
 
 SMALL_SIGNAL: Triple = (0.5, 1.0, 0.5)
-"""(F_p, F_i, F_d) that tables 1-3 give at no error, as printed and symmetrised alike."""
+"""(F_p, F_i, F_d) from tables 1-3 at zero error, both printed and symmetrised."""
 
 _LEVELS = 5
 _FINER = (0.125, 0.0625, 0.03125, 0.015625, 0.0078125)
@@ -35,14 +35,14 @@ _FINER = (0.125, 0.0625, 0.03125, 0.015625, 0.0078125)
 class Plant(NamedTuple):
     """From an autopilot's setpoint to the mixed error fed back: y = output . x, x' = state x + input u.
 
-    The output is complex in the mode of a directed graph that has a complex eigenvalue.
+    The output is complex for a directed graph's mode with a complex eigenvalue.
     """
 
     state: tuple[tuple[float, float], tuple[float, float]]
     input: tuple[float, float]
     output: tuple[complex, complex]
 
-    @cache  # noqa: B019 - plants are values, few of them, and each is asked for at every gain that its loop may have
+    @cache  # noqa: B019 - there are few plants, and each is needed at every gain that its loop may have
     def transfer(self) -> tuple[Coefficients, Array]:
         """Numerator and denominator of c adj(sI - A) B / det(sI - A)."""
         a, b, c = np.array(self.state), np.array(self.input), np.array(self.output, dtype=np.complex128)
@@ -52,7 +52,7 @@ class Plant(NamedTuple):
 
     @property
     def lags(self) -> int:
-        """How many lags of the autopilot it has: two of the height, where neither state is the other's integral."""
+        """Number of the autopilot's lags in it: two for the height, else one."""
         return 2 if self._restoring else 1
 
     @property
@@ -72,7 +72,7 @@ class Plant(NamedTuple):
 
 
 class Rational(NamedTuple):
-    """Ratio of polynomials in s, coefficients from the highest power down, the first not zero; or a row for each."""
+    """Ratio of polynomials in s, or a row for each of many; coefficients from the highest, nonzero power down."""
 
     numerator: Coefficients
     denominator: Coefficients
@@ -84,7 +84,7 @@ class Rational(NamedTuple):
 
     @property
     def integrators(self) -> int:
-        """How many poles at 0 it has."""
+        """Number of poles at 0."""
         values: npt.NDArray[np.float64] = np.abs(self.denominator)
         return len(values) - len(np.trim_zeros(values, "b"))
 
@@ -104,7 +104,7 @@ class AircraftResponse:
 
         Args:
             open_loop: L around (7) at `FREQUENCIES`, without delay.
-            integrators: how many poles at 0 it has.
+            integrators: its number of poles at 0.
         """
         return stable_delay_s(open_loop * self.by_model, integrators)
 
@@ -116,7 +116,7 @@ class Loop:
     pid: PidGains
     plant: Plant
     aircraft: AircraftResponse | None = None
-    """What flies instead of the plant's model (7)."""
+    """Response of the aircraft, in place of the plant's model (7)."""
 
     def slowed(self, bandwidth: float) -> Loop:
         """The loop with gains for a share of its bandwidth."""
@@ -127,11 +127,11 @@ class Loop:
         return replace(self, plant=self.plant.with_lags(first, second))
 
     def with_output(self, row: tuple[complex, complex]) -> Loop:
-        """The loop that feeds back another combination of the plant's states."""
+        """The loop with another output row: the combination of the plant's states that is fed back."""
         return replace(self, plant=self.plant._replace(output=row))
 
     def delay_margin_s(self) -> float:
-        """Delay margin, s, around the aircraft where there is one; 0 or less when unstable without delay."""
+        """Delay margin, s, around the aircraft if there is one; 0 or less if unstable without delay."""
         loop = self.open_loop()
         if self.aircraft is None:
             return delay_margin(loop)
@@ -155,8 +155,8 @@ def right_plant(mixer: Mixer, model: VehicleModel, speed_mps: float, x_rc_m: flo
         mixer: weights of (13).
         model: time constants of (7).
         speed_mps: the leader's speed v1.
-        x_rc_m: how far the leader is ahead of the slot; 0 for slots in the leader's frame, where the
-            follower's heading doesn't turn them.
+        x_rc_m: how far the leader is ahead of the slot; 0 for slots in the leader's frame, which the
+            follower's heading doesn't turn.
     """
     return _lag_and_integral(model.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
 
@@ -173,18 +173,18 @@ def delay_margin(open_loop: Rational) -> float:
     Every gain crossover is found: |L(iw)| = 1 is a polynomial in w.
 
     Args:
-        open_loop: proper L(s), fed back with a minus sign; with complex coefficients, call it for the
-            conjugate too: only crossovers above 0 rad/s are looked at.
+        open_loop: proper L(s), with negative feedback; with complex coefficients, call this for the
+            conjugate too: only crossovers above 0 rad/s are found.
 
     Returns:
-        Seconds; negative or 0 when unstable without delay; infinite without a crossover. 0 also when
-        |L| >= 1 at high frequency (an unfiltered derivative): the least delay then destabilises.
+        Seconds; negative or 0 if unstable without delay; infinite without a crossover. 0 also if
+        |L| >= 1 at high frequency (an unfiltered derivative): any delay then destabilises.
     """
     return delay_margins([open_loop])[0]
 
 
 def delay_margins(open_loops: Sequence[Rational]) -> list[float]:
-    """Return the delay margin of each loop, s: many at once take little more time than a few."""
+    """Return the delay margin of each loop, s; many loops take little more time than a few."""
     of_degrees: dict[tuple[int, int], list[int]] = {}
     found = [0.0] * len(open_loops)
     for place, (numerator, denominator) in enumerate(open_loops):
@@ -197,7 +197,7 @@ def delay_margins(open_loops: Sequence[Rational]) -> list[float]:
 
 
 def stacked(open_loops: Sequence[Rational]) -> Rational:
-    """Return ratios with a row for each; shorter polynomials begin with zeros."""
+    """Return one `Rational` with a row for each loop; shorter polynomials begin with zeros."""
     numerators, denominators = zip(*open_loops, strict=True)
     return Rational(_rows(numerators), _rows(denominators))
 
@@ -241,7 +241,7 @@ def worst_loop_margin(
 ) -> float:
     """Least delay margin, s, over all gains that the scheduler can reach: a grid of [0, 1]^3, then refined.
 
-    It holds for frozen gains; it says nothing about how fast they may change. The least lies at a corner, as a rule.
+    It is for frozen gains, and says nothing about how fast they may change. As a rule the least is at a corner.
     """
 
     def least(of: Sequence[Triple]) -> tuple[float, Triple]:
@@ -257,14 +257,14 @@ def worst_loop_margin(
 
 
 def _margins_of(loops: Sequence[Loop]) -> list[float]:
-    """Return the delay margin of each loop, s, all around aircraft or none."""
+    """Return the delay margin of each loop, s; either all or none are around aircraft."""
     if loops[0].aircraft is not None:
         return [each.delay_margin_s() for each in loops]
     return delay_margins([each.open_loop() for each in loops])
 
 
 def _around(outputs: Triple, step: float) -> list[Triple]:
-    """Return the outputs a step away from these in one direction, inside [0, 1]^3."""
+    """Return the outputs one step away along each axis, clipped to [0, 1]^3."""
     near = list[Triple]()
     for axis, change in product(range(3), (-step, step)):
         moved = list(outputs)
@@ -274,10 +274,10 @@ def _around(outputs: Triple, step: float) -> list[Triple]:
 
 
 def loop_delay_s(uplink_s: float, downlink_s: float, telemetry_rate_hz: float, law_rate_hz: float) -> float:
-    """Delay of the loop closed over the link, to hold against its margin.
+    """Delay of the loop closed over the link, to be compared with its margin.
 
-    T = uplink + downlink + half a telemetry period (mean age of a sample when its successor is awaited) + half a
-    control period (mean age of a held setpoint).
+    T = uplink + downlink + half a telemetry period (mean age of the newest sample) + half a control period (mean age
+    of a held setpoint).
     """
     return uplink_s + downlink_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
 
@@ -287,7 +287,7 @@ def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Pla
 
 
 def real_if_exact(values: Coefficients) -> Coefficients:
-    """Real coefficients where no imaginary part is left."""
+    """Return real coefficients if all imaginary parts are 0."""
     return values if np.isrealobj(values) or values.imag.any() else values.real.copy()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from airlink.cli import Status, raised, refusal
+from airlink.cli import Status, interruptible, refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean
@@ -92,7 +92,7 @@ def compare_laws(
     rows = dict[int, dict[str, Any]]()
     interrupted = False
     try:
-        with raised(), workers:
+        with interruptible(), workers:
             for row in workers.rows(deque(tasks)):
                 rows[row["flight"]] = row
     except KeyboardInterrupt:

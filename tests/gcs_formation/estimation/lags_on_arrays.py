@@ -16,12 +16,12 @@ from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, ai
 from gcs_formation.estimation.lag_fit import (
     ALIKE_S,
     BATCH_S,
-    BELIEVED_SPREAD,
     BOUND,
     CORRELATED_S,
-    GUST_ALIKE,
-    GUST_WORTH,
     LEAST_SPREAD,
+    PRIOR_BATCHES,
+    PRIOR_SPREAD,
+    PRIOR_WORTH,
     RATIO_MAX,
     RECENT_S,
     SETTLED,
@@ -234,7 +234,7 @@ class Means:
         size = resolution + float(kept @ (later - mean) ** 2)
         steps = 2.0 * resolution + float(kept @ step**2)
         seen = max(1.0, 4.0 * size / steps - 1.0)
-        return float(np.average((GUST_ALIKE, seen), weights=(GUST_WORTH, kept.sum())))
+        return float(np.average((PRIOR_BATCHES, seen), weights=(PRIOR_WORTH, kept.sum())))
 
 
 class Channel:
@@ -285,14 +285,14 @@ class Channel:
         """Return (C, P), the change of the ratios towards the best fit; the prior holds ratios that hardly matter."""
         worth = np.full(len(weights), 1.0 / (self._resolution**2 * self._independent))
         fit = Fit.of(scatter, weights, slopes, worth)
-        held = fit.information + np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
+        held = fit.information + np.eye(slopes.shape[1]) / PRIOR_SPREAD**2
         return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
 
     def _fit(self, fit: Fit, fits: Mask) -> None:
         """Make a Gauss-Newton step towards the most likely lags of the vehicles (C,) in `fits`."""
-        believed = np.eye(self.log_ratio.shape[1]) / BELIEVED_SPREAD**2
+        believed = np.eye(self.log_ratio.shape[1]) / PRIOR_SPREAD**2
         covariance = np.linalg.inv(fit.information + believed)
-        wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
+        wanted = (covariance @ (fit.pull - self.log_ratio / PRIOR_SPREAD**2)[..., None])[..., 0]
         stepped = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
         most = np.maximum(np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1), 1.0)
         self._kept = np.where(fits, np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * most)), self._kept)
@@ -304,7 +304,7 @@ class Channel:
 
         `alike`: the number of batches whose residuals tell as much as those of one independent batch, (C,).
         """
-        recent, calm, alike = self._recent, self._calm, np.minimum(alike, GUST_ALIKE)
+        recent, calm, alike = self._recent, self._calm, np.minimum(alike, PRIOR_BATCHES)
         weights, slopes = self.nodes.weights(self.log_ratio if self._in_use else np.zeros_like(self.log_ratio))
         slope, count = slopes.sum(axis=1), np.maximum(recent.count + calm.count, 1.0)
         total = (weights * recent.first).sum(axis=1) + calm.first[:, 0]
