@@ -145,14 +145,14 @@ class VehicleModel(Keys):
     )
 
     def autopilot(self) -> AutopilotModel:
-        """Return equation (7) with these lags and limits, as an object of its own: its lags may be learnt in flight."""
+        """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
         limits = self.speed_min_mps, self.speed_max_mps, self.accel_max_mps2, self.turn_rate_max_rps, self.climb_max_mps
         return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 
     def soon_mps(self, speed_mps: float) -> tuple[float, float]:
-        """Return the lowest and the highest airspeed that one that flies at `speed_mps` comes to within its lag.
+        """Return the lowest and the highest airspeed that a vehicle at `speed_mps` can reach within its lag.
 
-        Of what a fixed wing's integrator makes up for, nothing counts: that takes longer than bends and ways to slots.
+        The share of a fixed wing's integrator isn't counted: it takes longer than bends and ways to slots.
         """
         if self.hovers or self.prompt_share == 1.0:
             return self.speed_min_mps, self.speed_max_mps
@@ -228,14 +228,14 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 
 def family_of(vehicle: VehicleCommon) -> Family:
-    """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
+    """Return the autopilot family of a vehicle; an emulator's is its model's."""
     return spoken(vehicle.autopilot, vehicle.model)
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
-    """Return whether an aircraft tells, and is told, equivalent airspeed: every one but that of equation (7) does.
+    """Return whether airspeeds in an aircraft's messages are equivalent airspeeds: in all but those of equation (7).
 
-    Multirotors go by their velocity over ground.
+    Multirotors use ground velocities.
     """
     model = vehicle.model
     real = vehicle.autopilot != "emulator" or model.firmware == "px4" or model.airframe is not None
@@ -243,7 +243,7 @@ def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
 
 
 def spoken(named: Autopilot, model: VehicleModel) -> Family:
-    """Return the family of an autopilot as the scenario names it, on a vehicle with this model."""
+    """Return the family of an autopilot as named in the scenario, on a vehicle with this model."""
     if named == "px4" or (named == "emulator" and model.firmware == "px4"):
         return "px4_copter" if model.hovers else "px4_plane"
     if named == "emulator":
