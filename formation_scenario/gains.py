@@ -89,12 +89,12 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
     if scenario.law.type == "consensus" and any(each.model.airframe for each in scenario.vehicles):
-        found = _of_protocol(scenario) | _written(written, "consensus")
+        found = _protocol_gains(scenario) | _written(written, "consensus")
         keys["consensus"] = scenario.law.consensus.model_copy(update={name: found[name] for name in PROTOCOL})
     return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
 
 
-def _of_protocol(scenario: Scenario) -> dict[str, float]:
+def _protocol_gains(scenario: Scenario) -> dict[str, float]:
     """Return k1, k2 and k3 of protocol (3) for the vehicles' responses and the graph."""
     vehicles, speed_mps = list[tuple[Axis, Axis]](), scenario.path.speed_mps
     for model in dict.fromkeys(each.model for each in scenario.vehicles):
@@ -161,7 +161,7 @@ def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
     noise = [SENSORS]
     for model, keys in kinds:
         if isinstance(keys, NoisyNavigation):
-            noise.append(_left(keys, model, scenario.path.speed_mps, sample_s))
+            noise.append(_filtered_noise(keys, model, scenario.path.speed_mps, sample_s))
     return DelayAndNoise(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
 
 
@@ -175,7 +175,9 @@ def design_delay_s(scenario: Scenario) -> float:
     return max(*round_trips_ms, 2.0 * scenario.law.design_delay_ms) / 2e3
 
 
-def _left(keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float) -> tuple[float, float, float]:
+def _filtered_noise(
+    keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float
+) -> tuple[float, float, float]:
     """Return the noise that remains of the declared noise after the station's filter, in the order of `SENSORS`."""
     round_rad = max(math.radians(keys.heading_sigma_deg), LEAST)
     place_m, velocity_mps = max(keys.position_sigma_m, LEAST), max(keys.velocity_sigma_mps, LEAST)

@@ -146,7 +146,7 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
 def _leaders(
     scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], steps: tuple[SlotStep, ...]
 ) -> _Demand:
-    """Return the turn rates of leaders; their climbs are checked in `climbs`, also for slots at rest."""
+    """Return the turn rates of leaders; `climbs` checks their climbs, which slots at rest share."""
     leads = {step.arrangement.leader for step in steps}
     models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
     most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])

@@ -72,14 +72,14 @@ def scenario_schema() -> Schema:
     generated = written_model().model_json_schema()
     groups = (group for group in generated["$defs"].values() if "properties" in group)
     for group in (generated, *groups):
-        _release(group)
+        _allow_derived(group)
     properties: Schema = generated["properties"]
     properties |= {key: _or(properties[key], NULL) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
 
 
-def _release(group: Schema) -> None:
+def _allow_derived(group: Schema) -> None:
     """Allow derived keys to be absent or empty, and a vehicle's model to be a name."""
     properties: Schema = group["properties"]
     for key, value in properties.items():

@@ -50,7 +50,7 @@ class Limits(NamedTuple):
     """Limits of N vehicles in a transition, and their lags, (N,) each."""
 
     ceilings: tuple[Array, Array, Array, Array, Array]
-    """Limits of speed, minus speed, acceleration, turn rate and climb, as `_asked` returns them."""
+    """Limits of speed, minus speed, acceleration, turn rate and climb, as `_demands` returns them."""
     tau_v_s: Array
     climb_lead_s: Array
     """tau_ha tau_hb / (tau_ha + tau_hb): the time by which height setpoints lead a change of climb."""
@@ -154,8 +154,8 @@ def _refuse_beyond(
     flies = conditions.present.copy()
     flies[conditions.leader] = False
     for found, allowed, unit, limit in zip(
-        _asked(needs, conditions.limits),
-        zip(*(_asked(each, conditions.limits) for each in still), strict=True),
+        _demands(needs, conditions.limits),
+        zip(*(_demands(each, conditions.limits) for each in still), strict=True),
         ("m/s", "m/s", "m/s² of acceleration", "rad/s of turn", "m/s of climb"),
         conditions.limits.ceilings,
         strict=True,
@@ -168,7 +168,7 @@ def _refuse_beyond(
             raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
 
 
-def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
+def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
     """Return the demand on each limit, (K, N) each: speed, minus speed, acceleration, turn rate and climb."""
     speed = needs.speed_mps + limits.tau_v_s * needs.accel_mps2
     climb = np.abs(needs.climb_mps + limits.climb_lead_s * needs.climb_change_mps2)

@@ -233,7 +233,7 @@ def family_of(vehicle: VehicleCommon) -> Family:
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
-    """Return whether airspeeds in an aircraft's messages are equivalent airspeeds: in all but those of equation (7).
+    """Return whether an aircraft reports and takes equivalent airspeeds, as all do but those of equation (7).
 
     Multirotors use ground velocities.
     """

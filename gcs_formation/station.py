@@ -94,7 +94,6 @@ class Station(Engine):
             self._resume(resumed)
 
     def _resume(self, resumed: Resumption) -> None:
-        """Resume a flight from its recorded state."""
         self.flight.resume(resumed.at, resumed.path_began)
         self._heartbeats.resume(resumed.at)
         self._next_tick = resumed.at

@@ -179,7 +179,6 @@ class Link:
         return peer
 
     def _known(self, address: Address) -> Peer | None:
-        """Return the peer at an address, None if there is none."""
         return self._last if address is self._last_address else self._peers.get(address)
 
     def _forget_one(self) -> None:

@@ -24,7 +24,7 @@ AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle's points from the commanded position."""
 SAMPLE_M = 10.0
 Band = tuple[float, float]
-"""Lowest and highest height, m, between which a vehicle that can't be commanded circles."""
+"""Lowest and highest of the heights at one of which a vehicle that can't be commanded may be, m."""
 
 
 class HighestGround(NamedTuple):

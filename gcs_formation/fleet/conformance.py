@@ -199,7 +199,7 @@ class ConformanceMonitor:
             state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
                 state = _by_course(state, vehicle.telemetry.motion)
-            found = flier.look(own.stamp, state, self._controller.history, now)
+            found = flier.check(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
             self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle)

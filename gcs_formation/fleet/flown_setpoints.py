@@ -42,7 +42,7 @@ about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side."
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by a greater share isn't following. By the model a vehicle falls short by at most 0.3; a
 real one, whose turns begin 0.6 s later, by up to 0.65 at the beginning of a bend."""
-GOES_ON_S: Final = 1.5
+CONTINUES_S: Final = 1.5
 """Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
 (7) lacks the bank and throttle that must first return."""
 CLIMBS_SHARE: Final = 0.5
@@ -131,7 +131,7 @@ class FlownSetpoints:
         """Whether it isn't following, or has just missed two checks in a row."""
         return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
 
-    def look(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
+    def check(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
         """Compare its newest state, of time `stamp`, with the prediction; return a newly found failure to follow."""
         commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
@@ -153,7 +153,7 @@ class FlownSetpoints:
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected, flown = _changes(before, end, seen, hovers=self.model.may_stand)
         judged = by_speed, by_heading, by_height
-        channel = self._judge(expected, self._gone_on(expected, flown), seen.airspeed_mps, judged)
+        channel = self._judge(expected, self._less_initial_motion(expected, flown), seen.airspeed_mps, judged)
         above_m = told_m - seen.height_m if by_height and not fast else math.nan
         sunk = sunk or self._stuck(above_m, flown[HEIGHT])
         if sunk is not None:
@@ -170,12 +170,13 @@ class FlownSetpoints:
         self.past.append(seen)
         self.stamps.append(stamp)
 
-    def _gone_on(self, expected: Triple, flown: Triple) -> Triple:
+    def _less_initial_motion(self, expected: Triple, flown: Triple) -> Triple:
         """Return the changes flown, less the initial motion that it continues against the expected change."""
         before, after_s = self.past[0], max((self.stamps[1] - self.stamps[0]) / NANOSECONDS, CHECK_S)
         faster_mps, turned_rad, _ = _changes(before, before, self.past[1], hovers=False)[1]
-        speed_mps = _without(expected[AIRSPEED], flown[AIRSPEED], GOES_ON_S * faster_mps / after_s)
-        return speed_mps, _without(expected[HEADING], flown[HEADING], GOES_ON_S * turned_rad / after_s), flown[HEIGHT]
+        speed_mps = _less_if_opposite(expected[AIRSPEED], flown[AIRSPEED], CONTINUES_S * faster_mps / after_s)
+        heading_rad = _less_if_opposite(expected[HEADING], flown[HEADING], CONTINUES_S * turned_rad / after_s)
+        return speed_mps, heading_rad, flown[HEIGHT]
 
     def _commanded(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> float:
         """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
@@ -261,7 +262,7 @@ class FlownSetpoints:
 
 
 def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps: float) -> float:
-    """Return the change of airspeed, corrected for energy traded for being `above_m` above the expected height.
+    """Return an aircraft's change of airspeed without the part traded for being `above_m` above its expected height.
 
     Total energy control holds the sum of both energies by throttle, and distributes it slowly by pitch. So a vehicle
     that is too low by h may be too fast by g h / v (ArduPilot documentation, "TECS (Total Energy Control System) for
@@ -289,7 +290,7 @@ def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState
     return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
 
 
-def _without(expected: float, flown: float, gone_on: float) -> float:
+def _less_if_opposite(expected: float, flown: float, gone_on: float) -> float:
     """Return a change without the continued initial motion, if that is opposite to the expected change."""
     against = expected * gone_on < 0.0 and abs(flown) < abs(expected)
     return flown - gone_on if against else flown

@@ -29,7 +29,7 @@ RESTORE: Final = 0.5
 """Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
 LASTING_LOOKS: Final = 4
 """Number of checks, one a second, of which the least scatter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one average and seem to scatter."""
+trips before and after it are in one window and seem to scatter."""
 CALM_LOOKS: Final = 10
 """Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
 KEPT: Final = 0.7
@@ -170,7 +170,7 @@ class MarginWatch:
         self._lags_off = lags_off
         for each in self._each:
             if each.vehicle is leader and not self._mutual:
-                self._let_go(each.vehicle)
+                self._forget(each.vehicle)
             else:
                 self._look(now, each)
 
@@ -206,7 +206,7 @@ class MarginWatch:
                     most, whose = used, channel
         return most, whose
 
-    def _let_go(self, leader: Vehicle) -> None:
+    def _forget(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that has become the leader."""
         column = leader.column
         self.used[column], self.bandwidth[column] = math.nan, [1.0] * len(CHANNELS)

@@ -54,24 +54,24 @@ class MembershipInputs(NamedTuple):
     """Whether a recently sent command to loiter may still reach it."""
 
 
-def following(member: Member, sight: MembershipInputs) -> Member:
+def next_membership(member: Member, inputs: MembershipInputs) -> Member:
     """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
 
     A silent vehicle isn't commanded at first. Whether or not it hears, it then continues by its last command, and the
     others keep clear of that way.
     """
-    if not sight.started:
+    if not inputs.started:
         return Member.STARTING
     if member is Member.STARTING:
         return Member.FLYING
-    if member is Member.PARTED or not (sight.guided or sight.loiters):
-        return Member.FLYING if sight.guided else Member.PARTED  # our commands lead to no other mode
-    if not sight.fresh:
-        uncommanded = member in UNCOMMANDED and not sight.loiter_may_be_commanded
+    if member is Member.PARTED or not (inputs.guided or inputs.loiters):
+        return Member.FLYING if inputs.guided else Member.PARTED  # our commands lead to no other mode
+    if not inputs.fresh:
+        uncommanded = member in UNCOMMANDED and not inputs.loiter_may_be_commanded
         return Member.UNHEARD if uncommanded else Member.HOLDING
-    if member in UNCOMMANDED and not sight.order_may_come:
-        return Member.FLYING if sight.guided else Member.PARTED
-    return Member.FLYING if sight.guided else Member.RETURNING
+    if member in UNCOMMANDED and not inputs.order_may_come:
+        return Member.FLYING if inputs.guided else Member.PARTED
+    return Member.FLYING if inputs.guided else Member.RETURNING
 
 
 class Membership:
@@ -135,17 +135,17 @@ class Membership:
         self._failsafes[vehicle.identity] = now, text
         parted = self._parted.pop(vehicle.identity, None)
         if parted is not None and vehicle.member is Member.PARTED and seconds_between(parted, now) <= FAILSAFE_S:
-            self._note(now, "member", self._who_parted(vehicle, now), vehicle)
+            self._note(now, "member", self._parting_text(vehicle, now), vehicle)
 
     def _words(self, vehicle: Vehicle, now: Instant) -> str:
         """Return the membership in words, and for a loitering vehicle why its positions can't be used."""
         if vehicle.member is Member.PARTED:
-            return self._who_parted(vehicle, now)
+            return self._parting_text(vehicle, now)
         why = vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None
         holds = vehicle.member is Member.HOLDING and why is not None
         return f"{vehicle.member.value}: {why}" if holds else vehicle.member.value
 
-    def _who_parted(self, vehicle: Vehicle, now: Instant) -> str:
+    def _parting_text(self, vehicle: Vehicle, now: Instant) -> str:
         """Return that a vehicle has left the formation and, if known, on whose command."""
         said = self._failsafes.get(vehicle.identity)
         if said is not None and seconds_between(said[0], now) <= FAILSAFE_S:
@@ -163,14 +163,14 @@ class Membership:
         vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
             self._commanded_to_loiter[vehicle.identity] = now
-        member = following(vehicle.member, self._sight(vehicle, estimator, now, fresh=fresh))
+        member = next_membership(vehicle.member, self._inputs(vehicle, estimator, now, fresh=fresh))
         if member is not vehicle.member:
             revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
             vehicle.member = member
             self._note(now, "member", self._words(vehicle, now), vehicle)
             self._command(vehicle, now, revokes=revokes)
 
-    def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
+    def _inputs(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
         link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
@@ -261,7 +261,7 @@ def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
     return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
 
 
-def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
+def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
     """Return the column of the best successor, None if there is no candidate.
 
     Candidates are at most `spacing_m` farther from the leader's position than the nearest one. Among these the least

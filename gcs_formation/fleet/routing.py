@@ -172,8 +172,8 @@ class Dispatch:
                 if due < self._last_due[column]:
                     self._drop(vehicle, due)
                 self._last_due[column] = due
-                news = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
-                self._send(vehicle, news, due, now)
+                messages = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
+                self._send(vehicle, messages, due, now)
             else:
                 vehicle.forget_setpoints()
 
@@ -287,7 +287,7 @@ class HeartbeatScheduler:
             if finite(mission_s):
                 since_0_s = seconds_between(Instant(0), now)
                 found.append((vehicle, NamedValueFloat(since_0_s, MISSION_TIME, mission_s)))
-            if vehicle.hides_home:
+            if vehicle.home_unreported:
                 found.append((vehicle, vehicle.ask(vehicle.autopilot.home_request())))
         self._withheld = frozenset(unguided)
         return found

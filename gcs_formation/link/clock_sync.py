@@ -34,7 +34,7 @@ CRYSTAL_DRIFT: Final = 1e-4
 """Standard deviation of an unknown clock's drift if a crystal drives it."""
 INITIAL_DRIFT: Final = 0.02
 """The same without that assumption: a PX4 simulator's clock runs 1.5 % off."""
-UNUSUAL: Final = math.log(100.0)
+MOST_LOG_RATIO: Final = math.log(100.0)
 """Log-likelihood ratio above which the crystal hypothesis is rejected."""
 OFFSET_NOISE: Final = 1e-4
 DRIFT_NOISE: Final = 2e-6
@@ -137,8 +137,8 @@ class ClockSync:
     fastest and on the scatter of round trips.
 
     Clocks don't step when round trips do. So if both step together, the step of the samples is a change in how the
-    delay is split between the two ways. The filters follow the samples at once, but stamps are mapped as before: the
-    split is subtracted, and decays with `SPLIT_S`.
+    delay is split between the two ways. The filters follow the samples at once; stamps are corrected by the split, so
+    that they are mapped as before. The split decays with `SPLIT_S`.
     """
 
     def __init__(self, loop_s: float = 0.0) -> None:
@@ -149,9 +149,9 @@ class ClockSync:
         self.samples = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, less the answering loop's share."""
-        self._crystal, self._any = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
+        self._crystal, self._free = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
         self._used = self._crystal
-        self._unlike: float = 0.0
+        self._log_ratio: float = 0.0
         """Log-likelihood ratio of the samples: no assumption about the drift over a crystal's drift."""
         self._asked = Instant(0)
         """When the newest answered request was sent: the vehicle's clock was running after that."""
@@ -244,7 +244,7 @@ class ClockSync:
     def _follow_link(self, at: Instant, step_s: float, variance: float) -> None:
         """Shift both filters by a step of the link's delay, and count it in the split instead of the clock's offset."""
         self._crystal.step(at, self._crystal.predict(at) + step_s, variance)
-        self._any.step(at, self._any.predict(at) + step_s, variance)
+        self._free.step(at, self._free.predict(at) + step_s, variance)
         self.split_s += step_s
 
     def _mean_s(self) -> float:
@@ -276,17 +276,17 @@ class ClockSync:
         variance = self._sample_variance()
         if self.samples == 0 or restarted:
             self._crystal.begin(middle, sample_s, variance)
-            self._any.begin(middle, sample_s, variance)
-            self._unlike, self._used, self.split_s = 0.0, self._crystal, 0.0
+            self._free.begin(middle, sample_s, variance)
+            self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
         elif step_s:
             self._follow_link(middle, step_s, variance)
         elif stepped:
             self._crystal.step(middle, sample_s, variance)
-            self._any.step(middle, sample_s, variance)
+            self._free.step(middle, sample_s, variance)
         else:
             crystal, unknown = (
                 self._crystal.correct(middle, sample_s, variance),
-                self._any.correct(middle, sample_s, variance),
+                self._free.correct(middle, sample_s, variance),
             )
             self._judge(unknown - crystal)
         # delays can't be negative: the split is at most half the round trip
@@ -304,15 +304,15 @@ class ClockSync:
         """Return the age at `now` of a vehicle's time since boot, s."""
         return self._used.age_s(vehicle_time_s + self.split_s, now)
 
-    def _judge(self, unlike: float) -> None:
+    def _judge(self, log_ratio: float) -> None:
         """Add a sample's log-likelihood ratio once its scatter is known, and choose the filter."""
         if self._count >= FEW:
-            self._unlike += unlike
-            self._used = self._any if self._unlike > UNUSUAL else self._crystal
+            self._log_ratio += log_ratio
+            self._used = self._free if self._log_ratio > MOST_LOG_RATIO else self._crystal
 
     def _off_s(self, at: Instant, sample_s: float) -> float:
         """Return the smaller of the sample's innovations in the two filters."""
-        one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._any.predict(at)
+        one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._free.predict(at)
         return one_s if abs(one_s) < abs(other_s) else other_s
 
     def _sample_variance(self) -> float:

@@ -33,7 +33,7 @@ RATE_SHARE: Final = 0.02
 """Relative uncertainty of frame rates."""
 
 
-def probable_run(loss: float, probability: float) -> float:
+def run_length(loss: float, probability: float) -> float:
     """Return the run length of lost frames that has a given probability, for a loss of 0 to 1."""
     return math.log(probability) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
 
@@ -184,7 +184,7 @@ class SequenceTracker:
         silent_s, missed, self.silence = seconds_between(heard, now), 0, None
         if gap:
             own = self._own_rate_hz(heard) * silent_s
-            silence = Silence(silent_s, gap, own, self._answers_due(), probable_run(self.loss, RARELY))
+            silence = Silence(silent_s, gap, own, self._answers_due(), run_length(self.loss, RARELY))
             missed, self.silence = silence.missed(silent_s), silence
         self.missed += missed
         self.received += 1
@@ -321,5 +321,5 @@ class Connection:
 
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
-        due_s = probable_run(loss, ALL_LOST)
+        due_s = run_length(loss, ALL_LOST)
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)

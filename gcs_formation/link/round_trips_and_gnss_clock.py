@@ -68,7 +68,7 @@ class GnssClock:
         self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
         self._readings = 0
-        self._left_s: float | None = None
+        self._disarmed_s: float | None = None
         """Time since boot of the last UTC reading while disarmed."""
         self._first_s = math.nan
 
@@ -91,14 +91,14 @@ class GnssClock:
         if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
             return "its clock doesn't run steadily"
         most_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
-        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
+        if self._disarmed_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
             return "it was armed before it was first heard, and its clock has drifted since"
-        unsure_s = self.unsure_s()
+        unsure_s = self.utc_uncertainty_s()
         if unsure_s > most_s:
             return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
         return None
 
-    def unsure_s(self) -> float:
+    def utc_uncertainty_s(self) -> float:
         """Return the bound of its UTC's error by unknown drift, s (three standard deviations)."""
         off = SIGMAS * self._filter.drift_deviation
         boot_s = self._filter.reference / NANOSECONDS + self._filter.offset_s
@@ -138,7 +138,7 @@ class GnssClock:
         self._utc_s = ahead_s if fresh else self._utc_s + (ahead_s - self._utc_s) / self._readings
         self.jump_s = 0.0
         if not armed:
-            self._left_s = boot_s
+            self._disarmed_s = boot_s
 
     def to_utc_s(self, boot_s: float) -> float:
         """Return UTC, s since 1970, at a time since boot."""
@@ -156,7 +156,7 @@ class GnssClock:
         """Return what its UTC has gained on true UTC by drift, at a time since boot."""
         if drift >= 0:
             return drift * boot_s
-        return drift * (boot_s - (self._first_s / 2 if self._left_s is None else self._left_s))
+        return drift * (boot_s - (self._first_s / 2 if self._disarmed_s is None else self._disarmed_s))
 
     def _wait(self, trip_s: float) -> tuple[float, float]:
         """Return a round trip's wait for the answering loop, and the variance of the midpoint.

@@ -96,7 +96,7 @@ class SourceBinding:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
         if evidence is ANOTHERS and message is not None:
             self.refused_stamp_s = message.boot_s()
-            return False, self._another((socket, peer), evidence, now)
+            return False, self._duplicate_finding((socket, peer), evidence, now)
         if evidence is GOES_ON or not self._clock.samples:
             self._agreed = now
         return True, None
@@ -129,7 +129,7 @@ class SourceBinding:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
         if self._connection.talks or evidence is ANOTHERS:
-            return False, self._another(remote, evidence, now)
+            return False, self._duplicate_finding(remote, evidence, now)
         refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
         if evidence is NOTHING and not clockless:
@@ -143,7 +143,7 @@ class SourceBinding:
         self._duplicates.pop(remote, None)
         return f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
 
-    def _another(self, remote: Remote, evidence: Evidence, now: Instant) -> str | None:
+    def _duplicate_finding(self, remote: Remote, evidence: Evidence, now: Instant) -> str | None:
         """Record another sender's frame; return a finding, once, when it is certain that there are two senders."""
         self._duplicates = {
             r: each for r, each in self._duplicates.items() if seconds_between(each.last, now) < FORGOTTEN_S
@@ -156,7 +156,7 @@ class SourceBinding:
         duplicate.last = now
         duplicate.refuted |= evidence is ANOTHERS
         bound = self._connection.peer
-        both = self._last_word(remote) >= after(duplicate.since, BOTH_TALK_S)
+        both = self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
         refused = evidence is ANOTHERS and remote[1] != bound
         if duplicate.reported or not (both or refused):
             return None
@@ -165,7 +165,7 @@ class SourceBinding:
         about = f", {evidence.value}" if evidence is not NOTHING else ""
         return f"another sender has its system id, {where}{about}; it is ignored"
 
-    def _last_word(self, remote: Remote) -> Instant:
+    def _last_certain(self, remote: Remote) -> Instant:
         """Return when the vehicle itself was last heard for certain, given the other sender `remote`."""
         connection = self._connection
         return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard

@@ -22,7 +22,7 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, 
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.membership_and_succession import Candidate, can_lead, heir
+from gcs_formation.fleet.membership_and_succession import Candidate, best_successor, can_lead
 from gcs_formation.guidance.leader_guidance import TurnOnSpot
 from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption
@@ -240,13 +240,13 @@ class Reconfiguration:
             for column, vehicle in self._by_column.items()
             if column != leader and vehicle.identity not in sinking and can_lead(vehicle, age_s(column, now), now)
         )
-        return heir(candidates, self._controller.plan.arrangement.spacing_m)
+        return best_successor(candidates, self._controller.plan.arrangement.spacing_m)
 
     def succeed(self, sinking: Set[VehicleId], now: Instant) -> None:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
-        heir = self.successor(sinking, now)
-        if heir is not None:
-            self._hand_over(heir, *self._take_over(heir, now), now)
+        successor = self.successor(sinking, now)
+        if successor is not None:
+            self._hand_over(successor, *self._take_over(successor, now), now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
@@ -273,7 +273,7 @@ class Reconfiguration:
         self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def _lead_standing(self, leader: int, now: Instant) -> None:
-        """Align slots with the nose of a new leader that hovers, and turn it gently to its path if it is in hover."""
+        """Take the slots' axis from a new multirotor leader's yaw; in hover, turn it to the formation's heading."""
         guidance, known = self._controller.guidance, self._controller.estimator.filters[leader]
         if not self._scenario.hovers or known.state is None:
             return

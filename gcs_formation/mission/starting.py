@@ -196,7 +196,7 @@ class Starting:
         if self._flight.phase is Phase.CONNECTING:
             foreign = [vehicle for vehicle in self._each if not _is_of_its_family(vehicle)]
             if foreign:
-                self._give_up("; ".join(map(_is_another, foreign)), now)
+                self._give_up("; ".join(map(_wrong_family, foreign)), now)
         for vehicle in unready:
             if self._flight.phase not in OVER:
                 self._advance(vehicle, now)
@@ -253,7 +253,7 @@ def _is_of_its_family(vehicle: Vehicle) -> bool:
     return heartbeat is None or vehicle.autopilot.speaks(heartbeat)
 
 
-def _is_another(vehicle: Vehicle) -> str:
+def _wrong_family(vehicle: Vehicle) -> str:
     heartbeat = vehicle.telemetry.heartbeat or Heartbeat(0, 0)
     names = m.name_of("MAV_AUTOPILOT", heartbeat.autopilot), m.name_of("MAV_TYPE", heartbeat.type)
     return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"

@@ -103,8 +103,8 @@ class Stack:
     def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Assign heights to vehicles that have none, and new ones where a vehicle that can't be moved is in the way.
 
-        All others keep theirs: reassigned during the climb, they would start it again. Return whether any height of an
-        assigned vehicle changed.
+        All others keep theirs: reassigned during the climb, they would start it again. Return whether any height has
+        been assigned.
         """
         for identity, flier in fliers.items():
             if flier.band is None:

@@ -174,7 +174,7 @@ def judge(
                 verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
                 end_s = min(each.to_s, flown_s)
                 out = [step.downlink.outage for step in scenario.link_steps(planned) if step.at_s <= end_s][-1]
-                yield _heard(verdict, links[planned.vehicle_id], end_s, out=out)
+                yield _link_verdict(verdict, links[planned.vehicle_id], end_s, out=out)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
 
@@ -215,7 +215,7 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
 
 
-def _heard(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
+def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
     """Return the verdict on a link whose vehicle may have fallen silent within the flown part of a window.
 
     If a planned fault or outage silenced it, it isn't judged, unless its link had already broken a bound. If it fell

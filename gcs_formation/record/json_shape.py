@@ -51,11 +51,11 @@ def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | No
     """
     if isinstance(shape, Kind):
         fits = isinstance(found, shape.types) and (not isinstance(found, bool) or bool in shape.types)
-        return None if fits else _unlike(found, shape.words, where, place)
+        return None if fits else _mismatch(found, shape.words, where, place)
     if isinstance(shape, Each):
         return _each(found, shape, where, place)
     if not isinstance(found, dict):
-        return _unlike(found, OBJECT.words, where, place)
+        return _mismatch(found, OBJECT.words, where, place)
     values = cast("dict[str, Any]", found)
     for name, own in shape.items():
         at, wanted = f"{place}.{name}" if place else name, own.shape if isinstance(own, Maybe) else own
@@ -70,14 +70,14 @@ def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | No
 
 def _each(found: object, shape: Each, where: str, place: str) -> str | None:
     if not isinstance(found, dict | list):
-        return _unlike(found, _words(shape), where, place)
+        return _mismatch(found, _words(shape), where, place)
     values = cast("dict[str, Any] | list[Any]", found)
     named = values.items() if isinstance(values, dict) else enumerate(values)
     texts = (misfit(value, shape.shape, where, f"{place}.{name}") for name, value in named)
     return next((text for text in texts if text is not None), None)
 
 
-def _unlike(found: object, words: str, where: str, place: str) -> str:
+def _mismatch(found: object, words: str, where: str, place: str) -> str:
     shown = json.dumps(found, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= MOST_LETTERS else f"{shown[:MOST_LETTERS]}…"
     return f"found {shown}{f' for {place}' if place else ''} in {where}; expected: {words}"

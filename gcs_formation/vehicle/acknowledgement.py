@@ -90,7 +90,7 @@ class CommandQueue:
         """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers."""
         self._waiting, self.insists, self.refusal = deque(commands), insist, None
         self.lists += 1
-        self._go_on(now)
+        self._start_next(now)
 
     def due(self, now: Instant) -> Command | None:
         """Return the command to send now, if any."""
@@ -125,13 +125,12 @@ class CommandQueue:
                 return None
             accepted = self._waiting.popleft()
             self._expect_late(ack.command, now)
-            self._go_on(now)
+            self._start_next(now)
             return accepted
         self._refuse(ack, now)
         return None
 
-    def _go_on(self, now: Instant) -> None:
-        """Start the next command."""
+    def _start_next(self, now: Instant) -> None:
         self._attempt, self._next_attempt, self.since = 0, now, now
         self._refused, self._shown = None, 0
         self.outcome = Outcome.WAITING if self._waiting else Outcome.ACCEPTED
@@ -160,7 +159,7 @@ class CommandQueue:
             return None
         return self.refusal[1]
 
-    def look(self, *, shown: bool, known: bool, now: Instant) -> None:
+    def take_heartbeat(self, *, shown: bool, known: bool, now: Instant) -> None:
         """Take a heartbeat; `shown`: it shows the current command's effect.
 
         `known`: it may have shown this before the command, so it counts only after an answer.
@@ -170,7 +169,7 @@ class CommandQueue:
             return
         if seconds_between(self._first_attempt, now) >= SHOWN_WITHIN_S:
             self._waiting.popleft()
-            self._go_on(now)
+            self._start_next(now)
 
     def _expect_late(self, command: int, now: Instant) -> None:
         """Note how many answers to earlier attempts at the command just accepted are still on their way.
@@ -276,7 +275,7 @@ class SetpointChannel:
         return seconds_between(self._refused, self._refused_to) >= REFUSED_S
 
     def acknowledged(self, now: Instant) -> None:
-        """Record an acceptance: it answers what was sent a round trip ago, or earlier if that was lost."""
+        """Record an acceptance: it answers what was sent about a round trip ago, if nothing was lost."""
         self._refused, self.accepted = NEVER, True
         if self._since == NEVER or self._is_late(now):
             self._since = now

@@ -198,9 +198,9 @@ class ArduPlane(ArduPilot):
         The rates of altitude and speed are left to the autopilot (0). The heading's lateral acceleration is what the
         model's turn rate needs at this speed; with 0 the plane would hardly turn.
         """
-        return tuple(self.news(setpoint, where, [None, None, None]))
+        return tuple(self.changed(setpoint, where, [None, None, None]))
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of no place
+    def changed(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - none depends on it
         """Return the messages of `setpoint` whose values differ from the known ones by more than `RESOLUTION`."""
         speed, heading, altitude = known
         speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m

@@ -258,7 +258,7 @@ class Autopilot(ABC):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages of a setpoint that takes effect when the vehicle is in the state `where`."""
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of most
+    def changed(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - for some
         """Return those messages of a setpoint that differ from the `known` ones; most families need all of them."""
         return list(self.setpoint(setpoint, where))
 

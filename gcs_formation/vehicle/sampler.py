@@ -36,7 +36,7 @@ class Sampler:
         self._sampled: ReportedMotion | None = None
         self._by_course = autopilot.flies_courses
         self.refused = False
-        """Whether the newest position was rejected because its stamp isn't a recent time."""
+        """Whether the newest position was rejected: it isn't recent, or attitude and airspeed are of another time."""
 
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None while the vehicle's clock is unknown.

@@ -247,7 +247,7 @@ class Vehicle:
             if each.overdue(at):
                 self._lost_at = at
         loses = seconds_between(self._lost_at, at) < LOSSY_S
-        messages = self.autopilot.news(
+        messages = self.autopilot.changed(
             setpoint, where, [None if loses else each.known(at) for each in self.setpoint_channels]
         )
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
@@ -277,7 +277,7 @@ class Vehicle:
         return self._writer.encode(message)
 
     @property
-    def hides_home(self) -> bool:
+    def home_unreported(self) -> bool:
         """Whether it has been armed for this flight but hasn't reported its home."""
         return self.member is not Member.STARTING and self.telemetry.armed and self.telemetry.home_m is None
 
@@ -312,7 +312,7 @@ class Vehicle:
         effect = None if command is None else autopilot.effect(command)
         if command is not None and effect is not None:
             shown = effect.shown(self.telemetry) == effect.expected
-            commands.look(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
+            commands.take_heartbeat(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
 
     def _take_mode(self, message: CurrentMode) -> None:
         if not self.autopilot.setpoints_set_mode:

@@ -47,7 +47,7 @@ VELOCITY_ALONE: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMA
 """With a yaw rate of 0: if both were ignored, ArduCopter would turn its nose by WP_YAW_BEHAVIOR."""
 
 
-class _Rest:
+class _Integrator:
     """State of an autopilot's integrator for one component of velocity."""
 
     def __init__(self, prompt_share: float, rest_s: float, period_s: float) -> None:
@@ -56,12 +56,12 @@ class _Rest:
         self._filled = -math.expm1(-period_s / rest_s)
         self.integrated_mps: float = 0.0
 
-    def led(self, speed_mps: float) -> float:
+    def command_for(self, speed_mps: float) -> float:
         """Return the command that makes the vehicle fly a speed."""
         return (speed_mps - (1.0 - self._prompt) * self.integrated_mps) / self._prompt
 
-    def flown(self, told_mps: float) -> float:
-        """Return the speed flown on a command: the inverse of `led`."""
+    def response_to(self, told_mps: float) -> float:
+        """Return the speed flown on a command: the inverse of `command_for`."""
         return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
 
     def take(self, told_mps: float) -> None:
@@ -74,14 +74,14 @@ class SpeedLead:
 
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
         """Start at the present airspeed; an airspeed within the limits is commanded every `period_s`."""
-        self._rest, self._limits_mps, self._begun = _Rest(prompt_share, rest_s, period_s), limits_mps, False
+        self._integrator, self._limits_mps, self._begun = _Integrator(prompt_share, rest_s, period_s), limits_mps, False
 
     @property
     def within_reach_mps(self) -> tuple[float, float]:
         """Lowest and highest airspeed within immediate reach; the integrator reaches the rest in time."""
         if not self._begun:
             return self._limits_mps
-        return self._rest.flown(self._limits_mps[0]), self._rest.flown(self._limits_mps[1])
+        return self._integrator.response_to(self._limits_mps[0]), self._integrator.response_to(self._limits_mps[1])
 
     def forget(self) -> None:
         """Restart from the present airspeed: others have commanded the vehicle meanwhile."""
@@ -90,9 +90,9 @@ class SpeedLead:
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the airspeed to command in order to fly `speed_mps`; `airspeed_mps` is the present one."""
         if not self._begun:
-            self._rest.integrated_mps, self._begun = airspeed_mps, True
-        told_mps = within(self._rest.led(speed_mps), self._limits_mps[0], self._limits_mps[1])
-        self._rest.take(told_mps)
+            self._integrator.integrated_mps, self._begun = airspeed_mps, True
+        told_mps = within(self._integrator.command_for(speed_mps), self._limits_mps[0], self._limits_mps[1])
+        self._integrator.take(told_mps)
         return told_mps
 
 
@@ -108,7 +108,7 @@ class VelocityLead:
         climb_max_mps: float = math.inf,
     ) -> None:
         """Start at the present velocity; one within the limits is commanded every `period_s`."""
-        self._north, self._east = (_Rest(prompt_share, rest_s, period_s) for _ in range(2))
+        self._north, self._east = (_Integrator(prompt_share, rest_s, period_s) for _ in range(2))
         self._most_mps, self._begun = most_mps, False
         self.climb_max_mps = climb_max_mps
 
@@ -120,7 +120,7 @@ class VelocityLead:
         """Return the velocity to command, north and east, to fly `velocity_mps`; `flown_mps` is the present one."""
         if not self._begun:
             (self._north.integrated_mps, self._east.integrated_mps), self._begun = flown_mps, True
-        north, east = self._north.led(velocity_mps[0]), self._east.led(velocity_mps[1])
+        north, east = self._north.command_for(velocity_mps[0]), self._east.command_for(velocity_mps[1])
         share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
         told = share * north, share * east
         self._north.take(told[0])

@@ -182,7 +182,7 @@ class Body:
         """Its motion; computed on demand, since in most cycles a vehicle sends nothing."""
         motion = self._motion
         if motion is None:
-            motion = self._motion = self._made()
+            motion = self._motion = self._build_motion()
         return motion
 
     @property
@@ -250,7 +250,7 @@ class Body:
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
             if self._prompt < 1.0:
-                speed_mps = self._aimed(speed_mps)
+                speed_mps = self._speed_reference(speed_mps)
             if steering.takes_off and self._full_throttle is not None:
                 self._climb_out(self._full_throttle)
             else:
@@ -270,7 +270,7 @@ class Body:
             height_m += model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         advance(self.state, model, model.speed_max_mps, self.heading_commanded_rad, height_m, LOOP_S)
 
-    def _aimed(self, speed_mps: float) -> float:
+    def _speed_reference(self, speed_mps: float) -> float:
         """Return the airspeed approached at present: prompt share of the command plus integrator."""
         if self.steering.takes_off or not self.steering.airborne:
             self._rest_mps = speed_mps
@@ -300,7 +300,7 @@ class Body:
             self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
         self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 
-    def _made(self) -> Motion:
+    def _build_motion(self) -> Motion:
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
         return Motion(

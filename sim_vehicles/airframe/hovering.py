@@ -115,11 +115,11 @@ class HoveringBody(Body):
     def _accelerate(self, commanded: Velocity, sink_mps: float) -> None:
         """Change the velocity in a cycle, towards the setpoint and by a change of wind."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
-        north_mps, east_mps = self._aimed_at(commanded)
-        wanted = _no_longer(
+        north_mps, east_mps = self._velocity_reference(commanded)
+        wanted = _limited(
             (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
-        change = _no_longer(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
+        change = _limited(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
         sink = within((sink_mps - self._sink_aimed_mps) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
         self._sink_aimed_mps += sink * LOOP_S
@@ -129,7 +129,7 @@ class HoveringBody(Body):
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
 
-    def _aimed_at(self, commanded: Velocity) -> tuple[float, float]:
+    def _velocity_reference(self, commanded: Velocity) -> tuple[float, float]:
         """Return the velocity approached at present: prompt share of the command plus integrator."""
         prompt, share, done = self._prompt, self._filled, self._integrated_mps
         self._integrated_mps = done[0] + share * (commanded[0] - done[0]), done[1] + share * (commanded[1] - done[1])
@@ -145,7 +145,7 @@ class HoveringBody(Body):
         self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
 
 
-def _no_longer(north: float, east: float, most: float) -> tuple[float, float]:
+def _limited(north: float, east: float, most: float) -> tuple[float, float]:
     """Return a vector, shortened to length `most` if it is longer."""
     share = min(1.0, most / max(math.hypot(north, east), 1e-9))
     return share * north, share * east

@@ -174,10 +174,10 @@ class Steering:
         """Return the heading to fly now in the wind of `state`; `tau_psi_s` is the heading's lag."""
         if self.kind == HEADING:
             return self.direction_rad
-        course_rad = self._round(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
+        course_rad = self._circle_course(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
         return course_rad - crab_rad(state, course_rad)
 
-    def _round(self, state: FlightState, tau_psi_s: float) -> float:
+    def _circle_course(self, state: FlightState, tau_psi_s: float) -> float:
         """Return the course onto the circle and along it: clockwise, or anticlockwise for a negative radius."""
         north_m, east_m = state.north_m - self.centre_north_m, state.east_m - self.centre_east_m
         side = 1.0 if self.radius_m > 0.0 else -1.0

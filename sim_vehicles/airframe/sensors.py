@@ -68,7 +68,7 @@ class Sensors:
         """Return the motion with the errors of the newest sample at `now`."""
         while self._number <= now // self._period_ns:
             self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
-            self._off_m = self._stray()
+            self._off_m = self._draw_outlier()
         errors: list[float] = (self._sigmas * self._error).tolist()
         north, east, down, v_north, v_east, v_down, airspeed, heading = errors
         sensed = true.copy()
@@ -87,7 +87,7 @@ class Sensors:
         """Return the estimate, which is the receiver's measurement."""
         return Estimate(self.sense(true, now))
 
-    def _stray(self) -> tuple[float, float]:
+    def _draw_outlier(self) -> tuple[float, float]:
         """Return the next sample's outlier, north and east, usually 0."""
         if self._outlier_share == 0.0 or self._outliers.random() >= self._outlier_share:
             return 0.0, 0.0
@@ -152,9 +152,9 @@ class InertialNavigator:
 
     def _catch_up(self, true: Motion, now: Instant) -> None:
         while self._samples <= now * RATE_HZ // NANOSECONDS:
-            self._go_on(true)
+            self._step(true)
 
-    def _go_on(self, true: Motion) -> None:
+    def _step(self, true: Motion) -> None:
         step_s = 1.0 / RATE_HZ
         model = self._dynamics(true, step_s)
         step = model * step_s

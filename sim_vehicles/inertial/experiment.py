@@ -109,7 +109,7 @@ def navigate(
     rows: list[Array] = []
     for step, samples in enumerate(_samples(trajectory, sensors, steps, rate_hz, random)):
         now = NavigationState(*(part[step] for part in truth))
-        computer.go_on(samples, 1.0 / rate_hz, now)
+        computer.process(samples, 1.0 / rate_hz, now)
         if (step + 1) % EACH == 0:
             if abs(computer.height_m) > FARTHEST_M:
                 raise DivergedError(float(times_s[step]), computer.height_m)
@@ -170,7 +170,7 @@ class _Computer:
             (place, found.velocity_mps - true.velocity_mps, misalignment(found.attitude, true.attitude))
         )
 
-    def go_on(self, samples: Increments, period_s: float, true: NavigationState) -> None:
+    def process(self, samples: Increments, period_s: float, true: NavigationState) -> None:
         """Process a step's samples, and the aid's measurement at its end if one is due."""
         navigator = self._navigator
         navigator.run(samples, period_s)
