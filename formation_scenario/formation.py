@@ -79,7 +79,7 @@ class Step(Keys):
 
     at_s: NonNegative = key(..., "when it begins, s", 20)
     for_s: Positive = key(..., "how long it lasts, s", 10)
-    ramp_s: NonNegative = key(0.0, "how long it takes to come, and to go again, s", 5)
+    ramp_s: NonNegative = key(0.0, "duration of the ramp at its beginning, and again at its end, s", 5)
     speed_mps: Annotated[Number, Field(ge=-MOST_MPS, le=MOST_MPS)] = key(0.0, "added airspeed, m/s", 2)
     heading_deg: Annotated[Number, Field(ge=-MOST_DEG, le=MOST_DEG)] = key(0.0, "added heading, degrees", 15)
     height_m: Annotated[Number, Field(ge=-MOST_M, le=MOST_M)] = key(0.0, "added height, m", 8)

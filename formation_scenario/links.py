@@ -139,10 +139,8 @@ class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
-    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink; of a key that both give, this one holds")
-    downlink: ImpairmentPatch | None = key(
-        None, "the same as default.downlink; of a key that both give, this one holds"
-    )
+    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink, over which it takes precedence")
+    downlink: ImpairmentPatch | None = key(None, "the same as default.downlink, over which it takes precedence")
     changes: tuple[LinkChange, ...] = key(
         (),
         "changes in flight",

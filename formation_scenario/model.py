@@ -131,12 +131,12 @@ class Telemetry(Keys):
     """What the vehicles send."""
 
     rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = key(
-        10.0, "position and attitude messages a second, Hz; no more than turns of an autopilot's main loop", 5
+        10.0, "position and attitude messages a second, Hz; at most the rate of an autopilot's main loop", 5
     )
     clock: Literal["round_trip", "gnss"] = key(
         "round_trip",
         "how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
-        "(SYSTEM_TIME), which no link is in",
+        "(SYSTEM_TIME), which is independent of the links",
         "gnss",
     )
     station_utc: Flag | None = key(

@@ -30,8 +30,8 @@ NULL = {"type": "null"}
 METRICS_HEAD = """
 ## Metrics
 
-What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
-unless they are of the whole flight: those take no part of it. A bound outside of what a figure can be is refused.
+Figures that `expect` may bound, of one follower, of one link, or of the run. They are taken over the window from
+`from_s` to `to_s`; those of the whole flight accept no window. A bound outside a figure's range is refused.
 
 | metric | what it is | can be |
 | --- | --- | --- |"""

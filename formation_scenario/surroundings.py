@@ -33,7 +33,7 @@ Corners = Annotated[
     tuple[Corner, ...], Field(min_length=3, max_length=200), Allowed("a list of 3 to 200 corners [north, east]")
 ]
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
-KIND = "how the velocity goes with time"
+KIND = "how the velocity varies with time"
 HillShape = Literal["gaussian", "cosine"]
 FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
 PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
@@ -43,7 +43,7 @@ DEFAULT_MODE: PilotsMode = "LOITER"
 
 
 class Fence(Keys):
-    """Where vehicles must stay; none of its sides is needed."""
+    """Where vehicles must stay; every limit is optional."""
 
     corners_m: Corners | None = key(
         None,

@@ -190,7 +190,7 @@ def all_hear_one(weights: Array) -> bool:
     """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p hears q."""
     hears: Array = np.sign(weights + np.eye(len(weights)))
     for _ in range(len(weights).bit_length()):
-        hears = np.sign(hears @ hears)  # through twice as many others
+        hears = np.sign(hears @ hears)  # each squaring doubles the number of vehicles in between
     return bool(hears.all(axis=0).any())
 
 
