@@ -290,10 +290,10 @@ def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState
     return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
 
 
-def _less_if_opposite(expected: float, flown: float, gone_on: float) -> float:
+def _less_if_opposite(expected: float, flown: float, continued: float) -> float:
     """Return a change without the continued initial motion, if that is opposite to the expected change."""
-    against = expected * gone_on < 0.0 and abs(flown) < abs(expected)
-    return flown - gone_on if against else flown
+    against = expected * continued < 0.0 and abs(flown) < abs(expected)
+    return flown - continued if against else flown
 
 
 def _carried_m(model: AutopilotModel) -> float:

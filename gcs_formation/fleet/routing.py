@@ -126,7 +126,7 @@ class Dispatch:
         """When each column's newest setpoint is to be sent, (C,)."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
-        """Return the present link of every column, and the delay of the setpoints of column `leader`, s.
+        """Return every column's present link, and for how long setpoints of column `leader` are held back, s.
 
         `disobeying`: (C,) whether each vehicle seems not to fly as commanded.
         """

@@ -24,7 +24,7 @@ STEPPED: Final = 8
 SPLIT_S: Final = 30.0
 """Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up."""
 FAR: Final = 4.0
-"""Two groups of round trips are far apart if their medians differ by more than this multiple of either's scatter."""
+"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed scatter."""
 NORMAL: Final = 1.4826
 """Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
 FEW: Final = 8
@@ -149,7 +149,7 @@ class ClockSync:
         self.samples = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, less the answering loop's share."""
-        self._crystal, self._free = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
+        self._crystal, self._any_drift = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
         self._used = self._crystal
         self._log_ratio: float = 0.0
         """Log-likelihood ratio of the samples: no assumption about the drift over a crystal's drift."""
@@ -244,7 +244,7 @@ class ClockSync:
     def _follow_link(self, at: Instant, step_s: float, variance: float) -> None:
         """Shift both filters by a step of the link's delay, and count it in the split instead of the clock's offset."""
         self._crystal.step(at, self._crystal.predict(at) + step_s, variance)
-        self._free.step(at, self._free.predict(at) + step_s, variance)
+        self._any_drift.step(at, self._any_drift.predict(at) + step_s, variance)
         self.split_s += step_s
 
     def _mean_s(self) -> float:
@@ -276,17 +276,17 @@ class ClockSync:
         variance = self._sample_variance()
         if self.samples == 0 or restarted:
             self._crystal.begin(middle, sample_s, variance)
-            self._free.begin(middle, sample_s, variance)
+            self._any_drift.begin(middle, sample_s, variance)
             self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
         elif step_s:
             self._follow_link(middle, step_s, variance)
         elif stepped:
             self._crystal.step(middle, sample_s, variance)
-            self._free.step(middle, sample_s, variance)
+            self._any_drift.step(middle, sample_s, variance)
         else:
             crystal, unknown = (
                 self._crystal.correct(middle, sample_s, variance),
-                self._free.correct(middle, sample_s, variance),
+                self._any_drift.correct(middle, sample_s, variance),
             )
             self._judge(unknown - crystal)
         # delays can't be negative: the split is at most half the round trip
@@ -308,11 +308,11 @@ class ClockSync:
         """Add a sample's log-likelihood ratio once its scatter is known, and choose the filter."""
         if self._count >= FEW:
             self._log_ratio += log_ratio
-            self._used = self._free if self._log_ratio > MOST_LOG_RATIO else self._crystal
+            self._used = self._any_drift if self._log_ratio > MOST_LOG_RATIO else self._crystal
 
     def _off_s(self, at: Instant, sample_s: float) -> float:
         """Return the smaller of the sample's innovations in the two filters."""
-        one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._free.predict(at)
+        one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._any_drift.predict(at)
         return one_s if abs(one_s) < abs(other_s) else other_s
 
     def _sample_variance(self) -> float:

@@ -28,7 +28,7 @@ MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
 """On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this."""
 RARELY: Final = 1e-3
-"""Probability of a longer run of lost frames, below which the vehicle is taken to have been silent itself."""
+"""Probability that the link at its usual loss loses a longer run of frames than `Silence.run`."""
 RATE_SHARE: Final = 0.02
 """Relative uncertainty of frame rates."""
 

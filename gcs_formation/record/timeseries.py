@@ -213,7 +213,7 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
                     use_dictionary=words,
                     write_statistics=False,
                     compression=packed,
-                    store_schema=False,  # otherwise the file would depend on how the words were handed over
+                    store_schema=False,  # phases are then read back as text, not as Arrow's dictionary type
                     write_batch_size=ROWS_AT_ONCE,
                 )
                 writer = stack.enter_context(opened)

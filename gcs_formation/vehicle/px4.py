@@ -98,7 +98,7 @@ class Px4(Autopilot, ABC):
     failsafe_words = ("failsafe", "lost")
     """As in "Offboard control signal lost" and "GCS connection lost"."""
     types: ClassVar[frozenset[int]]
-    """The MAV_TYPEs that these commands fly."""
+    """MAV_TYPEs of the vehicles flown by these commands."""
     take_off_to_m: ClassVar[float]
     """Commanded take-off height above home, m."""
     mode_names: ClassVar = {
@@ -116,7 +116,7 @@ class Px4(Autopilot, ABC):
     }
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is from a PX4 of a type that these commands fly."""
+        """Return whether a heartbeat is from a PX4 of one of these `types`."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
 
     def parameter(self, reported: ParamValue) -> float:

@@ -61,7 +61,7 @@ CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
 
 
 class Vehicle:
-    """All state of one vehicle. It decodes and encodes frames; the station transports them."""
+    """All state of one vehicle. It takes frames and encodes messages; the station transports them."""
 
     def __init__(
         self,
@@ -238,7 +238,7 @@ class Vehicle:
         return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
-        """Return the messages of a setpoint to send at an instant: those that the vehicle hasn't acknowledged.
+        """Return the messages of a setpoint to send at an instant: those that changed, or are due again.
 
         After a loss these are all of them, because an acknowledgement doesn't tell which of several it answers. `where`
         is the vehicle's state when the setpoint takes effect.
