@@ -1,4 +1,4 @@
-"""The scenario: YAML read into immutable typed objects, and the slots, path and start states that follow from it."""
+"""The scenario: YAML read into immutable typed objects, and the slots, path and start states derived from it."""
 
 from __future__ import annotations
 

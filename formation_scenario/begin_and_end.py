@@ -1,4 +1,4 @@
-"""How a flight begins and when it ends: initial states of the emulated vehicles, and the time at the path's end."""
+"""Beginning and end of a flight: initial states of emulated vehicles, and the time at the path's end."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from formation_scenario.orders import Order, parse_order
 from formation_scenario.slot_assignment import slot_table
 
 POINTS = 1000
-"""Of the path, at which the speed over the ground is taken."""
+"""Number of points of the path at which the ground speed is evaluated."""
 SLACK_S = 1.0
-"""By how much a flight may end later than planned: the leader gains and loses metres in bends and gusts."""
+"""Allowance for a late end: in bends and gusts the leader's progress differs from the plan by metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,9 @@ class StartState:
 def start_states(scenario: Scenario) -> list[StartState]:
     """Return each vehicle's start state, in the scenario's order.
 
-    The leader's is `run_in_s` before the path's start, the followers' are their slots.
-    In the air each follower is `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On
-    the ground they stand in a row if the scenario says so; otherwise those that would be nearer to others than
-    `safety.separation_m` are placed farther back.
+    The leader starts `run_in_s` before the path's start, followers at their slots. In the air each follower is
+    `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On the ground they stand in a
+    row if the scenario says so; otherwise those nearer to others than `safety.separation_m` are placed farther back.
     """
     leader = scenario.path.written.at(-scenario.run_in_m)
     in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
@@ -59,7 +58,7 @@ def _on_ground(scenario: Scenario, slots: Array) -> Array:
 
 
 def _spread(slots: Array, separation_m: float) -> Array:
-    """Return slots that are at least `separation_m` apart horizontally, and from the leader.
+    """Return slots moved so that they are at least `separation_m` apart horizontally, and from the leader.
 
     A follower that is too near to an earlier one moves straight back, in steps of twice the separation.
     """
@@ -74,9 +73,9 @@ def _spread(slots: Array, separation_m: float) -> Array:
 
 
 def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
-    """Return the wind that the leader has to reckon with along courses and to their right, m/s.
+    """Return the wind that affects the leader, along courses and to their right, m/s.
 
-    What hovers holds the velocity over ground that it is told: to that, there is none.
+    It is 0 for multirotors, which hold the commanded ground velocity.
     """
     north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
     cos, sin = np.cos(course_rad), np.sin(course_rad)
@@ -84,15 +83,15 @@ def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
 
 
 def over_ground_mps(scenario: Scenario, course_rad: Array) -> Array:
-    """Return the leader's speed over the ground along courses, m/s: its nose is as far in the wind as it must be."""
+    """Return the leader's ground speed along courses, m/s, with the crab angle that the wind requires."""
     along_mps, aside_mps = wind_mps(scenario, course_rad)
     return np.sqrt(np.maximum(scenario.path.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
 
 
 def path_end_s(scenario: Scenario) -> float:
-    """Return the mission time at which the leader is at the path's end, s: at its airspeed, in the scenario's wind.
+    """Return the mission time at which the leader reaches the path's end, s: at its airspeed, in the scenario's wind.
 
-    Infinite where the wind blows it back. What hovers flies its speed over the ground, whatever the wind.
+    It is infinite if the wind blows the leader back. Multirotors fly the speed over ground in any wind.
 
     Raises:
         PathError: no path leads through the waypoints.
@@ -101,18 +100,18 @@ def path_end_s(scenario: Scenario) -> float:
 
 
 def planned_end_m(scenario: Scenario) -> float:
-    """Return how far along its path the leader is when the flight is over, m, as planned."""
+    """Return the leader's planned distance along its path at the end of the flight, m."""
     return float(planned_m(scenario, np.array(scenario.duration_s)))
 
 
 def planned_m(scenario: Scenario, mission_s: Array) -> Array:
-    """Return how far along its path the leader is at mission times, m, as planned, without orders."""
+    """Return the leader's planned distances along its path at mission times, m, without orders."""
     at_m, times_s = _progress(scenario)
     return np.interp(mission_s, times_s, at_m)
 
 
 def _progress(scenario: Scenario) -> tuple[Array, Array]:
-    """Return places along the path, m, and when the leader is there, s; infinite where the wind blows it back."""
+    """Return distances along the path, m, and when the leader is there, s; infinite if the wind blows it back."""
     path = scenario.path.written
     at_m = np.linspace(0.0, path.length_m, POINTS)
     speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad)
@@ -123,7 +122,7 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
 
 
 def planned_end_s(scenario: Scenario) -> float:
-    """Return the mission time at which a flight is over, s, as planned; with orders that may slow it, `duration_s`."""
+    """Return the planned mission time of the flight's end, s; with orders that may slow it, `duration_s`."""
     slowed = any(_may_slow(parse_order(each.order)) for each in scenario.orders)
     return scenario.duration_s if slowed else min(scenario.duration_s, path_end_s(scenario))
 
@@ -134,7 +133,7 @@ def _may_slow(order: Order) -> bool:
 
 
 def planned_times_s(scenario: Scenario) -> dict[str, list[float]]:
-    """Return the mission times, s, for which a scenario plans something, by the keys of the lists that say what."""
+    """Return the mission times, s, of all that a scenario plans, by the keys of its lists."""
     return {
         "formation.changes": [each.at_s for each in scenario.formation.changes],
         "path.steps": [each.at_s for each in scenario.path.steps],
@@ -146,9 +145,9 @@ def planned_times_s(scenario: Scenario) -> dict[str, list[float]]:
 
 
 def latest_end_s(scenario: Scenario) -> float:
-    """Return the latest mission time, s, at which a flight may be over.
+    """Return the latest mission time, s, at which a flight may end.
 
-    Whatever may hold the leader up, or let one behind it take over, leaves `duration_s`.
+    If anything may delay the leader, or let a vehicle behind it take over, this is `duration_s`.
 
     Raises:
         PathError: no path leads through the waypoints.

@@ -70,7 +70,7 @@ def _keys(model: type[BaseModel]) -> list[str]:
 
 
 def _deeper(group: object, name: Key, above: KeyPath) -> str:
-    """Return " (did you mean 'x.y'?)" for a key of this name within a group's own groups, "" when there is none."""
+    """Return " (did you mean 'x.y'?)" for a key of this name within a group's own groups, "" if there is none."""
     if not is_group(group):
         return ""
     inner = {key: bare(_inner(group, key))[0] for key in _keys(group)}
@@ -91,7 +91,7 @@ def _value_at(data: Plain, path: KeyPath) -> Plain:
 
 
 def _expected(model: type[BaseModel], loc: tuple[Key, ...]) -> _Expected:
-    """Follow an error's location through the types, up to a union, or through one whose groups have tags.
+    """Follow an error's location through the types up to a union, or through one whose groups have tags.
 
     A tag is part of the location, but isn't a key.
     """
@@ -113,7 +113,7 @@ def members(annotation: object) -> dict[Key, object]:
 
 
 def _union(annotation: object) -> tuple[object, ...]:
-    """Return the members of a union; none of any other type."""
+    """Return the members of a union; empty for any other type."""
     return get_args(annotation) if get_origin(annotation) in {Union, types.UnionType} else ()
 
 

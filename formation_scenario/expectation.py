@@ -9,7 +9,7 @@ from typing import Annotated
 from formation_scenario.fields import Keys, NonNegative, Number, OneOf, VehicleSelection, key
 
 SETTLED_M = 0.5
-"""Within so much of its slot on every axis a vehicle is in it."""
+"""A vehicle is in its slot if its error is at most this on every axis."""
 _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m"}
 _FIGURES = {
     "rms": "root mean square over the window",
@@ -68,9 +68,9 @@ RUN_METRICS = {
 }
 LOOP_METRICS = ("delay_margin_s", "worst_loop_delay_s", "margin_used")
 OF_FOLLOWERS = (*FOLLOWER_METRICS, *LOOP_METRICS)
-"""What there is of followers, and of the loops that control them, alone."""
+"""Metrics that exist only with followers, including those of the loops that control them."""
 METRICS = {**FOLLOWER_METRICS, **LINK_METRICS, **RUN_METRICS}
-"""Metrics and what they are."""
+"""Metrics and their meanings."""
 WINDOWED = (
     *ERROR_METRICS,
     *EFFORT_METRICS,
@@ -92,19 +92,19 @@ RANGES = {
     "min_clearance_m": ANY,
     "delay_margin_s": ANY,
 }
-"""From where to where a figure can be; all others are 0 or more."""
+"""Possible values of figures; all others are 0 or more."""
 
 
 Metric = Annotated[str, OneOf(", ".join(METRICS), tuple(METRICS))]
 
 
 def keeps(value: float, below: float | None, above: float | None) -> bool:
-    """Return whether a figure keeps its bounds, None where there is none."""
+    """Return whether a figure keeps its bounds; None means no bound."""
     return (below is None or value < below) and (above is None or value > above)
 
 
 def stays_broken(metric: str, value: float | None, below: float | None) -> bool:
-    """Return whether a follower's figure is beyond what it must be below, and no further flight makes it less."""
+    """Return whether a follower's figure breaks its upper bound, and further flight can't reduce it."""
     grows = metric == "settled_at_s" or metric.endswith(("_m.max", "_m.steady_max"))
     return grows and value is not None and below is not None and value >= below
 
@@ -116,7 +116,7 @@ def bounds_text(below: float | None, above: float | None) -> str:
 
 
 def range_text(metric: str) -> str:
-    """Return in words from where to where a figure can be."""
+    """Return the possible values of a figure in words."""
     least, most = RANGES.get(metric, (0.0, math.inf))
     if math.isinf(most):
         return "any number" if math.isinf(least) else f"{least:g} or more"
@@ -126,7 +126,7 @@ def range_text(metric: str) -> str:
 def pointless(metric: str, below: float | None, above: float | None) -> Iterator[tuple[str, str, str]]:
     """Yield bounds that a figure can't break, or can't keep: which, what was found and what is allowed.
 
-    One below a figure's least value is always broken, and seen to be.
+    Exempt is `below` at a figure's least value: it is always broken, and the verdict shows that.
     """
     least, most = RANGES.get(metric, (0.0, math.inf))
     for name, bound in (("below", below), ("above", above)):

@@ -1,4 +1,4 @@
-"""Checks that a scenario can be flown: path, slots, their separation, and every change; orders too."""
+"""Checks that a scenario can be flown: path, slots, their separation, every change, and orders."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from formation_scenario.transition_plan import NotFlyableError
 def check(scenario: Scenario) -> list[Finding]:
     """Return what can't be flown: one problem for each place of the path, or for each formation.
 
-    A leg too steep makes the spline swing far below and above its ends: it is what is wrong then, not the ground.
+    A leg that is too steep makes the spline overshoot vertically; it is then reported instead of the ground.
     """
     over_ground = check_terrain(scenario)
     if over_ground:
@@ -49,22 +49,22 @@ def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: fl
 
 
 def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
-    """Yield the slots that leave less than `room_m` of the separation to errors, with the key that places them."""
+    """Yield slots whose separation exceeds the limit by less than `room_m`, the margin for errors, with their key."""
     least_m = scenario.safety.separation_m + room_m
     for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), least_m):
         yield f"{'.'.join(map(str, path))}: {found}"
 
 
 class _Flown(NamedTuple):
-    """What is flown between two orders."""
+    """The formation between two orders."""
 
     scenario: Scenario
     arrangement: Arrangement
     facing_rad: float | None = None
-    """Where a formation that stands was told to face."""
+    """Heading to which a hovering formation was ordered."""
 
     def after(self, order: Order) -> _Flown:
-        """Return what is flown after an order; one that sets out faces along its path again."""
+        """Return the formation after an order; when it sets out it faces along its path again."""
         return _Flown(
             self.scenario if order.speed_mps is None else self.scenario.at_speed(order.speed_mps),
             self.arrangement if order.change is None else self.arrangement.changed(order.change, self.scenario),
@@ -73,13 +73,13 @@ class _Flown(NamedTuple):
 
 
 def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Iterator[tuple[int, str]]:
-    """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` has it.
+    """Yield the planned orders that will be refused, each with its index and the reason, as `check_ahead` gives it.
 
-    The leader is taken to be on its path in time, and the changes of the formation to have been made as planned.
+    The leader is assumed to be on its path in time, and the formation to have changed as planned.
 
     Args:
-        scenario: what is flown.
-        why_not_land: why its vehicles can't land, None where they may be able to.
+        scenario: the scenario.
+        why_not_land: why its vehicles can't land, None if they may be able to.
     """
     path, flown, at_m, since_s = scenario.leader_path, _Flown(scenario, first_arrangement(scenario)), 0.0, 0.0
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
@@ -129,7 +129,7 @@ def _standing(
 
 
 def _transitions(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Finding]:
-    """Return the first change that can't be flown: the start of the later ones isn't known then."""
+    """Return the first change that can't be flown; those after it would start from an unknown formation."""
     for key, at_m, way in _ways(scenario, path, steps):
         if isinstance(way, NotFlyableError):
             missed_m = at_m + way.elapsed_s * scenario.path.speed_mps
@@ -140,7 +140,7 @@ def _transitions(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ..
 
 
 def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
-    """Return the change that is under way at the flight's end, `end_s`, and since when; None if none is."""
+    """Return the last change if it is still in progress at the flight's end, `end_s`, and since when; else None."""
     said = None
     for key, _, way in _ways(scenario, scenario.leader_path, slot_schedule(scenario)):
         if isinstance(way, Transition) and way.at_s < end_s:
@@ -152,9 +152,9 @@ def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
 def _ways(
     scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]
 ) -> Iterator[tuple[KeyPath, float, Transition | NotFlyableError]]:
-    """Yield the changes that begin on the path, where on it, m, and how they're flown; with one that can't be it ends.
+    """Yield the changes that begin on the path, where on it, m, and how they're flown, up to one that can't be.
 
-    One that begins before another is over goes on from there.
+    A change that begins during another one starts from there.
     """
     speed, way, leader = scenario.path.speed_mps, Transition.standing(steps[0].places_m), 0
     for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
@@ -179,7 +179,7 @@ def _ways(
 def _near(
     scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], least_m: float
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Yield the two nearest slots of each step where they are nearer than `least_m`, with the key that places them."""
+    """Yield the two nearest slots of each step if they are nearer than `least_m`, with the key that places them."""
     everyone = column_names(scenario)
     for path, step in zip(keys, steps, strict=True):
         places = step.places_m

@@ -1,4 +1,4 @@
-"""Types of the values of scenario keys, with descriptions of what is allowed, and problems of values in such terms."""
+"""Types of scenario values with descriptions of what is allowed, and the problems reported in these terms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_NETWORK = 1000
 MAX_NAME_LENGTH = 80
 MAX_NUMBER = 1e9
 MAX_NEAR_M = 10_000.0
-"""Largest distance of two aircraft of one formation."""
+"""Largest distance between two aircraft of a formation, m."""
 
 
 class Keys(BaseModel):
@@ -26,14 +26,14 @@ class Keys(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some keys changed; what was derived from the keys is derived anew."""
+        """Return a copy with some keys changed; values cached from the keys are dropped."""
         copied = super().model_copy(update=update, deep=deep)
         for name in vars(copied).keys() - type(self).model_fields.keys():
             del vars(copied)[name]
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return what goes to another process: the keys. What was derived from them is derived anew there."""
+        """Return the keys for pickling, without values cached from them."""
         state = super().__getstate__()
         names = type(self).model_fields
         return state | {"__dict__": {name: value for name, value in state["__dict__"].items() if name in names}}
@@ -41,21 +41,21 @@ class Keys(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """Describes the allowed values where the type alone doesn't say it well; `choices` are the allowed words."""
+    """Describes allowed values for which the type's own description is inadequate; `choices` are the allowed words."""
 
     text: str
     choices: tuple[str, ...] = ()
 
 
 class OneOf(Allowed):
-    """Allows its choices alone, which a Literal would have to name one by one."""
+    """Allows only its choices, which a Literal would have to list one by one."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
         return literal_schema(list(self.choices))
 
 
 DERIVED = "x-default"
-"""The JSON schema's keyword for what a key is derived from."""
+"""The JSON schema's keyword for the source of a derived default."""
 
 
 def key(default: object, description: str = "", *examples: object, derived: str = "") -> Any:  # noqa: ANN401 - as Field
@@ -63,9 +63,9 @@ def key(default: object, description: str = "", *examples: object, derived: str 
 
     Args:
         default: its default; ... for none.
-        description: what it is, with its unit at the end.
-        *examples: values that it may have.
-        derived: of a key that `resolve` fills in from others where it isn't given: with what, in words.
+        description: its meaning, with the unit at the end.
+        *examples: example values.
+        derived: for a key that `resolve` derives if it isn't given: from what, in words.
     """
     extra: JsonDict | None = {DERIVED: derived} if derived else None
     return Field(
@@ -89,12 +89,12 @@ CHOICE = "choice of "
 
 
 def _as_number(value: object) -> object:
-    """Return an id as a number: as a key of JSON it can't be one."""
+    """Return an id as a number: as a key of JSON it is text."""
     return int(value) if isinstance(value, str) and value.isascii() and value.isdecimal() and len(value) < 4 else value
 
 
 def whole(value: object) -> object:
-    """Return a whole number as one, however it is written: the JSON schema takes 3.0 for one, and so do editors."""
+    """Return a whole number as an int: JSON schema, and so editors, accept 3.0 as an integer."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -113,7 +113,7 @@ Speed = Annotated[Number, Field(ge=1e-3, le=1e3)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
 Rate = Annotated[Number, Field(ge=0.5, le=1000.0)]
 WHOLE = BeforeValidator(whole)
-"""Beside a strict int."""
+"""Accompanies a strict int."""
 Flag = StrictBool
 Text = StrictStr
 Name = Annotated[
@@ -193,11 +193,11 @@ class FileError(Exception):
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
-    """Return " (did you mean 'x'?)" for the choice nearest to a word, "" when none is near.
+    """Return " (did you mean 'x'?)" for the choice nearest to a word, "" if none is near.
 
     A choice that is the word with a unit (`speed_mps` for `speed`), or of the same parts, takes precedence.
     """
-    known = [choice for choice in choices if choice != word]  # a number, where the word is a text of its digits
+    known = [choice for choice in choices if choice != word]  # equal if the word is a text of a number's digits
     parts = sorted(word.split("_"))
     same = [choice for choice in known if choice.startswith(f"{word}_") or sorted(choice.split("_")) == parts]
     near = same or difflib.get_close_matches(word, known, n=1)

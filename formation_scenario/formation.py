@@ -33,10 +33,10 @@ Graph = Annotated[
     Allowed("star, path, ring, complete, or a square list of weights >= 0", ("star", "path", "ring", "complete")),
 ]
 LawType = Literal["fuzzy_pid", "pid", "consensus"]
-"""`gcs_formation.control.laws` says what each is."""
+"""The laws are in `gcs_formation.control.laws`."""
 OF_THE_SET = "of the set that law.gains names"
 K1, K2, K3 = 0.1, 0.6, 0.25
-"""Gains of the consensus protocol for vehicles that fly equation (7)."""
+"""Gains of the consensus protocol for vehicles that fly by equation (7)."""
 
 
 class FormationChange(Keys):
@@ -79,14 +79,14 @@ class Step(Keys):
 
     at_s: NonNegative = key(..., "when it begins, s", 20)
     for_s: Positive = key(..., "how long it lasts, s", 10)
-    ramp_s: NonNegative = key(0.0, "how long it takes to come, and to go again, s", 5)
+    ramp_s: NonNegative = key(0.0, "duration of the ramp at its beginning, and again at its end, s", 5)
     speed_mps: Annotated[Number, Field(ge=-MOST_MPS, le=MOST_MPS)] = key(0.0, "added airspeed, m/s", 2)
     heading_deg: Annotated[Number, Field(ge=-MOST_DEG, le=MOST_DEG)] = key(0.0, "added heading, degrees", 15)
     height_m: Annotated[Number, Field(ge=-MOST_M, le=MOST_M)] = key(0.0, "added height, m", 8)
 
 
 def added(steps: Sequence[Step], mission_time_s: float) -> tuple[float, float, float]:
-    """Return what all steps add to setpoints of speed (m/s), heading (rad) and height (m); nothing before the path."""
+    """Return the sum of all steps of speed (m/s), heading (rad) and height (m) setpoints; 0 before the path."""
     speed_mps = heading_deg = height_m = 0.0
     for step in steps:
         share = _share(step, mission_time_s - step.at_s)
@@ -97,7 +97,7 @@ def added(steps: Sequence[Step], mission_time_s: float) -> tuple[float, float, f
 
 
 def _share(step: Step, since_s: float) -> float:
-    """Return how much of a step is there; 0 for NaN, a time before the path."""
+    """Return the share of a step that is present; 0 for NaN, a time before the path."""
     if not 0.0 <= since_s <= step.for_s:
         return 0.0
     if step.ramp_s == 0.0:
@@ -106,7 +106,7 @@ def _share(step: Step, since_s: float) -> float:
 
 
 def _of_the_set(description: str, example: float) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
-    """Return the field of a key that the set of gains fills."""
+    """Return the field of a key whose default comes from the set of gains."""
     return key(..., description, example, derived=OF_THE_SET)
 
 

@@ -1,4 +1,4 @@
-"""Changes of the formation: transitions between slots, and the way of a new leader onto the path."""
+"""Changes of the formation: transitions between slots, and a new leader's route onto the path."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from formation_scenario.transition_plan import (
 )
 
 TURN_SHARE = 0.5
-"""Share of the turn rate that all slots can keep up with, used by a new leader's turns onto the path."""
+"""Share of the turn rate at which all slots keep up that a new leader uses in its turns onto the path."""
 ACCELERATION_SHARE = 0.5
-"""Share of the acceleration limit that the outermost slots need as such a turn begins: a new leader often has a
-difference of speed to even out as well."""
+"""Share of the acceleration limit that the outermost slots may need at the beginning of such a turn; a new leader often
+changes its speed too."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
 LEAST_S, LEAST_MPS = 10.0, 1.0
 WORTH_WAITING = 1.25
-"""What gathers this many times as fast once the leader flies straight and level waits for that."""
+"""A gathering waits for the leader's straight and level flight if it is this many times as fast there."""
 NEAR_M = 20.0
-"""Within this of its slot a vehicle needs no way planned for it, unless it would meet another on it."""
+"""A vehicle within this distance of its slot needs no planned transition, unless it would meet another vehicle."""
 LEVEL_OUT_STEPS = 50
-"""Steps of a lift beyond the end of that way: a kilometre to descend in."""
+"""Number of steps by which a lift extends beyond that route: a kilometre for the descent."""
 
 
 def plan_change(
@@ -92,8 +92,8 @@ def plan_gathering(
 ) -> Transition | None:
     """Return the transition of vehicles from where they are to their slots; None if all are near.
 
-    Near is who is within `NEAR_M` of its slot and whose way there comes no nearer to another's than the separation rule
-    keeps. Arguments as of `plan_change`, but `goal_m`: (C, 3) the slots.
+    All are near if each is within `NEAR_M` of its slot and their straight ways there keep the separation rule's
+    distance. Arguments as of `plan_change`, but `goal_m`: (C, 3) the slots.
 
     Raises:
         NotFlyableError: it can't be flown there, or would last far longer than on a straight and level course.
@@ -148,10 +148,10 @@ def take_over(
     *,
     right_slope: float = 0.0,
 ) -> DisplacedPath:
-    """Return the way onto the path of a new leader that is abreast of `from_m`, to the right of the path and above it.
+    """Return the route onto the path of a new leader that is abreast of `from_m`, `right_m` to the right and above.
 
-    Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its way
-    aside: `right_slope` to the right for each metre along the path. If a ground is given, it is lifted to clear it.
+    Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its
+    lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
     """
     speed, models = max(scenario.path.speed_mps, LEAST_MPS), column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
@@ -185,7 +185,7 @@ def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
 
 
 def ahead(route: Route, speed_mps: float, from_m: float) -> Callable[[Array], LeaderFlight]:
-    """Return the flight of a leader along a route from `from_m` on, as a function of the elapsed seconds."""
+    """Return the flight of a leader along a route from `from_m`, as a function of the elapsed seconds."""
 
     def flight(elapsed_s: Array) -> LeaderFlight:
         points = [route.at(distance_m) for distance_m in (from_m + speed_mps * elapsed_s).tolist()]

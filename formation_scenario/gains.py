@@ -1,4 +1,4 @@
-"""The law's gains: two sets, for exact telemetry and for telemetry as noisy as GNSS, and `auto`: by design."""
+"""The law's gains: two sets, for exact telemetry and for telemetry as noisy as GNSS, and `auto`, by design."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from formation_scenario.source import Key, Plain, plain_mapping
 from formation_scenario.vehicles import VehicleModel
 
 Group = dict[Key, Plain]
-"""A mapping of keys."""
+"""A group of scenario keys."""
 
 AUTO, CLEAN, NOISE = "auto", "clean", "noise"
 LEADER, FOLLOWER = "leader_heading", "follower_heading"
@@ -60,13 +60,13 @@ FILTERS: dict[str, Group] = {
 }
 DESIGNED_FILTERS = ("derivative_filter_s", "disturbance_observer_radps", "anti_windup_s")
 SCALES = {"speed": 1.0, "heading": 0.1, "height": 2.0}
-"""Mixed errors, and rates of them, that count as 1 for the fuzzy scheduler."""
+"""Mixed errors, and their rates, that count as 1 for the fuzzy scheduler."""
 WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 SENSORS = 0.02, 0.03, 0.002
-"""What the telemetry's noise in position (m), airspeed (m/s) and heading (rad) is taken for at least: its last digits,
-and an airspeed sensor's."""
+"""Least telemetry noise to design for, in position (m), airspeed (m/s) and heading (rad): the messages' resolution, and
+the noise of an airspeed sensor."""
 LEAST = 0.001
-"""Declared noise counts as no less, m, m/s and rad."""
+"""Lower bound of declared noise, m, m/s and rad."""
 
 
 def gain_set(gains: str, frame: str) -> tuple[dict[str, Group], Group]:
@@ -77,7 +77,7 @@ def gain_set(gains: str, frame: str) -> tuple[dict[str, Group], Group]:
 
 
 def designed(scenario: Scenario, given: Plain) -> Scenario:
-    """Return a scenario with the law's gains by design, but those that are `given`, its `law` as it was written."""
+    """Return a scenario with the law's gains by design, except those in `given`, its `law` as written."""
     written = given if isinstance(given, dict) else {}
     weights = WEIGHTS | _written(written, "mixer")
     channels, filters = design(*_known(scenario), weights, _delay_and_noise(scenario))
@@ -89,12 +89,12 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
         gains = {"kp": channel.kp, "ki": channel.ki, "kd": channel.kd} | scales | _written(written, name)
         keys[name] = getattr(scenario.law, name).model_copy(update=gains)
     if scenario.law.type == "consensus" and any(each.model.airframe for each in scenario.vehicles):
-        found = _of_protocol(scenario) | _written(written, "consensus")
+        found = _protocol_gains(scenario) | _written(written, "consensus")
         keys["consensus"] = scenario.law.consensus.model_copy(update={name: found[name] for name in PROTOCOL})
     return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
 
 
-def _of_protocol(scenario: Scenario) -> dict[str, float]:
+def _protocol_gains(scenario: Scenario) -> dict[str, float]:
     """Return k1, k2 and k3 of protocol (3) for the vehicles' responses and the graph."""
     vehicles, speed_mps = list[tuple[Axis, Axis]](), scenario.path.speed_mps
     for model in dict.fromkeys(each.model for each in scenario.vehicles):
@@ -110,7 +110,7 @@ def _of_protocol(scenario: Scenario) -> dict[str, float]:
 def redesigned(scenario: Scenario, delay_s: float) -> Scenario:
     """Return a scenario with its gains by design for links that take `delay_s` each way.
 
-    What isn't as the design makes it for the delay known so far was given, and stays.
+    Gains that differ from the design for the previous delay were given, and are kept.
     """
     law, mixer = scenario.law, plain_mapping(scenario.law.mixer.model_dump())
     before, given = designed(scenario, {"mixer": mixer}).law, Group({"mixer": mixer})
@@ -127,7 +127,7 @@ def _same(one: float, other: float) -> bool:
 
 
 def figures(scenario: Scenario) -> Mapping[str, DesignedChannel]:
-    """Return what the law's gains hold, by channel: bandwidths, margins, steps of setpoints."""
+    """Return the properties of the law's gains by channel: bandwidths, margins, setpoint steps."""
     law = scenario.law
     vehicles, speed_mps = _known(scenario)
     gains = {name: (each.kp, each.ki, each.kd) for name in CHANNELS if (each := getattr(law, name))}
@@ -135,7 +135,7 @@ def figures(scenario: Scenario) -> Mapping[str, DesignedChannel]:
 
 
 def by_design(scenario: Scenario) -> bool:
-    """Return whether its channels' gains are designed, or its vehicles have airframes that gains should be for."""
+    """Return whether the channels' gains are designed, or should be because of the vehicles' airframes."""
     if scenario.law.type == "consensus":
         return False
     return scenario.law.gains == AUTO or any(each.model.airframe for each in scenario.vehicles)
@@ -154,14 +154,14 @@ def _responses(model: VehicleModel, speed_mps: float) -> Responses:
 
 
 def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
-    """Return the longest loop delay that is designed for, and the noise of the worst sensors."""
+    """Return the longest loop delay to design for, and the noise of the worst sensors."""
     dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
     delay_s = 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0
     kinds = dict.fromkeys((each.model, each.navigation) for each in scenario.vehicles)
     noise = [SENSORS]
     for model, keys in kinds:
         if isinstance(keys, NoisyNavigation):
-            noise.append(_left(keys, model, scenario.path.speed_mps, sample_s))
+            noise.append(_filtered_noise(keys, model, scenario.path.speed_mps, sample_s))
     return DelayAndNoise(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
 
 
@@ -175,8 +175,10 @@ def design_delay_s(scenario: Scenario) -> float:
     return max(*round_trips_ms, 2.0 * scenario.law.design_delay_ms) / 2e3
 
 
-def _left(keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float) -> tuple[float, float, float]:
-    """Return what the station's filter leaves of declared noise, in the order of `SENSORS`."""
+def _filtered_noise(
+    keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float
+) -> tuple[float, float, float]:
+    """Return the noise that remains of the declared noise after the station's filter, in the order of `SENSORS`."""
     round_rad = max(math.radians(keys.heading_sigma_deg), LEAST)
     place_m, velocity_mps = max(keys.position_sigma_m, LEAST), max(keys.velocity_sigma_mps, LEAST)
     _, speed_walk, heading_walk = UNMODELLED

@@ -1,4 +1,4 @@
-"""What a path and its slots ask of the ground and of the fence: the worst place of each, as problems."""
+"""Limits of ground and fence for a path and its slots: the worst violation of each, as problems."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
 
 OFF_M = 0.01
-"""By how much heights may exceed a limit, and clearances fall short."""
+"""Tolerance of heights and clearances, m."""
 LEVEL_M = 1.0
-"""Largest height of the ground at a take-off, above or below the origin: the emulators' ground is level."""
+"""Largest height of the ground at a take-off relative to the origin, m: the emulators' ground is level."""
 STEP_SAMPLES = 200
-"""Times of a step at which the path's height and the ground are taken."""
+"""Number of times within a step at which heights of path and ground are checked."""
 OFFSET: KeyPath = ("start", "offset_m")
 Places = dict[tuple[float, float, float], tuple[str, Vehicle]]
-"""Who flies at each place of the formations: forward, right and up of the leader."""
+"""Vehicles by their slots: forward, right and up of the leader."""
 
 
 def check_terrain(scenario: Scenario) -> list[Finding]:
@@ -49,7 +49,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
 
 
 def _over_plain(scenario: Scenario) -> Iterator[Finding]:
-    """Yield the lowest point of any vehicle if it is below the clearance: over a plain, paths aren't lifted."""
+    """Yield the lowest point of any vehicle if it is below the clearance: without terrain, paths aren't lifted."""
     path, least_m = scenario.path.written, scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
     worst = int(np.argmin(points.height_m))
@@ -62,7 +62,7 @@ def _over_plain(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
-    """Yield the first point of the path below which, or below a slot at which, the file has no value."""
+    """Yield the first point of the path where the file has no value below the leader or a slot."""
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
         for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
@@ -92,9 +92,9 @@ def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
 
 
 def check_start(scenario: Scenario) -> Iterator[Finding]:
-    """Yield who begins in the air too near to another, too low or outside the fence: of each kind the worst.
+    """Yield the worst of the starts in the air that are too near to another, too low, or outside the fence.
 
-    After a take-off they assemble at these places.
+    After a take-off vehicles assemble at the same positions.
     """
     in_air = scenario.model_copy(update={"start": scenario.start.model_copy(update={"in_air": True})})
     states, safety = start_states(in_air), scenario.safety
@@ -112,7 +112,7 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
 
 
 def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
-    """Return who begins in the air with less than `room_m` of the separation left to errors; None if nobody does."""
+    """Return the nearest starts in the air if their separation exceeds the limit by less than `room_m`; else None."""
     if not any(scenario.start.offset_m) or not scenario.start.in_air:
         return None
     places = np.array([(each.north_m, each.east_m, each.height_m) for each in start_states(scenario)])
@@ -121,7 +121,7 @@ def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
 
 
 def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
-    """Return how far apart the nearest two of all vehicles (V, 3) begin, and who these are, in words."""
+    """Return the least distance between the starts of any two vehicles (V, 3), and which two these are, in words."""
     apart_m = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
     apart_m[np.tril_indices(len(places))] = np.inf
     one, other = np.unravel_index(int(apart_m.argmin()), apart_m.shape)
@@ -146,7 +146,7 @@ def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Itera
 
 
 def check_steps(scenario: Scenario) -> Iterator[Finding]:
-    """Yield where steps of height lead too low above the ground and outside the fence's heights, each at its worst."""
+    """Yield steps of height that lead too near to the ground or outside the fence's heights, each at its worst time."""
     times_s = _within_steps(scenario)
     if not times_s.size:
         return
@@ -173,26 +173,26 @@ def check_steps(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _lowest_and_highest_m(scenario: Scenario) -> tuple[float, float]:
-    """Return how far below and above the leader others fly; over terrain those below are lifted clear of it."""
+    """Return how far others fly below and above the leader; over terrain those below are lifted clear of it."""
     up_m = [float(up_m) for step in slot_schedule(scenario) for up_m in step.places_m[:, 2]]
     return min(0.0, *up_m) if scenario.terrain is None else 0.0, max(0.0, *up_m)
 
 
 def _within_steps(scenario: Scenario) -> Array:
-    """Return times at which steps of height act before the flight's planned end, s: where they turn, and between."""
+    """Return times of steps of height before the flight's planned end, s: their corners, and samples between."""
     found, end_s = [np.zeros(0)], planned_end_s(scenario)
     for step in scenario.path.steps:
         if step.height_m:
             turns_s = np.array([step.ramp_s, step.for_s / 2.0, step.for_s - step.ramp_s])
             within_s = np.concatenate((turns_s, np.linspace(0.0, step.for_s, STEP_SAMPLES)))
-            # Where one step ends as another begins, they don't add up.
+            # Times strictly inside: where one step ends as another begins, they don't add up.
             found.append(step.at_s + np.clip(within_s, TOLERANCE, step.for_s - TOLERANCE))
     times_s = np.sort(np.concatenate(found))
     return times_s[times_s <= end_s]
 
 
 def _step_at(scenario: Scenario, at_s: float, sign: float) -> KeyPath:
-    """Return the key of the step that adds most of a height at a time, downwards (1) or upwards (-1)."""
+    """Return the key of the step with the largest height downwards (`sign` 1) or upwards (-1) at a time."""
     steps = scenario.path.steps
     index = min(range(len(steps)), key=lambda each: sign * added(steps[each : each + 1], at_s)[2])
     return "path", "steps", index, "height_m"
@@ -210,7 +210,7 @@ def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array
 
 
 def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Finding]:
-    """Yield the lowest clearance of a path that can't be lifted as far as it should be."""
+    """Yield the lowest clearance of a path that can't be lifted sufficiently."""
     path = scenario.leader_path
     assert isinstance(path, LiftedPath)
     if path.lift.short_m <= OFF_M:
@@ -232,7 +232,7 @@ def _least(terrain: Terrain) -> str:
 
 
 def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
-    """Yield the worst place of each limit of the fence, from `from_m` on the path; from its start: with the run-in."""
+    """Yield the worst place of each limit of the fence, from `from_m` on the path; at its start with the run-in."""
     fence = scenario.safety.fence
     if fence is None:
         return
@@ -269,7 +269,7 @@ def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterat
 
 
 def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
-    """Yield the place farthest outside; if none is, the one with the least room."""
+    """Yield the place farthest outside; if none is, the one with the least room to turn."""
     points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     way = points.north_m, points.east_m, points.course_rad
@@ -288,7 +288,7 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
 
 
 def drift(scenario: Scenario) -> Drift:
-    """Return how the scenario's wind carries a formation that flies at its path's speed; what hovers isn't carried."""
+    """Return the drift of a formation at its path's speed in the scenario's wind; multirotors don't drift."""
     speed_mps = scenario.path.speed_mps
     north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
     return Drift(speed_mps, north_mps, east_mps, speed_mps + scenario.wind.speed_mps)

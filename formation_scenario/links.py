@@ -29,7 +29,7 @@ MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 LEAST_KBPS = 1e-3
-"""A bit a second: the longest datagram takes a week."""
+"""One bit a second, at which the longest UDP datagram takes six days."""
 
 
 def _passable(rate_kbps: float) -> float:
@@ -50,7 +50,7 @@ DataRate = Annotated[
 
 
 def read_trace_ms(path: Path) -> tuple[float, ...]:
-    """Return the delays of a file in ms, in its order; empty lines and what follows a # are left out.
+    """Return the delays in a file in ms, in its order; empty lines and text after # are ignored.
 
     Raises:
         FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
@@ -100,7 +100,7 @@ class Impairment(Keys):
 
 
 def _patch(name: str) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
-    """Return the field of a key that may change: described as the key, None where it stays as it was."""
+    """Return the field of a key that may change: described as in `Impairment`, None if it stays as it was."""
     field = Impairment.model_fields[name]
     return key(None, field.description or "", *(field.examples or ()), derived="as it was")
 
@@ -139,10 +139,8 @@ class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
-    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink; of a key that both give, this one holds")
-    downlink: ImpairmentPatch | None = key(
-        None, "the same as default.downlink; of a key that both give, this one holds"
-    )
+    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink, over which it takes precedence")
+    downlink: ImpairmentPatch | None = key(None, "the same as default.downlink, over which it takes precedence")
     changes: tuple[LinkChange, ...] = key(
         (),
         "changes in flight",
@@ -155,7 +153,7 @@ class Links(Keys):
 
 
 class LinkStep(NamedTuple):
-    """Both directions of one vehicle's link from `at_s` on; the first step holds before t = 0 too."""
+    """Both directions of one vehicle's link from `at_s` on; the first step also holds before t = 0."""
 
     at_s: float
     uplink: Impairment
@@ -163,14 +161,14 @@ class LinkStep(NamedTuple):
 
 
 def least_mean_burst(loss: float) -> float:
-    """Return the shortest mean burst that is possible with `loss` (0 to 1): one arrival between any two bursts."""
+    """Return the shortest mean burst possible with `loss` (0 to 1): a single arrival between any two bursts."""
     return max(1.0, loss / (1.0 - loss)) if loss < 1.0 else math.inf
 
 
 def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, ...]:
     """Return a link's states in time order: the default, then each of `changes` applied to the one before.
 
-    Changes at one time make one step; those at 0 s are part of the first.
+    Changes at the same time make one step; those at 0 s are part of the first.
     """
     default = links.default
     base = Impairment(**{key: getattr(default, key) for key in Impairment.model_fields})

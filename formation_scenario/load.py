@@ -38,15 +38,15 @@ from formation_scenario.vehicles import VehicleGroup
 
 LONGEST = 10**6
 OPTION = "--set "
-"""What stands before an override on a command line, and so in messages about it."""
+"""Prefix of an override on a command line, and so in messages about it."""
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 
 
 def settings(keys: Mapping[str, object]) -> tuple[str, ...]:
-    """Return Python arguments as overrides; in their names `__` stands for a dot: `law__rate_hz=5`.
+    """Return Python arguments as overrides; `__` in a name stands for a dot: `law__rate_hz=5`.
 
     Raises:
-        ScenarioError: a value that is neither number, text, list nor mapping.
+        ScenarioError: a value is neither number, text, list nor mapping.
     """
     named = plain_mapping({name.replace("__", "."): value for name, value in keys.items()})
     return tuple(f"{name}={show(value, LONGEST)}" for name, value in named.items())
@@ -56,11 +56,11 @@ def apply_overrides(source: Source, overrides: Sequence[str], option: str = OPTI
     """Return the scenario with all overrides applied, in order.
 
     Values are YAML (`links.default={delay_ms: 300}`), list items are named by their index from 0
-    (`vehicles.1.model.tau_v_s=5`), and mappings along the key's path that don't exist yet are created. Messages name
-    an override with `option` before it.
+    (`vehicles.1.model.tau_v_s=5`), and missing mappings along the key's path are created. Messages name an override
+    with `option` before it.
 
     Raises:
-        ScenarioError: an override without `=`, with broken YAML, or of an item that doesn't exist.
+        ScenarioError: an override lacks `=`, has broken YAML, or names an item that doesn't exist.
     """
     data, places = deepcopy(source.data), dict(source.places)
     problems: list[Problem] = []
@@ -126,8 +126,8 @@ def load_scenario(
     Args:
         source: a YAML file, the mapping that it would hold, or a scenario.
         overrides: `dotted.key=value` settings, the values in YAML.
-        option: what stands before an override in messages; "" where it was no command's option.
-        flown: whether it was flown already, so that neither that nor what was expected is in question any more.
+        option: prefix of overrides in messages; "" if they aren't a command's options.
+        flown: whether it has been flown already, so that feasibility and expectations aren't checked.
 
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
@@ -161,7 +161,7 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
     dumped = scenario.model_dump(by_alias=True, exclude_none=True)
     for entry in dumped["expect"]:
         if entry["metric"] not in WINDOWED and entry["to_s"] == scenario.duration_s:
-            del entry["to_s"]  # so that it stays the whole flight where duration_s is set anew
+            del entry["to_s"]  # so that it follows duration_s when that is changed
     return plain_mapping(dumped)
 
 

@@ -54,7 +54,7 @@ class Origin(Keys):
 
     @property
     def geodetic(self) -> GeodeticOrigin:
-        """The same in radians, which turns places on the Earth into metres."""
+        """The origin in radians, which converts between geodetic positions and metres."""
         return GeodeticOrigin(radians(self.lat_deg), radians(self.lon_deg), self.alt_m)
 
 
@@ -117,7 +117,7 @@ class Safety(Keys):
 
     @property
     def kept_m(self) -> float:
-        """Distance that ways to slots are planned to keep: the least one, or the separation rule's if that is more."""
+        """Distance that transitions are planned to keep, m: the separation limit or the rule's if that is more."""
         return max(self.separation_m, self.avoidance.distance_m)
 
 
@@ -131,12 +131,12 @@ class Telemetry(Keys):
     """What the vehicles send."""
 
     rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = key(
-        10.0, "position and attitude messages a second, Hz; no more than turns of an autopilot's main loop", 5
+        10.0, "position and attitude messages a second, Hz; at most the rate of an autopilot's main loop", 5
     )
     clock: Literal["round_trip", "gnss"] = key(
         "round_trip",
         "how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
-        "(SYSTEM_TIME), which no link is in",
+        "(SYSTEM_TIME), which is independent of the links",
         "gnss",
     )
     station_utc: Flag | None = key(
@@ -168,7 +168,7 @@ class PathPlan(Keys):
 
     @cached_property
     def written(self) -> SplinePath:
-        """The path as it is written, without any lift.
+        """The path as written, without any lift.
 
         Raises:
             PathError: as `SplinePath`.
@@ -246,7 +246,7 @@ class Scenario(Keys):
 
     @cached_property
     def leader_path(self) -> SplinePath:
-        """The path that the leader flies: lifted where the scenario has terrain, as written otherwise.
+        """The path that the leader flies: lifted if the scenario has terrain, as written otherwise.
 
         Raises:
             FileError: the elevation file can't be read.
@@ -256,7 +256,7 @@ class Scenario(Keys):
         return lifted(self.path.written, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
 
     def rise_bounds(self, share: float) -> Bounds:
-        """Return bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
+        """Return the bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
 
         The climb rate may change by its limit within twice the sum of the height's time constants in (7).
         """
@@ -267,9 +267,9 @@ class Scenario(Keys):
         return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
 
     def speeds_mps(self, vehicle: Vehicle) -> tuple[float, float]:
-        """Return the least and the highest true airspeed of a vehicle at the field.
+        """Return the lowest and highest true airspeed of a vehicle at the field.
 
-        Limits are what its sensor reads, where it flies by that: in thin air it must fly faster not to stall.
+        The model's limits are sensor readings if the vehicle flies by them: in thin air its stall speed is higher.
         """
         model = vehicle.model
         thin = true_by_equivalent_airspeed(self.origin.alt_m) if reads_equivalent_airspeed(vehicle) else 1.0
@@ -277,12 +277,12 @@ class Scenario(Keys):
 
     @property
     def leader(self) -> Vehicle | None:
-        """The vehicle that leads at the start, None if a virtual leader does."""
+        """The vehicle that leads at the start, None for a virtual leader."""
         return next((vehicle for vehicle in self.vehicles if vehicle.role == "leader"), None)
 
     @property
     def adjacency(self) -> Array:
-        """The weights of the consensus graph, (N, N) in the order of the vehicles: [p, q] > 0 where p hears q."""
+        """The weights of the consensus graph, (N, N) in the order of the vehicles: [p, q] > 0 if p hears q."""
         graph = self.law.consensus.graph
         return graph_adjacency(graph, len(self.vehicles)) if isinstance(graph, str) else np.array(graph, np.float64)
 
@@ -293,12 +293,12 @@ class Scenario(Keys):
 
     @property
     def followers(self) -> tuple[Vehicle, ...]:
-        """The vehicles that follow, in the scenario's order: the order of every slot array."""
+        """The vehicles that follow, in the scenario's order, which is that of all slot arrays."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")
 
     @property
     def run_in_m(self) -> float:
-        """How far before the path's start the leader begins, straight ahead."""
+        """Length of the straight run-in before the path's start."""
         return self.start.run_in_s * self.path.speed_mps
 
     def at_speed(self, speed_mps: float) -> Scenario:
@@ -306,7 +306,7 @@ class Scenario(Keys):
         return self.model_copy(update={"path": self.path.model_copy(update={"speed_mps": speed_mps})})
 
     def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
-        """Return the vehicles that a key such as `vehicles: [2, 3]` names, in the scenario's order."""
+        """Return the vehicles that a key such as `vehicles: [2, 3]` selects, in the scenario's order."""
         if selection == "all":
             return self.vehicles
         return tuple(vehicle for vehicle in self.vehicles if vehicle.id in selection or long_ref(vehicle) in selection)
@@ -318,7 +318,7 @@ class Scenario(Keys):
 
 
 def long_ref(vehicle: Vehicle) -> str:
-    """Return "network:id", which names one vehicle even if several networks use its id."""
+    """Return "network:id", which is unique even if several networks use the id."""
     return f"{vehicle.network}:{vehicle.id}"
 
 

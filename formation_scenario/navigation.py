@@ -1,4 +1,4 @@
-"""Keys of the vehicles' navigation: how well their telemetry knows their state."""
+"""Keys of the vehicles' navigation: the errors of their telemetry."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class NoisyNavigation(Keys):
 
 
 MAX_ACCEL_UG, MAX_GYRO_DEG_PER_H = 1e5, 3600.0
-"""A tenth of gravity and a degree per second: no sensor that is used for navigation is worse."""
+"""A tenth of gravity and a degree per second: navigation sensors are never worse."""
 MAX_NOISE_DEG_PER_RTH = 100.0
 AccelBias = Annotated[Number, Field(ge=-MAX_ACCEL_UG, le=MAX_ACCEL_UG)]
 GyroBias = Annotated[Number, Field(ge=-MAX_GYRO_DEG_PER_H, le=MAX_GYRO_DEG_PER_H)]

@@ -19,9 +19,9 @@ ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, le
 EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
 FACES_RAD = math.radians(15.0)
-"""How far off its path a formation that stands may face as it sets out."""
+"""Largest angle between a hovering formation's heading and its path when it sets out."""
 LEAST, MOST_MPS = math.ulp(0.0), 1000.0
-"""Of what is more than 0; of speeds."""
+"""Least number above 0; highest speed."""
 
 
 class OrderError(ValueError):
@@ -29,18 +29,18 @@ class OrderError(ValueError):
 
 
 class Order(NamedTuple):
-    """One of: a change of the formation, a new speed, where to face while standing, or how to end the flight."""
+    """One of: a change of the formation, a new speed, a heading in hover, or the way to end the flight."""
 
     text: str
     change: FormationChange | None = None
     speed_mps: float | None = None
     heading_rad: float | None = None
-    """Clockwise from north."""
+    """Heading clockwise from north."""
     end: End | None = None
 
 
 def parse_order(text: str, also: tuple[str, ...] = ()) -> Order:
-    """Return the order in `text`; `also` are other words that are allowed where it is said.
+    """Return the order in `text`; `also` are other words that the caller accepts.
 
     Raises:
         OrderError: the text isn't an order.
@@ -70,7 +70,7 @@ def parse_order(text: str, also: tuple[str, ...] = ()) -> Order:
 
 
 def why_not_set_out(facing_rad: float, course_rad: float) -> str | None:
-    """Return why a formation that stands and faces somewhere can't fly on along a course; None where it can."""
+    """Return why a hovering formation with a heading can't set out along a course; None if it can."""
     off_rad = abs(math.remainder(facing_rad - course_rad, math.tau))
     if off_rad <= FACES_RAD:
         return None
@@ -94,7 +94,7 @@ def _spacing(given: list[str]) -> float | None:
 
 
 def _speed(text: str) -> float:
-    """Return a speed; of those that hover it may be 0, in whichever way that is written."""
+    """Return a speed; 0, which multirotors can fly, may be written in any way."""
     nought = text.startswith("0") and text.removeprefix("0").removeprefix(".").strip("0") == ""
     return 0.0 if nought else _number(text, LEAST, MOST_MPS, f"a number from 0 to {MOST_MPS:g} m/s")
 

@@ -1,4 +1,4 @@
-"""What a path and its slots ask of vehicles: the worst place of each limit, as problems."""
+"""Limits of vehicles for a path and its slots: the worst violation of each, as problems."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from formation_scenario.vehicles import Vehicle, VehicleModel
 BETWEEN_SAMPLES_M = 5.0
 TOLERANCE = 1e-6
 EQUAL = 1e-9
-"""Shares that differ by less are equally bad: the first of them is named, whatever their last digits."""
+"""Relative difference below which two shares count as equal, so that rounding doesn't decide which is named."""
 SAME_PLACE_M = 250.0
-"""Longest gap between two excesses that count as one place: the two ends of one bend, for instance."""
+"""Longest gap between two violations that count as one place, such as the two ends of a bend."""
 MOST_PLACES = 10
-"""How many places are reported each by itself."""
+"""Largest number of places that are reported individually."""
 LEAST_OVER_GROUND_MPS = 1.0
-"""Least speed over the ground along a path: with less, whether a flight comes to its end is up to the next gust."""
+"""Least ground speed along a path: with less, a gust decides whether a flight reaches its end."""
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
 class SampledPath(NamedTuple):
-    """A path that is sampled: its arc lengths (K,), its points there, and the index of the waypoint nearest to each."""
+    """Samples of a path: arc lengths (K,), points, and the index of the nearest waypoint to each."""
 
     places_m: Array
     points: PathPoints
@@ -58,7 +58,7 @@ class SampledPath(NamedTuple):
 
 
 class _Demand(NamedTuple):
-    """What is asked of one limit: shares of it (K, N), too much above 1, the figures (K, N) and their unit."""
+    """Demand on one limit: shares of it (K, N), excessive above 1, the figures (K, N) and their unit."""
 
     limit: str
     unit: str
@@ -68,7 +68,7 @@ class _Demand(NamedTuple):
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
-    """Return what is outside some vehicle's limits: the path's speed, in the wind too; or else `MOST_PLACES` places."""
+    """Return violations of vehicles' limits: the path's speed, also in the wind, or else up to `MOST_PLACES` places."""
     speed = list(_speed(scenario)) or list(_into_wind(scenario, sampled))
     if speed:
         return speed
@@ -103,7 +103,7 @@ def _speed(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
-    """Yield the place of the path where the wind leaves a fixed wing that leads too little speed to fly it."""
+    """Yield the place where the wind leaves a leading fixed wing too little ground speed along the path."""
     if scenario.hovers:
         return
     speed, course_rad = scenario.path.speed_mps, sampled.points.course_rad
@@ -146,7 +146,7 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
 def _leaders(
     scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], steps: tuple[SlotStep, ...]
 ) -> _Demand:
-    """Return the turn rates of those that lead; slots at rest climb as their leader does."""
+    """Return the turn rates of leaders; `climbs` checks their climbs, which slots at rest share."""
     leads = {step.arrangement.leader for step in steps}
     models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
     most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
@@ -157,7 +157,7 @@ def _leaders(
 def _followers(
     scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], step: SlotStep
 ) -> Iterator[_Demand]:
-    """Yield what a formation's slots ask of each limit."""
+    """Yield a formation's demand on each limit."""
     flight = LeaderFlight.along(sampled.points, scenario.path.speed_mps)
     needs = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)

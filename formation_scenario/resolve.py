@@ -1,4 +1,4 @@
-"""Fills defaults that depend on other keys into the plain scenario, and vehicle files' models, before it is typed.
+"""Fills in derived defaults and vehicle files' models in the plain scenario, before it is typed.
 
 A vehicle file has the model of one kind of aircraft: shipped by name, or written by `gcs-formation identify`.
 """
@@ -38,24 +38,24 @@ SPACING_M: float = Formation.model_fields["spacing_m"].default
 GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
-"""By how much the distance that the separation rule keeps exceeds the least that is allowed."""
+"""Excess of the distance that the separation rule keeps over the least allowed distance."""
 FILES = {"links": "trace_file", "terrain": "file"}
-"""Groups of keys that name files, and by which key; beside them models of `vehicles`."""
+"""Groups of keys with files, and the key of the file; models of `vehicles` are further ones."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
-"""Keys that may be left empty: `expect:` with all of its items commented out is as good as absent."""
+"""Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
 FAMILIES = ("arduplane", "arducopter", "px4")
-"""Autopilot families with a shipped vehicle file of their name, for a vehicle without `model`."""
+"""Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
 SHIPPED = "aircraft"
 """Folder of the shipped files, inside this package."""
 SHIPPED_FILES = resources.files("formation_scenario") / SHIPPED
 
 
 def resolve(source: Source) -> Source:
-    """Return the scenario with `count` written out as a list and every dependent default in place.
+    """Return the scenario with `count` expanded to a list and every derived default filled in.
 
-    Values of a wrong type are left as they are; typing reports them afterwards.
+    Values of a wrong type are kept; typing reports them afterwards.
     """
     data = {name: value for name, value in source.data.items() if value is not None or name not in MAY_BE_EMPTY}
     data.setdefault("name", Path(source.file).stem if source.file else "scenario")
@@ -78,7 +78,7 @@ def resolve(source: Source) -> Source:
 
 
 def standalone(source: Source) -> Source:
-    """Return a scenario that can be read from anywhere: with its vehicles' models, and its files as absolute paths.
+    """Return a scenario that can be read from anywhere: with its vehicles' models, and with absolute paths.
 
     Raises:
         ScenarioError: no such vehicle file, or one with values that aren't allowed.
@@ -88,7 +88,7 @@ def standalone(source: Source) -> Source:
 
 
 def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
-    """Return the value of a dotted key with the files that it names, relative to `directory`, as absolute paths."""
+    """Return the value of a dotted key with its files, relative to `directory`, as absolute paths."""
     group, *below = name.split(".")
     for inner in reversed(below):
         value = {inner: value}
@@ -100,7 +100,7 @@ def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
 
 
 def _with_absolute_files(data: dict[Key, Plain], source: Source) -> dict[Key, Plain]:
-    """Return the groups that name files, relative to the scenario's own, with absolute paths."""
+    """Return the groups with files, relative to the scenario's own, as absolute paths."""
     directory = Path(source.file).parent if source.file else Path()
     return {group: _with_absolute(data[group], name, directory) for group, name in FILES.items() if group in data}
 
@@ -119,20 +119,20 @@ def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
 
 
 def _group(value: Plain, name: str) -> dict[Key, Plain]:
-    """Return the mapping under a name; an empty one where there is none."""
+    """Return the mapping under a name; empty if there is none."""
     inner = value.get(name) if isinstance(value, dict) else None
     return inner if isinstance(inner, dict) else {}
 
 
 def _usable(value: Plain, default: float) -> float:
-    """Return a number from which another key's default is derived; `default` if it will be refused anyway."""
+    """Return a number from which a default is derived, or `default` if the number will be refused."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return default
     return value if 0.0 <= value <= MAX_NUMBER else default
 
 
 def _filled(value: Plain, defaults: dict[Key, Plain]) -> Plain:
-    """Return a mapping with defaults for the keys that it lacks or has as null."""
+    """Return a mapping with defaults for missing and null keys."""
     if value is None:
         return dict(defaults)
     if not isinstance(value, dict):
@@ -179,7 +179,7 @@ def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
 
 
 def _counted(vehicles: Plain) -> Plain:
-    """Return the list that a valid {count: N, ...} stands for; anything else as it is."""
+    """Return the list that a valid {count: N, ...} stands for; other values unchanged."""
     count = whole(vehicles.get("count")) if isinstance(vehicles, dict) else None
     if not isinstance(vehicles, dict) or not isinstance(count, int) or isinstance(count, bool):
         return vehicles
@@ -201,10 +201,9 @@ class VehicleFile(Keys):
 
 
 def with_models(source: Source) -> Source:
-    """Return the scenario with the models of vehicle files in place of the files' names.
+    """Return the scenario with vehicle files' models in place of their names.
 
-    Vehicles that fly otherwise than by the keys' own model, or whose written one its gains don't suit, have gains by
-    design, unless others are named.
+    If any model comes from a file, has an airframe or hovers, gains are by design unless the scenario names others.
 
     Raises:
         ScenarioError: no such file, or one with values that aren't allowed.
@@ -225,7 +224,7 @@ def with_models(source: Source) -> Source:
 
 
 def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read: dict[str, Plain]) -> Plain:
-    """Return a vehicle, or a group, with its models; `read` are those that have been read already."""
+    """Return a vehicle, or a group, with its models; `read` caches models by name."""
     if not isinstance(vehicle, dict):
         return vehicle
     names = {which: name for which in MODELS if isinstance(name := vehicle.get(which), str)}
@@ -238,17 +237,17 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
 
 
 def _models(vehicles: Plain) -> list[Plain]:
-    """Return what the station believes of each vehicle, as it is written."""
+    """Return each vehicle's model for the station, as written."""
     each = vehicles if isinstance(vehicles, list) else [vehicles]
     return [one.get("model") for one in each if isinstance(one, dict)]
 
 
 def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
-    """Return the model in a vehicle file, or in a shipped one, as it is written there.
+    """Return the model in a vehicle file, or in a shipped one, as written there.
 
     Args:
         name: a shipped name, or a file relative to `directory`.
-        directory: of the scenario.
+        directory: directory of the scenario.
         at: the scenario, for the place of problems.
         path: the key that names the file.
 

@@ -39,10 +39,10 @@ from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
 
 MAX_PATH_M = 1e6
-"""Half a day's flight; every few metres of a path are checked against every limit."""
+"""Half a day's flight; a longer path would take too long to check, every few metres against every limit."""
 MAX_DISTANCE_M = 1e6
 MAX_LATITUDE_DEG = 89.0
-"""Beyond it a degree of longitude is less than 2 km long, and shrinks to nothing."""
+"""Beyond this latitude a degree of longitude is less than 2 km long."""
 MAX_HEIGHT_M = 30_000.0
 
 
@@ -64,7 +64,7 @@ def places(scenario: Scenario) -> Iterator[Finding]:
 
 
 def row(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a row in the air, or one in which vehicles stand nearer than they may fly."""
+    """Yield a row in the air, or one with vehicles nearer to each other than the separation limit."""
     row_m, least_m, path = scenario.start.row_m, scenario.safety.separation_m, ("start", "row_m")
     if row_m is not None and scenario.start.in_air:
         yield path, "found a row of vehicles that begin in the air", "none with in_air: true"
@@ -89,7 +89,7 @@ def wind(scenario: Scenario) -> Iterator[Finding]:
 
 
 def path(scenario: Scenario) -> Iterator[Finding]:
-    """Yield waypoints that no spline can be flown through, and paths that are too long."""
+    """Yield waypoints without a flyable spline, and paths that are too long."""
     try:
         length_m = scenario.path.written.length_m
     except PathError as error:
@@ -101,7 +101,7 @@ def path(scenario: Scenario) -> Iterator[Finding]:
 
 
 def terrain(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a ground given twice, a clearance that contradicts another, and a file that can't be read."""
+    """Yield a ground given twice, contradicting clearances, and an unreadable file."""
     terrain, clearance_m = scenario.terrain, scenario.safety.clearance_m
     if terrain is None:
         return
@@ -127,7 +127,7 @@ def traces(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
-    """Yield every group of keys that says what a link is like, and its place."""
+    """Yield every group of keys with properties of links, and its place."""
     links = scenario.links
     groups: dict[KeyPath, DefaultLink | Links | LinkChange] = {("links", "default"): links.default, ("links",): links}
     groups |= {("links", "changes", index): change for index, change in enumerate(links.changes)}
@@ -152,7 +152,7 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
-    """Return where each of a vehicle's link steps is written; of several changes at one time, the last."""
+    """Return where each of a vehicle's link steps is written; the last of several changes at the same time."""
     places: dict[float, KeyPath] = {0.0: ("links", "default")}
     for index, change in enumerate(scenario.links.changes):
         if vehicle in scenario.selected(change.vehicles):
@@ -170,7 +170,7 @@ def link_changes(scenario: Scenario) -> Iterator[Finding]:
 
 
 def references(scenario: Scenario) -> Iterator[Finding]:
-    """Yield vehicles that links, disturbances, faults and expectations name and that don't exist."""
+    """Yield references of links, disturbances, faults and expectations to vehicles that don't exist."""
     groups: tuple[tuple[KeyPath, Sequence[Timed]], ...] = (
         (("links", "changes"), scenario.links.changes),
         (("disturbances",), scenario.disturbances),
@@ -215,7 +215,7 @@ def faults(scenario: Scenario) -> Iterator[Finding]:
 
 
 def measurable(scenario: Scenario) -> Iterator[Finding]:
-    """Yield expectations of nobody: of followers where there are none, of the distance of one that is alone."""
+    """Yield expectations of nobody: of followers if there are none, or of a single vehicle's separation."""
     for index, entry in enumerate(scenario.expect):
         path: KeyPath = ("expect", index, "metric")
         if entry.metric in OF_FOLLOWERS and not scenario.followers:
@@ -226,7 +226,7 @@ def measurable(scenario: Scenario) -> Iterator[Finding]:
 
 
 def ranges(scenario: Scenario) -> Iterator[Finding]:
-    """Yield bounds outside of what a figure can be."""
+    """Yield bounds outside a figure's possible values."""
     for index, entry in enumerate(scenario.expect):
         for name, found, allowed in pointless(entry.metric, entry.below, entry.above):
             yield ("expect", index, name), found, allowed
@@ -256,7 +256,7 @@ def expectations(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _part_of_flight(entry: Expectation, path: KeyPath, duration_s: float) -> Iterator[Finding]:
-    """Yield the ends of a window for a figure that isn't taken over one."""
+    """Yield the ends of a window for a figure that has no window."""
     of = f"for {entry.metric}, a figure of the whole flight"
     if entry.from_s > 0.0:
         yield (*path, "from_s"), f"found {entry.from_s:g} {of}", "0, or nothing"
@@ -269,7 +269,7 @@ def _latest_end_s(scenario: Scenario) -> float:
         return scenario.duration_s
     try:
         return latest_end_s(scenario)
-    except PathError:  # which the path's own rule reports
+    except PathError:  # reported by the rule `path`
         return math.inf
 
 
@@ -297,9 +297,9 @@ RULES = (
     vehicle_rules.avoidance,
     fence,
 )
-"""Each yields what it finds, in the order of the scenario's keys."""
+"""The rules, in the order of the scenario's keys."""
 
 
 def inconsistencies(scenario: Scenario) -> list[Finding]:
-    """Return every violation of a rule between keys of what is flown; `expectations` are looked at besides."""
+    """Return every violation of a rule between keys; `expectations` are checked separately."""
     return [found for rule in RULES for found in rule(scenario)]

@@ -25,13 +25,13 @@ from formation_scenario.vehicles import VehicleGroup
 
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
-"""Keywords that allow or refuse nothing."""
+"""Keywords without effect on validation."""
 NULL = {"type": "null"}
 METRICS_HEAD = """
 ## Metrics
 
-What `expect` may bound: figures of one follower, of one link, or of the run, over the window from `from_s` to `to_s`
-unless they are of the whole flight: those take no part of it. A bound outside of what a figure can be is refused.
+Figures that `expect` may bound, of one follower, of one link, or of the run. They are taken over the window from
+`from_s` to `to_s`; those of the whole flight accept no window. A bound outside a figure's range is refused.
 
 | metric | what it is | can be |
 | --- | --- | --- |"""
@@ -51,11 +51,11 @@ UNITS_BY_SUFFIX = {
     "s": "s",
 }
 UNITS = (*UNITS_BY_SUFFIX.values(), "1/s", "1/s²", "degrees an hour", "deg/sqrt(h)", "micro-g/sqrt(Hz)")
-"""As descriptions say them: "delay, ms" or "delay, ms; none if ..."."""
+"""As written in descriptions: "delay, ms" or "delay, ms; none if ..."."""
 
 
 def written_model() -> type[BaseModel]:
-    """Return the scenario as it may be written: `vehicles` may be {count: N}, which `resolve` turns into a list."""
+    """Return the scenario as it may be written: `vehicles` may be {count: N}, which `resolve` expands to a list."""
     vehicles = Scenario.model_fields["vehicles"]
     described = Field(description=vehicles.description, examples=vehicles.examples)
     return create_model(
@@ -66,24 +66,24 @@ def written_model() -> type[BaseModel]:
 def scenario_schema() -> Schema:
     """Return the JSON schema (draft 2020-12) of a scenario file.
 
-    It allows every value that a key by itself may have. What keys must be to each other, and whether the formation can
-    be flown, only `load_scenario` knows.
+    It allows every value that is valid for its key alone. Rules between keys, and whether the formation can be flown,
+    are checked only by `load_scenario`.
     """
     generated = written_model().model_json_schema()
     groups = (group for group in generated["$defs"].values() if "properties" in group)
     for group in (generated, *groups):
-        _release(group)
+        _allow_derived(group)
     properties: Schema = generated["properties"]
     properties |= {key: _or(properties[key], NULL) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
 
 
-def _release(group: Schema) -> None:
-    """Let keys that `resolve` fills in be left out, or empty, and a vehicle's model be named."""
+def _allow_derived(group: Schema) -> None:
+    """Allow derived keys to be absent or empty, and a vehicle's model to be a name."""
     properties: Schema = group["properties"]
     for key, value in properties.items():
-        value.pop("title", None)  # which only repeats the key
+        value.pop("title", None)  # it only repeats the key
         written = _or(value, {"type": "string", "minLength": 1}) if key in MODELS else value
         if DERIVED in value:
             said = [*([value["description"]] if "description" in value else []), f"default: {value[DERIVED]}"]
@@ -96,7 +96,7 @@ def _release(group: Schema) -> None:
 
 
 def _or(value: Schema, other: Schema) -> Schema:
-    """Return the schema of a value that may be another one too."""
+    """Return the schema of a value that may also be another one."""
     said = {name: each for name, each in value.items() if name in ANNOTATIONS}
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
@@ -104,7 +104,7 @@ def _or(value: Schema, other: Schema) -> Schema:
 
 
 class _Group(NamedTuple):
-    """A group of keys: the path of the keys to it (`[]`: each item of a list), and its word of a choice (`ramp`)."""
+    """A group of keys: its dotted path (`[]`: each item of a list), and its word in a choice (`ramp`)."""
 
     path: str
     word: str
@@ -208,7 +208,7 @@ def _row(key: str, field: FieldInfo, links: Mapping[type[BaseModel], str]) -> st
 
 
 def _unit(key: str, text: str) -> tuple[str, str]:
-    """Return a description without the unit that it ends with, and that unit, or else that of the key's suffix."""
+    """Return a description without the unit at its end, and that unit, or else the unit of the key's suffix."""
     for unit in sorted(UNITS, key=len, reverse=True):
         before, found, after = text.partition(f", {unit}")
         if found and (not after or after.startswith(";")):

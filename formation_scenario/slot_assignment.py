@@ -1,4 +1,4 @@
-"""The slots of each shape, and which vehicle has which, at the start and after each change of the formation.
+"""The slots of each shape, and their assignment to vehicles, at the start and after each change of the formation.
 
 Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
 scenario's order.
@@ -26,14 +26,14 @@ ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
 
 
 def _diamond(k: int) -> Iterator[Place]:
-    """A lattice on its corner, (i, j) at (-(i + j), i - j), grown by whole diamonds of (k + 1)²."""
+    """A square lattice on its corner, (i, j) at (-(i + j), i - j), grown by whole diamonds of (k + 1)²."""
     for i in range(k):
         yield from ((-(i + k), i - k), (-(i + k), k - i))
     yield -2 * k, 0.0
 
 
 def _triangle(k: int) -> Iterator[Place]:
-    """Equilateral: row k has k + 1 places, the middle ones first."""
+    """Equilateral triangle: row k has k + 1 places, the middle ones first."""
     for right in sorted((j - k / 2.0 for j in range(k + 1)), key=lambda right: (abs(right), right)):
         yield -k * ROW_OF_TRIANGLE, right
 
@@ -69,8 +69,8 @@ def _circle(followers: int) -> Iterator[Place]:
 def slots(shape: str, followers: int, spacing_m: float) -> Array:
     """Return the slots (followers, 3) of a shape, in m forward, right and up of the leader.
 
-    No two vehicles, the leader included, are nearer to each other than the spacing. Only circle and plus, which have
-    the leader in their middle, have slots ahead of it. In all but the circle, more vehicles don't move the slots.
+    No two vehicles, the leader included, are nearer to each other than the spacing. Only circle and plus, with the
+    leader in their middle, have slots ahead of it. Except in the circle, further vehicles don't move the slots.
     """
     each = _circle(followers) if shape == "circle" else chain.from_iterable(map(RINGS[shape], count(1)))
     places = np.array(list(islice(each, followers)), dtype=np.float64).reshape(followers, 2)
@@ -86,7 +86,7 @@ class Arrangement(NamedTuple):
     leader: int
 
     def changed(self, change: FormationChange, scenario: Scenario) -> Arrangement:
-        """Return the arrangement after a change; what the change doesn't name stays."""
+        """Return the arrangement after a change; what the change doesn't name is kept."""
         return Arrangement(
             change.shape or self.shape,
             change.spacing_m or self.spacing_m,
@@ -104,7 +104,7 @@ class SlotStep(NamedTuple):
 
     @property
     def shape(self) -> Shape:
-        """The shape."""
+        """The arrangement's shape."""
         return self.arrangement.shape
 
 
@@ -114,7 +114,7 @@ def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
 
 
 def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
-    """Return the model of each column; a virtual leader flies like the first follower."""
+    """Return the model of each column; a virtual leader has the first follower's."""
     return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
 
 
@@ -167,7 +167,7 @@ def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
 def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
     """Return the slots (S, 3) of each vehicle, for the S steps of the schedule in which it follows.
 
-    The scenario's leader has slots if another vehicle leads later on. A vehicle that never follows has no entry.
+    The scenario's leader has slots if another vehicle leads later. A vehicle that never follows has no entry.
     """
     steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
     for column, vehicle in enumerate(columns(scenario)):
@@ -178,11 +178,11 @@ def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
 
 
 def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask | None = None) -> Array:
-    """Return the places (C, 3) of an arrangement, assigned at the least sum of squared distances from `now_m` (C, 3).
+    """Return the places (C, 3) of an arrangement, assigned with the least sum of squared distances from `now_m` (C, 3).
 
-    Vehicles that aren't `present` (C,) are assigned the last slots, which stay free for them; by default all are. The
-    slots of a custom shape are assigned by the scenario; if another vehicle leads, its slot goes to the scenario's
-    leader.
+    Vehicles that aren't `present` (C,) are assigned the last slots, which are kept free for them; by default all are
+    present. The slots of a custom shape are assigned by the scenario; if another vehicle leads, its slot goes to the
+    scenario's leader.
 
     Raises:
         ValueError: a custom shape has no slot for one of the vehicles.

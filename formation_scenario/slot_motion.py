@@ -1,4 +1,4 @@
-"""Slots that move: in a rotating frame, and from one arrangement to another."""
+"""Moving slots: in a rotating frame, and from one arrangement to another."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flight_model.slot import Slot
 from formation_scenario.formation import Frame
 
 STANDING_MPS = 1e-3
-"""What a lower speed counts as where it is divided by."""
+"""Lower bound of speeds in divisions."""
 RAMP = 0.3
 """Share of a transition's time in which its speed ramps up, and again in which it ramps down."""
 
@@ -56,7 +56,7 @@ class SlotMotion:
         return float(np.hypot(self.position_m[..., 0], self.position_m[..., 1]).max(initial=0.0))
 
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> SlotMotion:
-        """Return slots (N, 3) relative to another leader, which heads `swing_rad` clockwise of the present one."""
+        """Return slots (N, 3) relative to another leader, whose heading is `swing_rad` clockwise of the present."""
         cos, sin = np.cos(swing_rad), np.sin(swing_rad)
         turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         each = (self.position_m, self.velocity_mps, self.acceleration_mps2)
@@ -122,18 +122,18 @@ def slot_needs(flight: LeaderFlight, slots: SlotMotion, frame: Frame) -> SlotNee
 
 @dataclass(frozen=True)
 class Transition:
-    """N slots that move to `goal_m`, and are at rest there once the transition is over."""
+    """N slots that move to `goal_m` and are at rest there when the transition is over."""
 
     at_s: float
     duration_s: float
     start: SlotMotion
     goal_m: Array
     lift_m: Array
-    """(N,) by how much each is lifted meanwhile."""
+    """(N,) height by which each is lifted meanwhile."""
     rise_s: float
     """Duration of the rise, and again of the descent at the end."""
     apart_m: Array | None = None
-    """(N, N) how near each two come on their ways, as planned; infinite of those that it wasn't planned for."""
+    """(N, N) least distance of each two on their ways, as planned; infinite if not planned."""
 
     @classmethod
     def standing(cls, slots_m: Array) -> Transition:
@@ -141,7 +141,7 @@ class Transition:
         return cls(-np.inf, 1.0, SlotMotion.at_rest(slots_m), slots_m, np.zeros(len(slots_m)), 0.0)
 
     def over(self, time_s: float) -> bool:
-        """Whether all slots are at rest at their goals by a time."""
+        """Return whether all slots are at rest at their goals at a time."""
         return time_s >= self.at_s + self.duration_s
 
     def at(self, time_s: float) -> SlotMotion:
@@ -153,13 +153,13 @@ class Transition:
 
     @cached_property
     def _over(self) -> SlotMotion:
-        """The slots (N, 3) once it's over."""
+        """The slots (N, 3) after the transition."""
         return SlotMotion.at_rest(self.goal_m)
 
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> Transition:
-        """Return the same transition relative to another leader, which heads `swing_rad` clockwise of the present one.
+        """Return the transition relative to another leader, whose heading is `swing_rad` clockwise of the present.
 
-        This is exact, as the slots are linear in start, goals and lifts at every moment.
+        This is exact, because slots are linear in start, goals and lifts at every moment.
         """
         return replace(
             self,
@@ -171,8 +171,8 @@ class Transition:
     def sample(self, elapsed_s: Array) -> SlotMotion:
         """Return the slots (K, N, 3) at moments (K,) since the beginning.
 
-        The motion that slots have at the start is brought to rest during the first half; superposed on it, they cover
-        the remaining distance to their goals.
+        The slots' initial motion is brought to rest during the first half; superposed on it, they cover the remaining
+        distance to their goals.
         """
         left_m, *coming = self._braking(elapsed_s)
         share, rate, change = _share(elapsed_s, self.duration_s)

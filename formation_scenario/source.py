@@ -27,15 +27,15 @@ _FLOAT = re.compile(
     r"|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"
 )
 MOST_DIGITS = 100
-"""Of a whole number. Python refuses to parse or print 5000 digits, and 400 exceed a float."""
+"""Limit of a whole number's length. Python refuses to parse or print 5000 digits, and 400 exceed a float."""
 
 MOST_VALUES = 500_000
-"""Limit of all values, since a few nested aliases could expand to more than any memory holds."""
+"""Limit of all values: a few nested aliases could expand to more than any memory holds."""
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
 
 Finding: TypeAlias = tuple[KeyPath, str, str]
-"""What is wrong in a scenario: the key, what was found, and what is allowed instead."""
+"""A problem in a scenario: the key, what was found, and what is allowed instead."""
 
 
 class Place(NamedTuple):
@@ -96,7 +96,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def read_file(path: Path, of: str = "scenario") -> Source:
-    """Read a scenario file, or another of keys: `of` says whose.
+    """Read a scenario file, or another file of keys, whose kind is `of` in messages.
 
     Raises:
         ScenarioError: the file can't be read, or isn't YAML with a mapping at its top.
@@ -114,7 +114,7 @@ def read_file(path: Path, of: str = "scenario") -> Source:
 
 
 def read_text(text: str, file: str | None = None, of: str = "scenario") -> Source:
-    """Read keys of a scenario, or what `of` says, from YAML text; `file` names it in messages.
+    """Read keys of a scenario, or of the kind `of`, from YAML text; `file` names it in messages.
 
     Raises:
         ScenarioError: broken YAML, a key given twice, or no mapping at the top.
@@ -191,7 +191,7 @@ class _Reader:
         self._problems: list[Problem] = []
         self._count = 0
         self._within = list[yaml.Node]()
-        """The lists and mappings that the one being read is in."""
+        """The lists and mappings around the present value."""
 
     def read(self, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, Place]]:
         try:

@@ -26,24 +26,24 @@ from formation_scenario.fields import (
 
 FOOT_M = 0.3048
 LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
-"""Heights for which the formulas of turbulence at low altitude hold; outside them their values at the ends are used."""
+"""Heights for which the formulas of turbulence at low altitude hold; other heights are clipped to these."""
 
 Corner: TypeAlias = Annotated[tuple[Number, Number], Allowed("a list of 2 numbers: north, east")]
 Corners = Annotated[
     tuple[Corner, ...], Field(min_length=3, max_length=200), Allowed("a list of 3 to 200 corners [north, east]")
 ]
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
-KIND = "how the velocity goes with time"
+KIND = "how the velocity varies with time"
 HillShape = Literal["gaussian", "cosine"]
 FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
 PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
 PASSING: tuple[FaultKind, ...] = ("freeze", "ignore", "pilot")
-"""Kinds that may end."""
+"""Kinds of faults that may end."""
 DEFAULT_MODE: PilotsMode = "LOITER"
 
 
 class Fence(Keys):
-    """Where vehicles must stay; none of its sides is needed."""
+    """Where vehicles must stay; every limit is optional."""
 
     corners_m: Corners | None = key(
         None,
@@ -55,7 +55,7 @@ class Fence(Keys):
 
     @property
     def heights_m(self) -> tuple[float, float]:
-        """The lowest and the highest height; infinite where there is no limit."""
+        """The lowest and the highest height; infinite without a limit."""
         lowest = -np.inf if self.height_min_m is None else self.height_min_m
         return lowest, np.inf if self.height_max_m is None else self.height_max_m
 
@@ -67,7 +67,7 @@ class Passing(Timed):
 
     @property
     def end_s(self) -> float:
-        """Its end, s; infinite if it has none."""
+        """When it ends, s; infinite if it doesn't."""
         return math.inf if self.until_s is None else self.until_s
 
     def acts(self, mission_s: float) -> bool:
@@ -129,7 +129,7 @@ Disturbance = Annotated[
     | Annotated[DrydenTurbulence, Tag("dryden")],
     one_of("kind", default="step"),
 ]
-"""Entries add up."""
+"""Several disturbances add up."""
 
 
 class Hill(Keys):
@@ -180,7 +180,7 @@ class Fault(Timed):
     mode: PilotsMode | None = key(None, "pilot: the mode that the pilot chooses", "FBWA", derived=DEFAULT_MODE)
 
     def moments(self) -> Iterator[tuple[float, bool]]:
-        """Yield the mission times at which it begins and, if it does, ends, s, and whether it ends then."""
+        """Yield the mission times at which it begins and, if it does, ends, s, each with whether it is the end."""
         yield self.at_s, False
         if self.until_s is not None:
             yield self.until_s, True

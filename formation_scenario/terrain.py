@@ -1,4 +1,4 @@
-"""The height of the ground, read from files or made of hills, and the leader's path lifted clear of it."""
+"""The height of the ground, from files or hills, and the leader's path lifted clear of it."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from formation_scenario.surroundings import Hill, Terrain
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
 MARGIN_M = 10_000.0
-"""How far around the waypoints a file is read."""
+"""Distance around the waypoints for which a file is read."""
 WGS_84 = "EPSG:4326"
 ALLOWED = "a .hgt tile (N35E125.hgt), or a GeoTIFF with a coordinate system"
 LEADER_SHARE = 0.7
 """Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
 ROUNDING_M = 1e-6
-"""By how much a bound lies above what it bounds, for the last digits."""
+"""Allowance for rounding in upper bounds."""
 FOLLOWER_SHARE = 0.85
 """Share of the climb limit that the path and a follower's own lift use together."""
 
@@ -45,7 +45,7 @@ class ElevationGrid(NamedTuple):
     step_lat_deg: float
     step_lon_deg: float
     origin: GeodeticOrigin
-    """Of north, east and height."""
+    """Origin of north, east and height."""
 
     def height(self, north_m: Array, east_m: Array) -> Array:
         """Return the height above the origin; NaN outside the file, and beside a void."""
@@ -55,7 +55,7 @@ class ElevationGrid(NamedTuple):
         return upper + down * (lower - upper) - self.origin.alt_m
 
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return what no height within `around_m` of each place (n,) exceeds: the highest value there."""
+        """Return an upper bound of the heights within `around_m` of each place (n,): the highest value there."""
         rows, columns = self.elevation_m.shape
         up, left = self._at(north_m + around_m, east_m - around_m)
         down, right = self._at(north_m - around_m, east_m + around_m)
@@ -67,7 +67,7 @@ class ElevationGrid(NamedTuple):
         return np.array(highest) - self.origin.alt_m + ROUNDING_M
 
     def _at(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
-        """Return places in rows from the top and columns from the left."""
+        """Return positions as rows from the top and columns from the left."""
         lat_rad, lon_rad = self.origin.places(north_m, east_m)
         down = (self.north_deg - np.degrees(lat_rad)) / self.step_lat_deg
         return down, (np.degrees(lon_rad) - self.west_deg) / self.step_lon_deg
@@ -161,25 +161,25 @@ class Hills:
         return self._base_m + self._share(self._squared_m2(north_m, east_m) / self._radius_m**2) @ self._height_m
 
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return a height that no ground within `around_m` of each place (n,) exceeds; it is quickly found.
+        """Return an upper bound of the heights within `around_m` of each place (n,), which is fast to compute.
 
-        Each hill is taken to be as near as it can be, each hollow as far: they fall off with the distance from their
-        crest lines.
+        As heights decrease with the distance from crest lines, each hill is taken at its nearest possible distance and
+        each hollow at its farthest.
         """
         away_m = np.sqrt(self._squared_m2(north_m, east_m))
         nearest_m = np.where(self._height_m > 0.0, np.maximum(away_m - around_m, 0.0), away_m + around_m)
         return self._base_m + self._share((nearest_m / self._radius_m) ** 2) @ self._height_m + ROUNDING_M
 
     def _squared_m2(self, north_m: Array, east_m: Array) -> Array:
-        """Return the squares of the distances from the crest lines (..., H)."""
+        """Return the squared distances from the crest lines (..., H)."""
         north, east = north_m[..., None] - self._north_m, east_m[..., None] - self._east_m
         along = north * self._cosine + east * self._sine
         across = east * self._cosine - north * self._sine
-        beyond = np.maximum(np.abs(along) - self._half_m, 0.0)  # the ends of the crest line
+        beyond = np.maximum(np.abs(along) - self._half_m, 0.0)  # distance beyond the ends of the crest line
         return beyond**2 + across**2
 
     def _share(self, squared: Array) -> Array:
-        """Return which share of each hill's height is left at squares of distances by radius, (..., H)."""
+        """Return the share of each hill's height at squared distances relative to its radius, (..., H)."""
         cosine = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared, 1.0))) ** 2
         return np.where(self._gaussian, np.exp(-squared / 2), cosine)
 
@@ -201,11 +201,11 @@ def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Arra
 
 
 class LiftedPath(SplinePath):
-    """A path with a lift. It begins at the height that is written; the straight run-in before it is level."""
+    """A path with a lift, which is 0 at the path's start; the straight run-in before it is level."""
 
     def __init__(self, written: SplinePath, lift: Lift) -> None:
-        """Take the path as it is written, and the lift from 0 to its length."""
-        vars(self).update(vars(written))  # the same curve, which isn't fitted again
+        """Take the path as written, and the lift from 0 to its length."""
+        vars(self).update(vars(written))  # the same curve, without fitting it again
         self.lift = lift
 
     @overload

@@ -1,10 +1,10 @@
-"""Planning a transition: the shortest that keeps vehicles apart and inside their limits.
+"""Planning of transitions: the shortest that keeps vehicles separated and within their limits.
 
-Everyone covers the same share of a straight way at the same moment. Where places are 2√2 R apart and goals are assigned
-at the least sum of squared distances, no two vehicles then come within 2 R of each other (Turpin, Michael, Kumar,
+All vehicles cover the same share of a straight way at the same moment. If places are 2√2 R apart and goals are assigned
+with the least sum of squared distances, no two vehicles come within 2 R of each other (Turpin, Michael, Kumar,
 "CAPT: Concurrent assignment and planning of trajectories for multiple robots", IJRR 33(1), 2014). The theorem covers
-neither the leader nor slots that already move or are assigned by hand: there, vehicles that would come too near to
-each other are separated in height.
+neither the leader nor slots that already move or are assigned by hand; if vehicles would come too near to each other
+there, they are separated in height.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ SAMPLES = 101
 SPACING_SHARE = 0.6
 """Distance kept in transition, as a share of the nearest slots' distance: below the 1/√2 that CAPT guarantees."""
 MARGIN_M = 2.0
-"""Added to the least separation, for formation errors."""
+"""Distance added to the separation limit for formation errors."""
 RESERVE = 0.9
 """Share of acceleration, turn rate and climb that a transition may use; the rest is left to the law."""
 TINY = 1e-9
-"""Squared lengths, m², below which a segment counts as a point; likewise for how parallel two are."""
+"""Squared length, m², below which a segment counts as a point; also the limit below which two count as parallel."""
 
 
 class NotFlyableError(Exception):
@@ -47,13 +47,13 @@ class NotFlyableError(Exception):
 
 
 class Limits(NamedTuple):
-    """What a transition may ask of N vehicles, and their lags, (N,) each."""
+    """Limits of N vehicles in a transition, and their lags, (N,) each."""
 
     ceilings: tuple[Array, Array, Array, Array, Array]
-    """Of speed, minus speed, acceleration, turn rate and climb, as `_asked` returns them."""
+    """Limits of speed, minus speed, acceleration, turn rate and climb, as `_demands` returns them."""
     tau_v_s: Array
     climb_lead_s: Array
-    """tau_ha tau_hb / (tau_ha + tau_hb): how far height setpoints lead a change of climb."""
+    """tau_ha tau_hb / (tau_ha + tau_hb): the time by which height setpoints lead a change of climb."""
 
     @classmethod
     def of(cls, models: tuple[VehicleModel, ...], speed_mps: float) -> Limits:
@@ -82,11 +82,11 @@ class Conditions:
     names: tuple[str, ...]
     spacing_share: float = SPACING_SHARE
     lift_m: float = 0.0
-    """By how much those that would meet are lifted, at least."""
+    """Least lift of vehicles that would come too near."""
 
 
 def ways_meet(start_m: Array, goal_m: Array, conditions: Conditions) -> bool:
-    """Return whether straight ways from `start_m` to `goal_m` (N, 3) come too near, whoever is where on them when."""
+    """Return whether straight ways from `start_m` to `goal_m` (N, 3) come too near, whenever each is flown."""
     begin, way = start_m[conditions.present], (goal_m - start_m)[conditions.present]
     apart_m = _apart_m(start_m, goal_m, conditions)
     return bool((segment_distances_m(begin, way) < apart_m).any())
@@ -96,7 +96,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
     """Return the shortest transition from `start` to `goal_m` (N, 3) that keeps to all limits.
 
     Raises:
-        NotFlyableError: there is none that lasts up to `MOST_S`.
+        NotFlyableError: there is none of at most `MOST_S`.
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
     duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
@@ -112,7 +112,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
 
 
 def _apart_m(start_m: Array, goal_m: Array, conditions: Conditions) -> float:
-    """Return the distance to keep during the transition: no more than there is at its beginning and its end."""
+    """Return the distance to keep during the transition, at most that at its beginning and at its end."""
     if conditions.present.sum() < 2:
         return 0.0
     begin, end = (float(_pair_distances_m(places[conditions.present]).min()) for places in (start_m, goal_m))
@@ -121,7 +121,7 @@ def _apart_m(start_m: Array, goal_m: Array, conditions: Conditions) -> float:
 
 
 def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Transition:
-    """Return the transition, with lifts where vehicles would come too near to each other.
+    """Return the transition, with lifts if vehicles would come too near to each other.
 
     Raises:
         NotFlyableError: it can't be flown in this duration.
@@ -142,9 +142,9 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
 def _refuse_beyond(
     way: Transition, needs: SlotNeeds, flight: LeaderFlight, moments_s: Array, conditions: Conditions
 ) -> None:
-    """Refuse what the slots require where it's beyond the limits.
+    """Raise `NotFlyableError` if the slots require more than the limits.
 
-    The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. Where a slot at rest
+    The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. If a slot at rest
     already requires more than a transition may use, that much is allowed.
     """
     still = [
@@ -154,8 +154,8 @@ def _refuse_beyond(
     flies = conditions.present.copy()
     flies[conditions.leader] = False
     for found, allowed, unit, limit in zip(
-        _asked(needs, conditions.limits),
-        zip(*(_asked(each, conditions.limits) for each in still), strict=True),
+        _demands(needs, conditions.limits),
+        zip(*(_demands(each, conditions.limits) for each in still), strict=True),
         ("m/s", "m/s", "m/s² of acceleration", "rad/s of turn", "m/s of climb"),
         conditions.limits.ceilings,
         strict=True,
@@ -168,7 +168,7 @@ def _refuse_beyond(
             raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
 
 
-def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
+def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
     """Return the demand on each limit, (K, N) each: speed, minus speed, acceleration, turn rate and climb."""
     speed = needs.speed_mps + limits.tau_v_s * needs.accel_mps2
     climb = np.abs(needs.climb_mps + limits.climb_lead_s * needs.climb_change_mps2)
@@ -176,7 +176,7 @@ def _asked(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
 
 
 def _distances_m(way: Transition, flight: LeaderFlight, moments_s: Array, conditions: Conditions) -> Array:
-    """Return the distances (K, pairs) of all vehicles that are present, on a way inside the limits."""
+    """Return the distances (K, pairs) of all vehicles that are present; raise if they exceed the limits."""
     slots = way.sample(moments_s)
     needs, places = slot_needs(flight, slots, conditions.frame), slots.position_m
     _refuse_beyond(way, needs, flight, moments_s, conditions)
@@ -199,7 +199,7 @@ def segment_distances_m(begin_m: Array, way_m: Array) -> Array:
     d, e, apart = way_m[one], way_m[other], begin_m[one] - begin_m[other]
     dd, ee, de = (np.einsum("pi,pi->p", *pair) for pair in ((d, d), (e, e), (d, e)))
     da, ea = (np.einsum("pi,pi->p", each, apart) for each in (d, e))
-    # Along the one where the lines are nearest, then along the other from there, then along the one once more.
+    # The point of the first that is nearest to the second's line, then the second's nearest to that, and the first's.
     along = np.clip(_ratio(de * ea - ee * da, dd * ee - de * de), 0.0, 1.0)
     aside = np.clip(_ratio(de * along + ea, ee), 0.0, 1.0)
     along = np.clip(_ratio(de * aside - da, dd), 0.0, 1.0)
@@ -217,7 +217,7 @@ def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:
 
 
 def _by_columns(pairs_m: Array, conditions: Conditions) -> Array:
-    """Return what each pair has (pairs,) as a table (N, N); infinite where one isn't present."""
+    """Return values of pairs (pairs,) as a table (N, N); infinite for vehicles that aren't present."""
     table_m = np.full((conditions.present.size,) * 2, np.inf)
     one, other = _pairs(conditions).T
     table_m[one, other] = table_m[other, one] = pairs_m

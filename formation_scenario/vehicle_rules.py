@@ -20,7 +20,7 @@ LEAST_FLYING_MPS = 1e-3
 
 
 def identities(scenario: Scenario) -> Iterator[Finding]:
-    """Yield system ids that stand twice on one network."""
+    """Yield system ids that occur twice on one network."""
     seen: dict[tuple[int, int], int] = {}
     for index, vehicle in enumerate(scenario.vehicles):
         first = seen.setdefault(vehicle.vehicle_id, index)
@@ -78,7 +78,7 @@ def speeds(scenario: Scenario) -> Iterator[Finding]:
 
 
 def hovering(scenario: Scenario) -> Iterator[Finding]:
-    """Yield what hovering vehicles can't be: of two kinds, or led by a law for what can't stand."""
+    """Yield contradictions about multirotors: mixed with fixed wings, or with a frame or law that they can't fly."""
     for index, vehicle in enumerate(scenario.vehicles):
         for name, model in (("model", vehicle.model), ("true_model", vehicle.true_model)):
             if model is not None:
@@ -95,7 +95,7 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator[Finding]:
-    """Yield what a model says that its vehicle can't be."""
+    """Yield keys of a model that contradict its vehicle's kind."""
     if model.hovers and vehicle.autopilot == "arduplane":
         yield (*at, "hovers"), f"found true of {vehicle.autopilot}", "false"
     elif not model.hovers and vehicle.autopilot == "arducopter":
@@ -147,7 +147,7 @@ def slots(scenario: Scenario) -> Iterator[Finding]:
 
 
 def changes(scenario: Scenario) -> Iterator[Finding]:
-    """Yield changes that change nothing, or name a leader where none can take over."""
+    """Yield changes that change nothing, or name a leader although a virtual leader can't be succeeded."""
     for index, change in enumerate(scenario.formation.changes):
         path: KeyPath = ("formation", "changes", index)
         if change.leader is not None:
@@ -160,7 +160,7 @@ def changes(scenario: Scenario) -> Iterator[Finding]:
 
 
 def orders(scenario: Scenario) -> Iterator[Finding]:
-    """Yield planned orders that name vehicles which don't exist, or have those turn on the spot that can't stand."""
+    """Yield planned orders that name vehicles which don't exist, or a turn on the spot of vehicles that can't hover."""
     for index, planned in enumerate(scenario.orders):
         order, path = parse_order(planned.order), ("orders", index, "order")
         if order.heading_rad is not None and not scenario.hovers:
@@ -170,7 +170,7 @@ def orders(scenario: Scenario) -> Iterator[Finding]:
 
 
 def consensus(scenario: Scenario) -> Iterator[Finding]:
-    """Yield weights of a graph that don't fit the vehicles, or by which they can't agree."""
+    """Yield weights of a graph that don't fit the vehicles, or with which consensus is impossible."""
     graph, count = scenario.law.consensus.graph, len(scenario.vehicles)
     if isinstance(graph, str):
         return
@@ -187,15 +187,15 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
 
 
 def all_hear_one(weights: Array) -> bool:
-    """Return whether there is a vehicle that all hear, directly or through others, by weights [p, q] > 0: p hears q."""
+    """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p hears q."""
     hears: Array = np.sign(weights + np.eye(len(weights)))
     for _ in range(len(weights).bit_length()):
-        hears = np.sign(hears @ hears)  # through twice as many others
+        hears = np.sign(hears @ hears)  # each squaring doubles the number of vehicles in between
     return bool(hears.all(axis=0).any())
 
 
 def avoidance(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a distance to be kept that is below the least one allowed."""
+    """Yield a distance of the separation rule below the separation limit."""
     kept, least_m = scenario.safety.avoidance, scenario.safety.separation_m
     if kept.enabled and kept.distance_m < least_m:
         path = ("safety", "avoidance", "distance_m")

@@ -63,24 +63,26 @@ class EnergyAirframe(Keys):
     heading_gain: Positive = key(math.radians(50.0), "bank for an error of heading (GUIDED_P), rad/rad", 1.2)
     pitch_max_deg: Angle = key(15.0, "largest pitch (TECS_PITCH_MAX), degrees", 20)
     pitch_min_deg: Angle = key(-25.0, "least pitch (PTCH_LIM_MIN_DEG), degrees", -20)
-    throttle_cruise: Fraction = key(0.5, "throttle in level flight as the autopilot believes (TRIM_THROTTLE)", 0.45)
+    throttle_cruise: Fraction = key(0.5, "throttle in level flight as assumed by the autopilot (TRIM_THROTTLE)", 0.45)
     airspeed_min_mps: Speed = key(10.0, "the autopilot's least airspeed (AIRSPEED_MIN), m/s", 12)
     airspeed_cruise_mps: Speed = key(22.0, "its cruising airspeed (AIRSPEED_CRUISE), m/s", 20)
     airspeed_max_mps: Speed = key(30.0, "its greatest airspeed (AIRSPEED_MAX), m/s", 28)
-    climb_max_mps: Speed = key(5.0, "climb at full throttle as the autopilot believes (TECS_CLMB_MAX), m/s", 4)
-    sink_min_mps: Speed = key(2.0, "sink without throttle as the autopilot believes (TECS_SINK_MIN), m/s", 1.5)
+    climb_max_mps: Speed = key(5.0, "climb at full throttle as assumed by the autopilot (TECS_CLMB_MAX), m/s", 4)
+    sink_min_mps: Speed = key(2.0, "sink without throttle as assumed by the autopilot (TECS_SINK_MIN), m/s", 1.5)
     sink_max_mps: Speed = key(5.0, "fastest sink (TECS_SINK_MAX), m/s", 4)
-    time_constant_s: Lag = key(5.0, "of the energy control (TECS_TIME_CONST), s", 3)
+    time_constant_s: Lag = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
     height_lag_s: Lag = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
     throttle_damping: NonNegative = key(
-        0.5, "how errors of the energy's rate drive the throttle (TECS_THR_DAMP), s", 0.7
+        0.5, "gain from errors of the energy's rate to throttle (TECS_THR_DAMP), s", 0.7
     )
-    pitch_damping: NonNegative = key(0.3, "how errors of the balance's rate drive the pitch (TECS_PTCH_DAMP)", 0.5)
-    integral_gain: NonNegative = key(0.3, "integral of both (TECS_INTEG_GAIN), 1/s", 0.1)
+    pitch_damping: NonNegative = key(
+        0.3, "gain from errors of the energy balance's rate to pitch (TECS_PTCH_DAMP)", 0.5
+    )
+    integral_gain: NonNegative = key(0.3, "integral gain of both (TECS_INTEG_GAIN), 1/s", 0.1)
     speed_weight: Annotated[NonNegative, Field(le=2.0)] = key(
-        1.0, "what pitch is for: 0 height, 2 speed, 1 both (TECS_SPDWEIGHT)", 0.8
+        1.0, "what pitch controls: 0 height, 2 speed, 1 both (TECS_SPDWEIGHT)", 0.8
     )
-    bank_to_throttle: NonNegative = key(10.0, "throttle for what a bank costs (TECS_RLL2THR), m²/s³", 15)
+    bank_to_throttle: NonNegative = key(10.0, "compensation of a bank's drag by throttle (TECS_RLL2THR), m²/s³", 15)
     vertical_accel_max_mps2: Positive = key(7.0, "largest vertical acceleration (TECS_VERT_ACC), m/s²", 5)
     speed_filter_radps: Positive = key(2.0, "bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", 1.5)
     airspeed_lag_s: Lag = key(0.28, "lag of the airspeed's measurement, s", 0.1)
@@ -92,14 +94,14 @@ class EnergyAirframe(Keys):
         0.06, "standard deviation of the sensor's white noise, before its lag, m/s", 0.2
     )
     airspeed_scale: Annotated[Positive, Field(ge=0.7, le=1.4)] = key(
-        1.0, "what the sensor reads by equivalent airspeed, as its calibration has it", 0.95
+        1.0, "ratio of the sensor's reading to equivalent airspeed, by its calibration", 0.95
     )
     dead_time_s: Annotated[NonNegative, Field(le=2.0)] = key(
-        0.1, "from a setpoint's arrival until the autopilot heeds it, s", 0.2
+        0.1, "time from a setpoint's arrival until it acts, s", 0.2
     )
     spread: Annotated[NonNegative, Field(le=0.3)] = key(
         0.02,
-        "standard deviation of what differs from aircraft to aircraft (thrust, drag, lift, lags), "
+        "standard deviation of differences between aircraft (thrust, drag, lift, lags), "
         "as a share; drawn by the scenario's seed",
         0.05,
     )
@@ -119,40 +121,39 @@ class VehicleModel(Keys):
     tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
     tau_ha_s: TimeConstant = key(1.0, "first time constant of height, s", 1.5)
     tau_hb_s: TimeConstant = key(3.0, "second time constant of height, s", 2)
-    speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 of what hovers, and only of that", 14)
+    speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 for vehicles that hover, and only for these", 14)
     speed_max_mps: Speed = key(28.0, "highest airspeed, m/s", 29)
     accel_max_mps2: Positive = key(1.5, "largest change of airspeed, m/s²", 1)
     turn_rate_max_rps: Positive = key(0.25, "highest turn rate, rad/s", 0.2)
     climb_max_mps: Speed = key(3.0, "highest climb and descent rate, m/s", 4)
     hovers: Flag = key(
         False,
-        "whether it is a multirotor: it flies the velocity over ground that it is told, down to 0, in any "
+        "whether it is a multirotor: it flies the commanded velocity over ground, down to 0, in any "
         "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
         True,
     )
     prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = key(
         1.0,
-        "vehicles that hover, and PX4s: share of a change of told speed that is flown with the lag tau_v_s; the "
-        "rest follows as the integrator makes up for drag",
+        "vehicles that hover, and PX4s: share of a change of commanded speed that is flown with the lag tau_v_s; "
+        "the rest follows as the integrator compensates drag",
         0.7,
     )
     rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
-    firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: as whose autopilot it speaks", "px4")
+    firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: the autopilot that is emulated", "px4")
     airframe: EnergyAirframe | None = key(
         None,
-        "emulators: the aircraft that flies where that isn't equation (7), which the keys above then only "
-        "approximate; without it, equation (7) itself",
+        "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",
     )
 
     def autopilot(self) -> AutopilotModel:
-        """Return equation (7) with these lags and limits, as an object of its own: its lags may be learnt in flight."""
+        """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
         limits = self.speed_min_mps, self.speed_max_mps, self.accel_max_mps2, self.turn_rate_max_rps, self.climb_max_mps
         return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 
     def soon_mps(self, speed_mps: float) -> tuple[float, float]:
-        """Return the lowest and the highest airspeed that one that flies at `speed_mps` comes to within its lag.
+        """Return the lowest and the highest airspeed that a vehicle at `speed_mps` can reach within its lag.
 
-        Of what a fixed wing's integrator makes up for, nothing counts: that takes longer than bends and ways to slots.
+        The share of a fixed wing's integrator isn't counted: it takes longer than bends and ways to slots.
         """
         if self.hovers or self.prompt_share == 1.0:
             return self.speed_min_mps, self.speed_max_mps
@@ -228,14 +229,14 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 
 def family_of(vehicle: VehicleCommon) -> Family:
-    """Return the autopilot family that a vehicle speaks as; an emulator's is that of its model."""
+    """Return the autopilot family of a vehicle; an emulator's is its model's."""
     return spoken(vehicle.autopilot, vehicle.model)
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
-    """Return whether an aircraft tells, and is told, equivalent airspeed: every one but that of equation (7) does.
+    """Return whether an aircraft reports and takes equivalent airspeeds, as all do but those of equation (7).
 
-    Multirotors go by their velocity over ground.
+    Multirotors use ground velocities.
     """
     model = vehicle.model
     real = vehicle.autopilot != "emulator" or model.firmware == "px4" or model.airframe is not None
@@ -243,7 +244,7 @@ def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
 
 
 def spoken(named: Autopilot, model: VehicleModel) -> Family:
-    """Return the family of an autopilot as the scenario names it, on a vehicle with this model."""
+    """Return the family of an autopilot as named in the scenario, on a vehicle with this model."""
     if named == "px4" or (named == "emulator" and model.firmware == "px4"):
         return "px4_copter" if model.hovers else "px4_plane"
     if named == "emulator":

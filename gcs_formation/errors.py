@@ -10,11 +10,11 @@ class RunAbortedError(StationError):
 
 
 class RecordingError(RunAbortedError):
-    """The record can't be written any more: the disk is full, as a rule."""
+    """The record can't be written any more, usually because the disk is full."""
 
 
 class NothingRunningError(StationError):
-    """No flight answers in a run directory."""
+    """No running flight answers in a run directory."""
 
 
 class RecordError(StationError):

@@ -1,4 +1,4 @@
-"""What the station is made of, as the scenario says: estimation, models and guidance, its vehicles and sockets."""
+"""Builds parts of the station from a scenario: estimation, models, guidance, vehicles and sockets."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 
 MOST_REPEATED_S = 1.0
-"""The time for which (7) can be trusted in gusts: averages over longer ones follow it instead of the vehicle."""
+"""Longest averaging time: in gusts, averages over more follow model (7) instead of the vehicle."""
 LEAST_OF_DECLARED = 0.25
-"""Share of a declared noise below which its estimate doesn't go."""
+"""Lower bound of estimated noise, as a share of the declared noise."""
 HOLD_SHARE = 0.8
-"""Share of the speed that vehicles have above and below the path's, used by turns before the path."""
+"""Share of the speed range above and below the path's speed that turns before the path may use."""
 ENERGY_HOLD_SHARE = 0.6
-"""The same of aircraft under total-energy control: a larger change of airspeed costs them heights by metres, and more
-time than the run-in to be in their slots again."""
+"""The same for aircraft under total-energy control: larger changes of airspeed cost metres of height, and the run-in
+would be too short to return to the slots."""
 HOLD_TURN_SHARE = 0.5
-"""Share of their turn rate that turns before the path use."""
+"""Share of the turn rate limit that turns before the path may use."""
 SWING_RAD = math.radians(15.0)
-"""Most that a follower's heading may differ from the leader's there: slots are swept aside as a turn begins."""
+"""Largest difference between a follower's heading and the leader's there: entering a turn sweeps slots sideways."""
 GAP_TICKS = 2.5
-"""By so many ticks acknowledgements of setpoints may come late, if that is more than `GAP_S`."""
+"""Number of ticks by which acknowledgements of setpoints may be late, if longer than `GAP_S`."""
 GENTLEST_RPS = 0.01
-"""Turns before the path are no gentler: what can't keep up there catches up on the run-in."""
+"""Least turn rate before the path; vehicles that can't keep up in that catch up on the run-in."""
 
 
 def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
@@ -60,18 +60,18 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
-    """Return what learns the vehicles' lags; `models` are given them unless the scenario wants them as they are."""
+    """Return the estimator of the vehicles' lags, which updates `models` unless the scenario fixes them."""
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
     learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
     return LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation, learnt=learnt)
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
-    """Return the noise of every column's telemetry as it is declared; emulated vehicles' is none but rounding.
+    """Return the declared noise of every column's telemetry; that of emulated vehicles without any is rounding.
 
-    Errors that several samples share can't be seen from one sample to the next, so what is declared of them is the
-    least. Those that last (`correlation_s`) count as they are: no average over the time for which model (7) can be
-    trusted in gusts makes them less, so a filter that trusted it for longer would only lose the vehicle.
+    Errors shared by several samples aren't visible from sample to sample, so the declared noise is their lower bound.
+    Correlated errors (`correlation_s`) aren't reduced by averaging over the time for which model (7) can be trusted in
+    gusts. They count in full: a filter that trusted the model for longer would lose the vehicle.
     """
     sigma, least = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
@@ -97,9 +97,9 @@ def _noise(keys: NoisyNavigation) -> Array:
 
 
 def _repeated(keys: NoisyNavigation, telemetry_hz: float) -> float:
-    """Return the factor by which the standard deviation is widened where a sensor's error is in several samples.
+    """Return the factor on standard deviations for a sensor slower than telemetry, which repeats its errors.
 
-    They then tell as much as one, unless that lasts longer than `MOST_REPEATED_S`.
+    Samples with one error count as one sample, up to a time of `MOST_REPEATED_S`.
     """
     return math.sqrt(max(1.0, min(telemetry_hz / keys.rate_hz, telemetry_hz * MOST_REPEATED_S)))
 
@@ -123,7 +123,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
 
 
 def slot_clearance(scenario: Scenario) -> SlotClearance | None:
-    """Return what keeps followers clear of the ground; None without terrain."""
+    """Return the ground clearance of followers' slots; None without terrain."""
     if scenario.terrain is None:
         return None
     bounds = scenario.rise_bounds(FOLLOWER_SHARE)
@@ -131,9 +131,9 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
 
 
 def settle_s(scenario: Scenario) -> float:
-    """Return how long the leader flies straight between a turn and its path, s: until followers are in their slots.
+    """Return how long the leader flies straight between a turn and its path, s, for followers to reach their slots.
 
-    In frames of their own they come late out of a turn, and aircraft that give height for speed come later.
+    In `follower_heading` they leave a turn late, and aircraft under total-energy control later still.
     """
     own_frame = scenario.formation.frame == "follower_heading"
     by_energy = any(each.airframe is not None for each in column_models(scenario)[1:])
@@ -141,7 +141,7 @@ def settle_s(scenario: Scenario) -> float:
 
 
 def _lap_fence(scenario: Scenario) -> LapFence | None:
-    """Return what the formation's laps before the path are to have room in."""
+    """Return the fence within which the formation's laps before the path must stay, None without one."""
     fence = scenario.safety.fence
     if fence is None or not fence.corners_m:
         return None
@@ -153,9 +153,9 @@ def _lap_fence(scenario: Scenario) -> LapFence | None:
 
 
 def hold_radius_m(scenario: Scenario) -> float:
-    """Return the radius of the leader's turns before its path: the tightest in which every slot keeps up, either way.
+    """Return the radius of the leader's turns before its path: the tightest in which all slots keep up, either way.
 
-    A tailwind makes the leader turn faster.
+    It allows for the higher ground speed in a tailwind.
     """
     speed, wind = scenario.path.speed_mps, scenario.wind.speed_mps
     models = column_models(scenario)[1:]
@@ -175,7 +175,7 @@ def hold_radius_m(scenario: Scenario) -> float:
 
 
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
-    """Return how a vehicle of the scenario is spoken to."""
+    """Return the autopilot interface of a vehicle of the scenario."""
     model, family, period_s = vehicle.model, family_of(vehicle), 1.0 / scenario.law.rate_hz
     who = vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps
     share, rest_s, limits_mps = model.prompt_share, model.rest_s, (model.speed_min_mps, model.speed_max_mps)
@@ -190,9 +190,9 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
 
 
 def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
-    """Return the endpoint of each socket, the MAVLink network it hears, and the vehicles, the leader first.
+    """Return the endpoint of each socket, its MAVLink network, and the vehicles, the leader first.
 
-    There is a socket for each different endpoint; none of the vehicles has been heard yet.
+    There is a socket for each different endpoint; no vehicle has been heard yet.
     """
     order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
     texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order.values()))

@@ -11,7 +11,7 @@ from formation_scenario.orders import End
 
 
 class Phase(Enum):
-    """What the formation is doing."""
+    """Phase of a run."""
 
     CONNECTING = "connecting"
     ASSEMBLING = "assembling"
@@ -83,27 +83,27 @@ NOT_ALL_ENDED: Final[dict[End, Cause]] = {
     "rtl": Cause.NOT_ALL_HOMEWARD,
     "land": Cause.NOT_ALL_LANDED,
 }
-"""Why a run is over, by how it was to end: all do as told, or the time for that is over."""
+"""Cause of a run's end by the way it was to end: all vehicles do so, or the time for that is over."""
 BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
-"""What an end becomes where nobody may be commanded yet: everybody is left as found."""
+"""Replacement of a cause before vehicles may be commanded: they are left as found."""
 NOBODY_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
-"""Causes of an end before anybody was commanded."""
+"""Causes of an end before any vehicle was commanded."""
 COMMANDED: Final = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""
 OVER: Final = (Phase.ENDING, Phase.LOITERING)
-"""Phases in which nobody is started any more."""
+"""Phases in which no vehicle is started any more."""
 
 
 @dataclass
 class Flight:
-    """The phase of a run, since when, and the instant at which t = 0."""
+    """The phase of a run, its beginning, and the instant of t = 0."""
 
     phase: Phase = Phase.CONNECTING
     since: Instant = Instant(0)
     path_began: Instant | None = None
 
     def move(self, cause: Cause, now: Instant) -> bool:
-        """Follow the table; return whether the phase changed."""
+        """Apply the table; return whether there is such a transition."""
         following = TRANSITIONS.get((self.phase, cause))
         if following is None:
             return False
@@ -113,7 +113,7 @@ class Flight:
         return True
 
     def resume(self, at: Instant, path_began: Instant | None) -> None:
-        """Go on where a flight stood."""
+        """Resume an interrupted flight."""
         self.since, self.path_began = at, path_began
 
     def mission_time_s(self, now: Instant) -> float:

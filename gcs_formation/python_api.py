@@ -1,4 +1,4 @@
-"""`gcs_formation.run` and `gcs_formation.tell`: what the commands do, from Python."""
+"""`gcs_formation.run`, `study` and `tell`: the commands of the same names in Python."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 
 OPTIONS = ("clock", "speedup", "until", "out", "overwrite")
-"""What `run` takes beside keys of scenarios."""
+"""Options of `run` besides scenario keys."""
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]
 
@@ -34,7 +34,7 @@ class Summary(RecordedSummary):
     """The figures of a finished run, and where it is recorded."""
 
     run_dir: Path
-    """run.yaml, flight.tlog, timeseries.parquet, events.jsonl and summary.json are here."""
+    """Directory of run.yaml, flight.tlog, timeseries.parquet, events.jsonl and summary.json."""
 
     def report(self) -> Path:
         """Draw the figures and the page, as `gcs-formation report` does; return the path of report.html.
@@ -47,7 +47,7 @@ class Summary(RecordedSummary):
         return write_report(self.run_dir)
 
     def __repr__(self) -> str:
-        """Return what came of the run in a line; `to_dict()` has the figures."""
+        """Return the run's result in a line; `to_dict()` has the figures."""
         found, parts = self.to_dict(), [str(self.run_dir), "held" if self.held else "not held"]
         parts.append(f"{found['duration_s']:.1f} s")
         for follower, each in found["followers"].items():
@@ -98,7 +98,7 @@ def run(
 
 
 def _require_known(overrides: Mapping[str, Any]) -> None:
-    """Refuse a keyword that is neither an option of `run` nor begins with a key of scenarios."""
+    """Refuse a keyword that is neither an option of `run` nor begins with a scenario key."""
     keys = [field.alias or name for name, field in Scenario.model_fields.items()]
     for name in overrides:
         first = name.replace("__", ".").split(".")[0]
@@ -117,14 +117,14 @@ def study(
     resume: bool = False,
     overwrite: bool = False,
 ) -> pa.Table:
-    """Fly a study and return its flights, a row each: what `gcs-formation study` does.
+    """Fly a study and return its flights, a row each, as `gcs-formation study` does.
 
-    Called from a script, it belongs below `if __name__ == "__main__":`, for its workers import that script.
+    Call it in a script below `if __name__ == "__main__":`, because its workers import that script.
 
     Args:
-        source: a study file, or a mapping with its keys; a scenario's file in a mapping is relative to here.
-        out: the study's directory: flights.parquet, study.json and what is kept of each flight.
-        workers: local processes; default: the cores.
+        source: a study file, or a mapping with its keys; a scenario file in a mapping is relative to here.
+        out: the study's directory: flights.parquet, study.json and the records kept of each flight.
+        workers: number of local processes; default: the number of cores.
         scheduler: fly on the cluster of this Dask scheduler instead, tcp://HOST:PORT.
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
@@ -132,7 +132,7 @@ def study(
     Raises:
         ScenarioError: the study is wrong; nothing was started.
         RecordError: `out` holds other files or another study, or it can't be written.
-        RunAbortedError: no flight can be flown any more; `resume` goes on with what was flown.
+        RunAbortedError: no further flight can be flown; `resume` continues with those flown so far.
     """
     from gcs_formation.studies.campaign import StudyProgress, fly_study  # noqa: PLC0415 - what `run` needn't import
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
@@ -145,7 +145,7 @@ def study(
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:
-    """Give the flight that records into a directory an order, and return what came of it.
+    """Give an order to the flight that records into a directory, and return its answer.
 
     Args:
         run_dir: the directory of a flight that is running under the real clock.
@@ -153,7 +153,7 @@ def tell(run_dir: str | Path, order: str) -> Answer:
             `status`, which is answered by a page on the flight.
 
     Raises:
-        OrderError: the words are no order.
+        OrderError: the text isn't an order.
         NothingRunningError: no flight answers there.
     """
     if order != STATUS:

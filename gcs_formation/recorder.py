@@ -1,4 +1,4 @@
-"""What the station reports at a control tick and otherwise, and the interface to what stores it."""
+"""What the station reports at control ticks and in events, and the interface of recorders."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
 GiveUp = Callable[[str, Instant], None]
-"""Ends a run that can't go on, with the reason."""
+"""Ends a run that can't continue, with the reason."""
 
 
 @mypyc_attr(acyclic=True)
@@ -27,55 +27,55 @@ class VehicleLink:
     """The link to one vehicle at a tick."""
 
     def __init__(self, now: Instant) -> None:
-        """Begin as that of a virtual leader: no delay, always heard."""
+        """Start with the link of a virtual leader: no delay, always heard."""
         self.ready = False
-        """Whether it follows setpoints."""
+        """Whether the vehicle follows setpoints."""
         self.delay_s = 0.0
-        """One-way delay as measured, half the round trip."""
+        """Measured one-way delay, half the round trip."""
         self.split_s = 0.0
-        """How much longer the way up is, as far as a step told."""
+        """Excess of the uplink delay over `delay_s`, as estimated from steps."""
         self.up_s = self.down_s = math.nan
-        """Delays up and down; NaN where it isn't known how the round trip is split."""
+        """Delays up and down; NaN while the split of the round trip is unknown."""
         self.jitter_s = math.nan
-        """Interarrival jitter of the telemetry, NaN where there is none yet."""
+        """Interarrival jitter of the telemetry, NaN while unknown."""
         self.lag_s = 0.0
-        """Half a period of the vehicle's main loop, the mean wait of a setpoint that has arrived, and the time for
-        which the station holds it back."""
+        """Further delay of a setpoint: half a period of the vehicle's main loop, the mean wait on arrival, and the time
+        for which the station delays it."""
         self.airborne = True
-        """Whether it flies, as far as it can be heard."""
+        """Whether the vehicle flies; False after its link is lost."""
         self.flew = True
-        """Whether it did when it was last heard."""
+        """Whether it was flying when last heard."""
         self.circling, self.holds_at_m = False, math.nan
-        """Whether it circles, or is about to turn onto its circle, or may, as it may have been told to; and the height
-        that it was told for that, NaN if it wasn't."""
+        """Whether it circles, or may do so on an earlier command; and the height commanded for that, NaN without
+        one."""
         self.flies_home_m: tuple[float, float] | None = None
         self.home_m: tuple[float, float] | None = None
-        """Its home, north and east: if it isn't commanded and its mode brings it there, and as far as it is known."""
+        """Its home, north and east: if its mode, not a command, brings it there; and whenever it is known."""
         self.heard: int = now
-        """Until when it is known to have heard what it was commanded."""
+        """Until when it is known to have heard commands."""
         self.disobeying = False
-        """Whether it doesn't seem to fly as it was commanded, though it hears it."""
+        """Whether it seems not to fly as commanded although it hears."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
-        """How long after the last setpoint that it heard it stands, infinite where it flies on; and how long after that
-        setpoint it has set off for home, if it does for want of others."""
+        """Time from the last setpoint heard until it hovers, infinite if it flies on; and time from that setpoint until
+        its failsafe has sent it home, 0 without such a failsafe."""
         self.speeds_mps: tuple[float, float] | None = None
-        """The lowest and the highest true airspeed that it can reach soon, m/s; None where they are its model's."""
+        """Lowest and highest true airspeed within reach soon, m/s; None if these are its model's limits."""
 
     @property
     def on_its_way_s(self) -> float:
-        """How long a setpoint is on its way: half the round trip where no more is known of its split."""
+        """Delay of a setpoint up, s: estimated from the round trip while the split is unknown."""
         return self.delay_s + self.split_s if math.isnan(self.up_s) else self.up_s
 
 
 def unknown_state() -> FlightState:
-    """Return the state of a vehicle that was never heard: NaN."""
+    """Return the state of a vehicle that was never heard: all NaN."""
     return FlightState(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 class Tick:
     """One control tick: lists with an entry for each of C columns; column 0 is the scenario's leader, real or virtual.
 
-    The controller fills it in; nobody does afterwards.
+    Only the controller writes it.
     """
 
     def __init__(
@@ -89,15 +89,15 @@ class Tick:
         margin_used: list[float],
         active: list[bool],
     ) -> None:
-        """Begin with nothing commanded.
+        """Start without commands.
 
         Args:
             now: the tick's instant.
             mission_time_s: NaN before the path has begun.
-            phase: of the flight.
-            leader: the column that leads.
-            links: as measured.
-            age_s: of the newest state, NaN where there is none.
+            phase: phase of the run.
+            leader: the leader's column.
+            links: the measured links.
+            age_s: ages of the newest states, NaN if there is none.
             margin_used: share of the delay margin that the loops use.
             active: which columns are commanded.
         """
@@ -111,26 +111,26 @@ class Tick:
         self.active = active
         count = len(links)
         self.state: list[FlightState] = [unknown_state()] * count
-        """What the law acted on: predicted to when the setpoints act."""
+        """The states that the law acted on, predicted to the time when setpoints take effect."""
         self.virtual_leader: FlightState | None = None
-        """Where a virtual leader is at this instant; None behind a real one."""
+        """State of a virtual leader at this instant; None with a real one."""
         self.setpoints: list[Triple] = [UNKNOWN] * count
-        """Airspeed in m/s, heading in rad and height in m; NaN where none is sent."""
+        """Airspeed in m/s, heading in rad and height in m; NaN if none is sent."""
         self.replaced: list[Replaced] = [AS_DECIDED] * count
-        """Which of them aren't the law's."""
+        """Which of these differ from the law's."""
         self.yielding = [False] * count
-        """Which columns' setpoints are the separation rule's, not the law's."""
+        """Columns whose setpoints are the separation rule's instead of the law's."""
         self.slots_m: list[Triple] = [UNKNOWN] * count
         """Forward, right and up; NaN for the leader."""
         self.slots_left = False
-        """Whether heights of the end are flown instead: there are no slots to be in."""
+        """Whether heights of the end are flown, so that there are no slots."""
         self.decided: list[Decided | None] = [None] * count
-        """What the law decided, and by which mixed errors and gains; None for the leader and who isn't commanded."""
+        """Decision, mixed errors and gains of the law; None for the leader and columns not commanded."""
         self.events: list[Event] = []
-        """What began or ended as setpoints were replaced."""
+        """Events on beginning and end of replacements."""
 
     def error_of(self, column: int) -> Triple:
-        """Return how far a vehicle is from its slot, forward, right and up; NaN for the leader, and without slots."""
+        """Return a vehicle's formation error, forward, right and up; NaN for the leader, and without slots."""
         decided = self.decided[column]
         if decided is None or self.slots_left:
             return (math.nan, math.nan, math.nan)
@@ -138,11 +138,11 @@ class Tick:
 
     @property
     def error_m(self) -> list[Triple]:
-        """The same of all columns."""
+        """The errors of all columns."""
         return [self.error_of(column) for column in range(len(self.decided))]
 
     def replace(self, column: int, setpoint: Triple) -> None:
-        """Put another setpoint in the place of a column's, and note where it differs."""
+        """Replace a column's setpoint, and record which components changed."""
         speed_mps, heading_rad, height_m = self.setpoints[column]
         faster, turned, higher = self.replaced[column]
         faster, turned = faster or setpoint[0] != speed_mps, turned or setpoint[1] != heading_rad
@@ -152,7 +152,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened, in words and figures."""
+    """An event, with text and figures."""
 
     now: Instant
     kind: str
@@ -165,20 +165,20 @@ class Recorder(Protocol):
     """Stores what the station reports."""
 
     def frames(self, now: Instant, raws: list[bytes]) -> None:
-        """Keep frames that came in or went out."""
+        """Store frames received or sent."""
         ...
 
     def tick(self, tick: Tick) -> None:
-        """Keep a control tick."""
+        """Store a control tick."""
         ...
 
     def event(self, event: Event) -> None:
-        """Keep an event."""
+        """Store an event."""
         ...
 
 
 class Note(Protocol):
-    """Reports an event, of a vehicle or of the run."""
+    """Records an event of a vehicle or the run."""
 
     def __call__(
         self,

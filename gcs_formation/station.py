@@ -1,4 +1,4 @@
-"""The ground station: an engine that owns the order in which everything is done."""
+"""The ground station: an engine that determines the order of all steps."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
-"""A timer that is overdue by more means that the station itself was held up, and datagrams have waited for it."""
+"""A timer overdue by more than this means that the station was held up and datagrams have waited in its queue."""
 ALONE_S: Final = 1.0
-"""Being held up for longer is what a failsafe may act on: a PX4's of setpoints, for one."""
+"""Longest hold-up of the station without effect on failsafes, such as PX4's on missing setpoints."""
 
 
 class Station(Engine):
-    """Flies one scenario. Reads no clock and opens no socket; its record goes to the recorder."""
+    """Flies one scenario. It reads no clock and opens no socket; its record goes to the recorder."""
 
     def __init__(
         self,
@@ -50,16 +50,16 @@ class Station(Engine):
         caution: PreFlightOptions = UNCHECKED,
         resumed: Resumption | None = None,
     ) -> None:
-        """Prepare; nothing happens before the first timer. `until_s`: mission time at which to end early.
+        """Prepare a flight; nothing happens before the first timer. `until_s`: mission time at which to end early.
 
-        `utc_at_0_s` is UTC at instant 0, s since 1970, where the machine's clock keeps it; `caution`: what is done
-        before anybody is commanded; `resumed`: the flight to take over, which stood there.
+        `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
+        the first command; `resumed`: the flight to resume.
         """
         self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
-        """Ticks at which the formation was commanded, and all ticks from the first take-off on."""
+        """Ticks at which the formation was commanded, and all recorded ticks since the first take-off."""
         self.frames_refused = 0
-        """Sound frames taken for no vehicle's."""
+        """Valid frames that weren't accepted as any vehicle's."""
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
@@ -89,20 +89,19 @@ class Station(Engine):
         self._message_intervals = MessageIntervals(*fleet)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
-        # Restarts: how many of each vehicle's have been heeded.
+        # _restarts: how many restarts of each vehicle have been handled
         self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), [0] * len(self._each)
         if resumed is not None:
             self._resume(resumed)
 
     def _resume(self, resumed: Resumption) -> None:
-        """Go on where a flight stood."""
         self.flight.resume(resumed.at, resumed.path_began)
         self._heartbeats.resume(resumed.at)
         self._next_tick = resumed.at
         self._reconfiguration.resume(resumed)
         self.orders.resume(resumed.mission_s)
 
-    # The engine's side.
+    # The engine's interface.
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return the sockets: one for each different endpoint of the scenario."""
@@ -114,7 +113,7 @@ class Station(Engine):
         return out
 
     def next_timer(self) -> Instant | None:
-        """Return the instant of the next tick, probe or delayed setpoint; None when the run has ended."""
+        """Return the instant of the next tick, TIMESYNC request or delayed setpoint; None after the run's end."""
         if self.flight.ended:
             return None
         soonest = min(self._next_tick, self._heartbeats.next_probe)
@@ -138,7 +137,7 @@ class Station(Engine):
             self._recorder.frames(now, raws)
 
     def handle_timer(self, now: Instant) -> None:
-        """Do what is due: probes and delayed setpoints at any time, everything else at ticks."""
+        """Do what is due: TIMESYNC requests and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self._each:
                 vehicle.round_trips.forget_requests(now)
@@ -150,7 +149,7 @@ class Station(Engine):
             self.tick(now)
         self._send_all(self._dispatch.pop_due(now), now)
 
-    # A tick, in its order.
+    # A tick, in the order of its steps.
 
     def tick(self, now: Instant) -> None:
         """Run one tick: links, start-up, membership, setpoints, record."""
@@ -190,7 +189,7 @@ class Station(Engine):
         return overdue and not self.flight.ended
 
     def _judge_members(self, now: Instant) -> None:
-        """Decide which vehicles fly in the formation, and who succeeds a lost leader."""
+        """Decide which vehicles fly in the formation, and which one succeeds a lost leader."""
         changes, estimator, leader = self._reconfiguration, self.controller.estimator, self._reconfiguration.leader
         connecting, beyond = self.flight.phase is Phase.CONNECTING, self.margins.beyond
         sinking = self._conformance.sinking
@@ -206,22 +205,22 @@ class Station(Engine):
 
     @property
     def commands_anybody(self) -> bool:
-        """Whether a vehicle that was heard is commanded: by a step of its start-up, in the formation, or at the end."""
+        """Whether any vehicle heard is commanded: by a step of its start-up, in the formation, or at the end."""
         commands = self.flight.phase in COMMANDED or self.flight.phase is Phase.LOITERING
         heard = (each for each in self._each if each.connection.state is not LinkState.SEARCHING)
         return any(commands or each.start_up.acted for each in heard)
 
     def bad_frames(self, identity: VehicleId) -> int:
-        """Return how many frames from a vehicle's address were dropped."""
+        """Return the number of invalid frames from a vehicle's address."""
         connection = self.vehicles[identity].connection
         return self._receiver.counts(connection.socket, connection.peer).bad
 
     def received(self) -> ParserCounts:
-        """Return what has come from everybody, vehicles and others."""
+        """Return the counts of everything received, also from other senders."""
         return self._receiver.total()
 
     def _schedule_tick(self, now: Instant) -> None:
-        """Schedule the next tick on the grid of ticks; ticks that were missed are skipped."""
+        """Schedule the next tick on the grid of ticks; missed ticks are skipped."""
         missed = max(0, math.floor(seconds_between(self._next_tick, now) / self._period_s))
         self._next_tick = after(self._next_tick, (missed + 1) * self._period_s)
 
@@ -246,7 +245,7 @@ class Station(Engine):
             self._begin(now)
 
     def _begin(self, now: Instant) -> None:
-        """Begin to command the formation, if its leader follows setpoints."""
+        """Begin to command the formation if its leader follows setpoints."""
         takeover, resumed = self._takeover, self._takeover.resumed
         if resumed is None or not resumed.near:
             leads = self._starting.leader_ready(self.scenario.leader)
@@ -275,7 +274,7 @@ class Station(Engine):
         self._send_all(commands, now)
 
     def _take_samples(self, now: Instant) -> None:
-        """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
+        """Take new samples before vehicles are judged by their age, in case the station was held up."""
         if self.flight.phase not in COMMANDED:
             return
         samples: list[Sample | None] = [None] * self.controller.columns
@@ -307,7 +306,7 @@ class Station(Engine):
             self._recorder.event(event)
         self.controlled_ticks += 1
         begins = phase is Phase.ASSEMBLING and controller.guidance.started
-        over = mission_s >= self.scenario.duration_s  # of a flight that was taken up again; NaN before the path
+        over = mission_s >= self.scenario.duration_s  # possible for a resumed flight; False before the path (NaN)
         if begins and not over and self.course.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
         if opening is None:
@@ -316,7 +315,7 @@ class Station(Engine):
             self.course.move(Cause.OPENED, now)
 
     def _look_on(self, now: Instant) -> None:
-        """Record where everyone is while nobody is commanded, once somebody has taken off."""
+        """Record the vehicles' states while none is commanded, once one has taken off."""
         if self.flight.ended:
             return
         self.orders.advance(now)
@@ -335,7 +334,7 @@ class Station(Engine):
         self._recorder.tick(tick)
         self.recorded_ticks += 1
 
-    # What happens, and what is said about it.
+    # Events and messages.
 
     def _note(
         self,
@@ -345,11 +344,11 @@ class Station(Engine):
         vehicle: Vehicle | None = None,
         details: Mapping[str, Detail] | None = None,
     ) -> None:
-        """Record an event, of a vehicle or of the run: the `Note` of all parts of the station."""
+        """Record an event of a vehicle or the run: the `Note` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
     def _fail(self, text: str, now: Instant) -> None:
-        """End the run: the `GiveUp` of what is made before its course."""
+        """End the run: the `GiveUp` of parts created before `course`."""
         self.course.fail(text, now)
 
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
@@ -366,7 +365,7 @@ class Station(Engine):
             self.preflight.take(vehicle, message, now)
 
     def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
-        """Take a frame that may show another mode or a text, and say so; an answered probe may show a restart."""
+        """Take a frame that may show another mode, a text or a restart, and record the change."""
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):

@@ -1,4 +1,4 @@
-"""The configuration of a fleet, and that of a scenario's vehicles."""
+"""The configuration of a fleet, and its derivation from a scenario."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from formation_scenario.vehicles import Family, VehicleModel, family_of, reads_e
 
 @dataclass(frozen=True)
 class Pitot:
-    """An airspeed sensor, which autopilots fly by."""
+    """The airspeed sensor by which an autopilot flies."""
 
     field_m: float
     """Height of the origin above sea level."""
     scale: float = 1.0
-    """What it reads by equivalent airspeed."""
+    """Ratio of reading to equivalent airspeed."""
 
     def reading(self, true_mps: float, height_m: float) -> float:
-        """Return what it reads at a true airspeed, at a height above the origin."""
+        """Return the reading at a true airspeed, at a height above the origin."""
         return self.scale * true_mps / true_by_equivalent_airspeed(self.field_m + height_m)
 
     def true(self, reading_mps: float, height_m: float) -> float:
-        """Return the true airspeed at which it reads so much, at a height above the origin."""
+        """Return the true airspeed of a reading, at a height above the origin."""
         return reading_mps * true_by_equivalent_airspeed(self.field_m + height_m) / self.scale
 
 
@@ -43,16 +43,16 @@ class VehicleConfig:
     start: StartState
     model: VehicleModel = field(default_factory=VehicleModel)
     family: Family | None = None
-    """As which autopilot it speaks; None: as an emulator of its model."""
+    """The autopilot family that it emulates; None: by its model."""
     pitot: Pitot | None = None
-    """None: it tells true airspeeds, and is told them."""
+    """None: airspeeds in messages are true."""
     clock_offset_s: float = 0.0
     clock_drift: float = 0.0
-    """Relative rate by which its clock runs faster than true time."""
+    """Rate of its clock relative to true time, minus 1."""
     utc_error_s: float | None = 0.0
-    """Error of its receiver's UTC; None: it has none."""
+    """Error of its receiver's UTC, s; None without a receiver."""
     navigation: Navigation = field(default_factory=TrueNavigation)
-    """Where its telemetry comes from; keys of the resolved scenario, none is missing."""
+    """Source of its telemetry, with all keys of the resolved scenario."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class FleetConfig:
     cruise_mps: float = 22.0
     wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbances: tuple[tuple[Disturbance, frozenset[VehicleId]], ...] = ()
-    """Each with the vehicles that it hits."""
+    """Each with the vehicles concerned."""
     faults: tuple[tuple[Fault, frozenset[VehicleId]], ...] = ()
-    """Each with the vehicles that have it."""
+    """Each with the vehicles concerned."""
     utc_at_0_us: int = VIRTUAL_EPOCH_US
     """UTC at instant 0, microseconds since 1970."""
     seed: int = 1
@@ -76,7 +76,7 @@ class FleetConfig:
 
 
 def stand_ins(scenario: Scenario) -> str:
-    """Return which vehicles of a real autopilot family are emulated, in words; "" if none is."""
+    """Return in words which vehicles of a real autopilot family are emulated; "" if none is."""
     named = [
         f"vehicle {each.vehicle_id} ({each.autopilot})" for each in scenario.vehicles if each.autopilot != "emulator"
     ]
@@ -84,7 +84,7 @@ def stand_ins(scenario: Scenario) -> str:
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
-    """Return the fleet that a scenario describes: each vehicle at the other end of its endpoint, at its start."""
+    """Return the fleet of a scenario, with each vehicle at the other end of its endpoint and at its start."""
     vehicles = tuple(
         VehicleConfig(
             identity=vehicle.vehicle_id,

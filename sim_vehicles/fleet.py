@@ -31,9 +31,9 @@ TruthListener = Callable[[Instant, "Fleet"], None]
 class Fleet(Engine):
     """Flies all vehicles; each has a socket of its own.
 
-    A cycle of the main loop moves the vehicles to its instant, then handles what has arrived (so replies are sent on
-    the loop, as a real autopilot's are), then sends what is due. A late timer catches up cycle by cycle. Where the real
-    one's loop is quicker than this, the time alone is told as it is asked for: delays are measured by that.
+    A cycle of the main loop moves the vehicles to its instant, handles what has arrived, so that replies are sent on
+    the loop as a real autopilot's are, and sends what is due. A late timer catches up cycle by cycle. For autopilots
+    with a faster loop only TIMESYNC is answered on arrival, because delays are measured by it.
     """
 
     def __init__(self, config: FleetConfig, now: Instant = Instant(0), truth: TruthListener | None = None) -> None:
@@ -58,7 +58,7 @@ class Fleet(Engine):
         return tuple(vehicle.endpoint for vehicle in self.config.vehicles)
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
-        """Keep datagrams for their vehicles' next cycles."""
+        """Queue datagrams for their vehicles' next cycles."""
         for datagram in datagrams:
             vehicle = self.vehicles[datagram.socket]
             vehicle.receive(datagram, now)

@@ -1,4 +1,4 @@
-"""One vehicle's end of its link: its peers, datagrams to frames, and messages to datagrams."""
+"""One vehicle's end of its link: its peers, and conversion between datagrams, frames and messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim_vehicles.config import VehicleConfig
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 PEER_FORGOTTEN_S: Final = 10.0
 UNHEARD: Final = Instant(-1)
-"""When a peer was heard that never sent a valid frame."""
+"""`Peer.heard` of a peer that hasn't sent a valid frame."""
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
@@ -25,10 +25,10 @@ _TIMESYNC: Final = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 
 class Peer:
-    """A remote: what it sends, how frames to it are numbered, and when it was last heard."""
+    """A remote: its parser, the writer that numbers frames to it, and when it was last heard."""
 
     def __init__(self, address: Address, system: int) -> None:
-        """Start with nothing heard from it; `system` is our own."""
+        """Start with nothing heard from it; `system` is the vehicle's."""
         self.address = address
         self.parser = StreamParser()
         self.writer = FrameWriter(system, AUTOPILOT)
@@ -39,14 +39,14 @@ class Peer:
 class Link:
     """Sends answers to the peer that asked, and everything else to all peers.
 
-    A `udpout` has one peer; those of a `udpin` are all that it has heard lately. Frames are numbered separately for
-    each peer, so that a gap in the numbers is a loss on that peer's link.
+    A `udpout` has one peer, a `udpin` all those heard recently. Frames are numbered separately for each peer, so that a
+    gap in the numbers is a loss on that peer's link.
     """
 
     def __init__(self, socket: int, config: VehicleConfig, *, locks: bool) -> None:
         """Send on socket number `socket` of the engine, which takes the datagrams from the `outbox`.
 
-        `locks`: only the first who sends is heard, until it restarts.
+        `locks`: only the first sender is heard until the vehicle restarts.
         """
         self._locks = locks
         self._socket = socket
@@ -55,9 +55,9 @@ class Link:
         self._fixed_address = config.endpoint.address if config.endpoint.kind == "udpout" else None
         self._inbox: list[Datagram] = []
         self._peers: dict[Address, Peer] = {}
-        """In the order in which they sent last."""
+        """Peers by address, sorted by when they last sent."""
         self._dropped = 0
-        """Frames of forgotten peers."""
+        """Invalid frames of forgotten peers."""
         self.restart()
 
     def restart(self) -> None:
@@ -66,27 +66,27 @@ class Link:
         self._inbox.clear()
         self._peers.clear()
         self._heard: list[Peer] = []
-        """Those that sent a valid frame, in the order in which they did so first."""
+        """Peers that have sent a valid frame, sorted by when they first did."""
         self._last: Peer | None = None
         self._last_address: Address | None = None
-        """Whom the last datagram came from: mostly the next one does too."""
+        """Sender of the last datagram, usually also the next one's."""
         self._fixed: Peer | None = None
         if self._fixed_address is not None:
             self._fixed = self._peers[self._fixed_address] = Peer(self._fixed_address, self._system)
 
     @property
     def frames_bad(self) -> int:
-        """Dropped frames, from all peers."""
+        """Number of invalid frames, from all peers."""
         return self._dropped + sum([peer.parser.counts.bad for peer in self._peers.values()])
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Keep a datagram that arrived at `now` for the next turn of the main loop."""
+        """Keep a datagram that arrived at `now` for the next cycle of the main loop."""
         if len(self._inbox) < MAX_INBOX:
             datagram.arrived = now
             self._inbox.append(datagram)
 
     def time_asked(self, datagram: Datagram, now: Instant) -> Timesync | None:
-        """Return the TIMESYNC request that is all of a datagram from a known peer, None if it is anything else."""
+        """Return the TIMESYNC request if a datagram from a known peer holds only that, else None."""
         data, peer = datagram.data, self._peers.get(datagram.peer)
         if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
             return None
@@ -101,17 +101,17 @@ class Link:
 
     @property
     def next_arrival(self) -> Instant:
-        """When the oldest datagram arrived that hasn't been read."""
+        """Arrival of the oldest unread datagram."""
         return self._inbox[0].arrived if self._inbox else NEVER
 
     def ignore(self) -> None:
-        """Drop what has arrived."""
+        """Drop unread datagrams."""
         self._inbox.clear()
 
     def frames(self, now: Instant) -> list[tuple[Address, Frame]]:
         """Return the valid frames for this vehicle that have arrived by `now`, each with its peer.
 
-        A process that was held up makes up for its cycles: the earlier of them don't know what arrived afterwards.
+        When a process that was held up catches up with its cycles, later arrivals are left for later cycles.
         """
         found: list[tuple[Address, Frame]] = []
         if not self._inbox:
@@ -135,9 +135,9 @@ class Link:
         return found
 
     def _is_for_us(self, frame: Frame) -> bool:
-        """Return whether a frame is for everyone or names us; what has our own ids is our own, back from a loop.
+        """Return whether a frame is for everyone or for us; a frame with our own ids has come back from a loop.
 
-        A companion computer has our system id, and a component id of its own.
+        A companion computer has our system id, but its own component id.
         """
         target = 0 if frame.message is None else frame.message.addressee()
         own = frame.system == self._system and frame.component == AUTOPILOT
@@ -150,7 +150,7 @@ class Link:
             self._send(peer, message)
 
     def broadcast(self, message: Message, now: Instant) -> None:
-        """Send to everyone."""
+        """Send to all peers heard recently."""
         if self._fixed is not None:
             self._send(self._fixed, message)
             return
@@ -162,7 +162,7 @@ class Link:
         self.outbox.append(Datagram(self._socket, peer.address, peer.writer.encode(message)))
 
     def _peer(self, address: Address) -> Peer | None:
-        """Return whom a datagram comes from; None: it isn't heard."""
+        """Return the sender of a datagram; None if it isn't heard."""
         if address is self._last_address:
             return self._last
         peer = self._peers.get(address)
@@ -179,7 +179,6 @@ class Link:
         return peer
 
     def _known(self, address: Address) -> Peer | None:
-        """Return the peer at an address, None if there is none."""
         return self._last if address is self._last_address else self._peers.get(address)
 
     def _forget_one(self) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MAGIC = b"truth\x00\x00\x03"
 NUMBER_BYTES = 8
 TURNS: Final = 2
-"""Cycles of the main loop for each row."""
+"""Number of cycles of the main loop for each row."""
 HEADER = struct.Struct("<8sQ")
 QUANTITIES = (
     "north_m",
@@ -37,8 +37,8 @@ QUANTITIES = (
     "disturbance_down_mps",
     "airborne",
 )
-"""Of each vehicle: NED from the origin, height and climb upwards; the sum of all disturbances without the wind; 1 in
-flight, 0 on the ground."""
+"""Values of each vehicle: NED from the origin, height and climb upwards; the sum of all disturbances without the wind;
+1 in flight, 0 on the ground."""
 
 
 class TruthError(Exception):
@@ -62,7 +62,7 @@ class TruthWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write what is waiting and close the file."""
+        """Write the buffer and close the file."""
         self._write()
         with suppress(OSError):
             self._file.close()
@@ -79,7 +79,7 @@ class TruthWriter:
             self._write()
 
     def _write(self) -> None:
-        """Write what is waiting; a full disk ends the record, not the flight."""
+        """Write the buffer; a full disk ends the record, not the flight."""
         if self._full:
             return
         try:
@@ -117,9 +117,7 @@ class TruthRecord:
         return mapped(self._path, HEADER.size, (self.rows, self._width))
 
     def between(self, from_s: float, to_s: float) -> dict[str, Array]:
-        """Return the rows from the last one that isn't after a time to the first one that is after another.
-
-        There are two at least, where the record has so many.
+        """Return the rows from the last at or before `from_s` to the first after `to_s`, if possible at least two.
 
         Returns:
             `time_s` (T,) since the clock's epoch, and each of `QUANTITIES` (T, V).

@@ -1,1 +1,1 @@
-"""Who is there, and does what it is commanded."""
+"""Membership and conformance: which vehicles are present, and whether they fly as commanded."""

@@ -1,4 +1,4 @@
-"""Heights for circling vehicles: clear of the ground around them, and separated where circles may meet."""
+"""Heights for circling vehicles: clear of the ground, and separated where circles may meet."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from formation_scenario import Scenario
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 STACK_M = 15.0
-"""Vertical distance of circles that may meet."""
+"""Vertical separation of circles that may meet."""
 CIRCLES_MEET_M = 400.0
-"""Circles whose vehicles start this far apart don't meet: twice the diameter of a circle of 100 m radius."""
+"""Distance between starting positions from which circles don't meet: twice the diameter of a 100 m radius circle."""
 OPENING_LIMIT_S = 30.0
-"""For how long vehicles are kept from circling at least, if not all get to their heights before."""
+"""Least time limit for vehicles to reach their heights before they circle."""
 OPENING_RESERVE_S = 15.0
-"""How much longer than the climb to the highest level takes they are kept from it."""
+"""Time added to the climb to the highest level in that limit."""
 AROUND_M = CIRCLES_MEET_M / 2
-"""Largest distance of a circle from where it was commanded."""
+"""Largest distance of a circle's points from the commanded position."""
 SAMPLE_M = 10.0
 Band = tuple[float, float]
-"""The lowest and the highest of the heights at one of which a vehicle is that nobody can move, m."""
+"""Lowest and highest of the heights at one of which a vehicle that can't be commanded may be, m."""
 
 
 class HighestGround(NamedTuple):
-    """The lowest height that clears the ground around a position, and where that ground is highest."""
+    """The lowest height that clears the ground around a position, and the point where that ground is highest."""
 
     height_m: float
     north_m: float
@@ -36,10 +36,10 @@ class HighestGround(NamedTuple):
 
 
 class GroundFloor:
-    """The lowest heights at which vehicles may circle over the scenario's ground."""
+    """Lowest circling heights over the scenario's ground."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Keep the terrain's clearance; without terrain, circles may be at any height."""
+        """Keep the terrain's clearance; without terrain there is no lower limit."""
         self._ground = scenario.ground if scenario.terrain else None
         self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
         across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
@@ -48,7 +48,7 @@ class GroundFloor:
         self._north_m, self._east_m = north[within], east[within]
 
     def top(self, north_m: float, east_m: float) -> HighestGround:
-        """Return the lowest height of a circle that begins at a position."""
+        """Return the lowest height of a circle that starts at a position."""
         if self._ground is None:
             return HighestGround(-math.inf, north_m, east_m)
         north, east = north_m + self._north_m, east_m + self._east_m
@@ -57,7 +57,7 @@ class GroundFloor:
         return HighestGround(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
     def highest(self, places: Iterable[tuple[float, float]]) -> HighestGround:
-        """Return the highest `top` of several positions; those that can't have it aren't looked at."""
+        """Return the highest `top` of several positions; an upper bound excludes most without evaluation."""
         begins, best = list(places), HighestGround(-math.inf, math.nan, math.nan)
         if self._ground is None or not begins:
             return best
@@ -71,7 +71,7 @@ class GroundFloor:
         return best
 
     def unknown(self, north_m: float, east_m: float) -> tuple[float, float] | None:
-        """Return a place north and east, m, below a circle that begins at a position, of which no height is known."""
+        """Return a point north and east, m, below a circle from a position where the terrain has no data, if any."""
         if self._ground is None:
             return None
         north, east = north_m + self._north_m, east_m + self._east_m
@@ -79,7 +79,7 @@ class GroundFloor:
         return (float(north[void[0]]), float(east[void[0]])) if void.size else None
 
     def highest_m(self, north_m: float, east_m: float, around_m: float) -> float:
-        """Return the highest ground within `around_m` of a position, m; minus infinity without terrain."""
+        """Return the highest ground within `around_m` of a position, m; -inf without terrain."""
         if self._ground is None:
             return -math.inf
         across = np.arange(-around_m, around_m + SAMPLE_M, SAMPLE_M)
@@ -88,7 +88,7 @@ class GroundFloor:
         return float(np.nan_to_num(height_m, nan=-math.inf).max())
 
     def over_way(self, begin_m: tuple[float, float], end_m: tuple[float, float]) -> float:
-        """Return the lowest height for flying straight from one place to another, and circling there, m."""
+        """Return the lowest height for flying straight between two positions and circling at the second, m."""
         if self._ground is None:
             return -math.inf
         (north_m, east_m), north_by_m, east_by_m = begin_m, end_m[0] - begin_m[0], end_m[1] - begin_m[1]
@@ -104,10 +104,10 @@ def loiter_heights(
     *,
     together: bool = False,
 ) -> dict[VehicleId, float]:
-    """Return a height above the origin for each vehicle, m; none below its own or `floor_m`.
+    """Return a height above the origin for each vehicle, m; none below its present height or `floor_m`.
 
-    From the lowest vehicle up, each takes the lowest height that is `apart_m` from those of its neighbours, and from
-    what is taken: nobody sinks, and as few as possible cross another's height. `together`: all circle at one place.
+    From the lowest vehicle up, each gets the lowest height that is `apart_m` from its neighbours' and from the `taken`
+    ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position.
     """
     heights: dict[VehicleId, float] = {}
     for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
@@ -117,17 +117,17 @@ def loiter_heights(
 
 
 def opening_limit_s(climb_m: float, climb_mps: float) -> float:
-    """Return for how long vehicles are kept from circling at most, the highest of which have to climb this far."""
+    """Return the time limit for a climb of `climb_m` to the highest level before vehicles circle, s."""
     return max(OPENING_LIMIT_S, climb_m / climb_mps + OPENING_RESERVE_S)
 
 
 def may_meet(one: ReportedMotion, other: ReportedMotion) -> bool:
-    """Return whether circles that begin at two places may meet."""
+    """Return whether circles that start at two positions may meet."""
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
 
 
 def _free_m(height_m: float, taken: Sequence[Band], apart_m: float) -> float:
-    """Return the lowest height from `height_m` up that is `apart_m` from everything that's taken."""
+    """Return the lowest height from `height_m` up that is `apart_m` from all taken ones."""
     for low_m, high_m in sorted(taken):
         if low_m - apart_m < height_m < high_m + apart_m:
             height_m = high_m + apart_m

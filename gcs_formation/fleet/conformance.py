@@ -1,4 +1,4 @@
-"""Whether vehicles do what they were commanded and acknowledged."""
+"""Checks whether vehicles do what they acknowledged."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 STEP_LAG_S: Final = 4.0
-"""Least time constant of an airspeed under total-energy control after a step, which its energy's rate limits."""
+"""Least time constant of airspeed after a step under total-energy control, whose energy rate is limited."""
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
-    """Return the models that changes are expected by; the lags of an airframe's slow changes aren't those of steps."""
+    """Return the models that predict changes; an airframe's lags for slow changes are too short for steps."""
     models = autopilot_models(scenario)
     for model, keys in zip(models, column_models(scenario), strict=True):
         if keys.airframe is not None:
@@ -35,7 +35,7 @@ def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
 
 
 def _noise(scenario: Scenario) -> list[tuple[float, float, float]]:
-    """Return the standard deviations of each channel's telemetry, column by column."""
+    """Return the standard deviations of airspeed, heading and position in telemetry, by column."""
     sources = [vehicle.navigation if vehicle else None for vehicle in columns(scenario)]
     return [
         (each.airspeed_sigma_mps, math.radians(each.heading_sigma_deg), each.position_sigma_m)
@@ -67,22 +67,22 @@ class ConformanceMonitor:
         ]
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
-        """Columns that refuse or don't acknowledge setpoints, or don't seem to follow those that they do, (C,)."""
+        """Columns whose setpoints are refused, unacknowledged or apparently not followed, (C,)."""
         self.sinking = set[VehicleId]()
-        """Vehicles that lose height though they are told to climb."""
+        """Vehicles that lose height although commanded to climb."""
         self._unanswered = set[VehicleId]()
-        """Vehicles that were commanded and answered nothing."""
+        """Vehicles that answer nothing although commanded."""
         self._refused = set[SetpointChannel]()
-        """Setpoints that were refused, and haven't been accepted since."""
+        """Channels whose setpoints were refused, and haven't been accepted since."""
         self._silent = set[SetpointChannel]()
-        """Setpoints that aren't acknowledged by vehicles that answer."""
+        """Channels whose setpoints aren't acknowledged, of vehicles that answer otherwise."""
         self._missed = [Instant(0)] * len(self._vehicles)
-        """When each last answered nothing, (V,)."""
+        """When each vehicle last left something unanswered, (V,)."""
         self._insisted = dict[VehicleId, tuple[int, str]]()
-        """What else was reported to be refused, and of which list of commands it was."""
+        """Command list and text of the last reported refusal of a command under insistence."""
 
     def judge_answers(self, now: Instant) -> None:
-        """Check that vehicles that are commanded and heard answer: events `uplink`, at the beginning and at the end."""
+        """Check that vehicles heard and commanded answer: an event `uplink` at the beginning and end of a failure."""
         for place, vehicle in enumerate(self._vehicles):
             missing = vehicle.unanswered_s > UNANSWERED_S
             if missing:
@@ -99,9 +99,9 @@ class ConformanceMonitor:
                 self._note(now, "uplink", "answers again", vehicle)
 
     def judge_refusals(self, now: Instant) -> None:
-        """Check that setpoints, and commands that are insisted on, are accepted.
+        """Check that setpoints, and commands under insistence, are accepted.
 
-        Events `disobeys` and `obeys` of each that isn't, and is again.
+        An event `disobeys` reports each that isn't, `obeys` that it is again.
         """
         for vehicle in self._vehicles:
             if vehicle.commands.insists or self._insisted:
@@ -122,7 +122,7 @@ class ConformanceMonitor:
                     self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
 
     def judge_silence(self, now: Instant) -> None:
-        """Check that vehicles that answer acknowledge each of their setpoints: events `uplink`, as above."""
+        """Check that vehicles that answer also acknowledge their setpoints: events `uplink`, as in `judge_answers`."""
         for place, flier in enumerate(self._fliers):
             since, vehicle, missed = flier.since, flier.vehicle, self._missed[place]
             for channel in vehicle.setpoint_channels:
@@ -141,7 +141,7 @@ class ConformanceMonitor:
                     self._note(now, "uplink", f"{name} {text}", vehicle, {"order": name})
 
     def _judge_insisted(self, vehicle: Vehicle, now: Instant) -> None:
-        """Report a command that is refused though it is insisted on, and when it has been carried out."""
+        """Report a command under insistence that is refused, and when it has been carried out."""
         commands, reported = vehicle.commands, self._insisted.get(vehicle.identity)
         if commands.refused(now):
             words = vehicle.refusal
@@ -163,7 +163,7 @@ class ConformanceMonitor:
         return bool(self._refused) and any(channel.is_refused(heartbeats) for channel in reported)
 
     def judge_commands(self, now: Instant) -> None:
-        """Check modes and arming."""
+        """Check that acknowledged changes of mode and arming take effect."""
         for vehicle in self._vehicles:
             if not vehicle.effects.watching:
                 continue
@@ -179,12 +179,12 @@ class ConformanceMonitor:
                 self._note(now, "obeys", f"{before} is over", vehicle, {"order": before})
 
     def stand_down(self) -> None:
-        """Expect nothing of setpoints, which nobody is sent any more."""
+        """Stop expecting motion by setpoints: none are sent any more."""
         for flier in self._fliers:
             flier.since = None
 
     def judge_motion(self, tick: Tick, now: Instant) -> None:
-        """Check how the vehicles follow this and earlier ticks' setpoints."""
+        """Check that vehicles follow the setpoints of this and earlier ticks."""
         for flier in self._fliers:
             if not tick.active[flier.vehicle.column]:
                 flier.since = None
@@ -199,7 +199,7 @@ class ConformanceMonitor:
             state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
                 state = _by_course(state, vehicle.telemetry.motion)
-            found = flier.look(own.stamp, state, self._controller.history, now)
+            found = flier.check(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
             self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle)
@@ -213,7 +213,7 @@ class ConformanceMonitor:
 
 
 def _by_course(state: FlightState, seen: ReportedMotion | None) -> FlightState:
-    """Return a state with the heading that the course over ground shows."""
+    """Return a state whose heading is derived from the course over ground."""
     shown = state.copy()
     if seen is not None:
         shown.heading_rad = heading_shown(state, seen.north_mps, seen.east_mps)

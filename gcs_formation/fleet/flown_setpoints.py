@@ -1,4 +1,4 @@
-"""Whether one vehicle flies as its setpoints led, by the autopilot model."""
+"""Checks whether one vehicle follows its setpoints, by the autopilot model."""
 
 from __future__ import annotations
 
@@ -15,47 +15,47 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
 
 CHECK_S: Final = 0.4
 WINDOW_S: Final = 3.2
-"""Length of the window over which motion is compared."""
+"""Length of the window over which flown and expected motion are compared."""
 WINDOW_CHECKS: Final = round(WINDOW_S / CHECK_S)
 SETTLED_S: Final = WINDOW_S + 1.0
-"""A vehicle is judged once it has been commanded, and has acknowledged setpoints, for this long."""
+"""A vehicle is judged after it has been commanded, and has acknowledged its setpoints, for this long."""
 CLIMBING_MPS: Final = 1.0
 LEVELS_OUT_S: Final = 30.0
-"""Airspeed and height of one that climbed, or sank, faster when it was taken over, after so long: an aircraft that
-levels out of its climb trades speed for height, and its throttle lags."""
+"""Airspeed and height of a vehicle that was climbing or sinking faster when taken over aren't judged for this long: an
+aircraft that levels out trades speed for height, and its throttle lags."""
 OFF_MPS: Final = 2.0
 OFF_S: Final = 8.0
-"""Nor the height of an aircraft while its airspeed is so much off what it is told, and for so long afterwards: it dives
-for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after they had lacked 2.5 m/s)."""
+"""An aircraft's height isn't judged while its airspeed is off the setpoint by more than `OFF_MPS`, and this long after:
+it dives for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after lacking 2.5 m/s)."""
 LEAST_CHANGE = (1.0, 0.04, 1.5)
-"""Airspeed in m/s, heading in rad, height in m: smaller expected changes within the window aren't judged."""
+"""Airspeed in m/s, heading in rad, height in m: smaller expected changes in the window aren't judged."""
 SIGMAS: Final = 4.0
-"""To that, this many standard deviations of the telemetry's noise are added."""
+"""Multiple of the telemetry noise's standard deviation that is added to these."""
 FAST_SHARE: Final = 0.9
-"""Share of the highest airspeed above which climbs aren't judged: hardly any power is left for them."""
+"""Share of the highest airspeed above which climbs aren't judged: little power is left for them."""
 RISING_AIR_MPS: Final = 1.5
-"""Vertical air motion that may keep a vehicle from its height, and that telemetry doesn't show."""
+"""Vertical air motion, not visible in telemetry, that may always explain a vehicle's height error."""
 AIR_SIGMAS: Final = 4.0
 AIR_MEMORY_S: Final = 60.0
-"""If that is more, so many standard deviations of what a vehicle has shown of it within about that time; as much may
-come from the side."""
+"""If greater, this multiple of the standard deviation of air motion estimated from the vehicle's heights, averaged over
+about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side."""
 MISSED_SHARE: Final = 0.75
-"""A vehicle that falls short by more isn't following. One that does, as the model says, falls short by 0.3 at most, or
-overshoots; a real one, whose turns begin 0.6 s later than the model's, by 0.65 at the beginning of a bend."""
-GOES_ON_S: Final = 1.5
-"""For so long one goes on turning, or changing its airspeed, as it did when the window began, whatever it is told
-then: (7) has neither a bank nor a throttle that must come back first."""
+"""A vehicle that falls short by a greater share isn't following. By the model a vehicle falls short by at most 0.3; a
+real one, whose turns begin 0.6 s later, by up to 0.65 at the beginning of a bend."""
+CONTINUES_S: Final = 1.5
+"""Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
+(7) lacks the bank and throttle that must first return."""
 CLIMBS_SHARE: Final = 0.5
-"""One that is told a height above its own by more than this share of what its climb can reach within its lags is told
-to climb, whatever the law wants beyond that."""
+"""A height setpoint above the vehicle by more than this share of what its climb limit can reach within its height lags
+is a command to climb."""
 SUNK_M: Final = 15.0
-"""It sinks if it has lost more height since. If that is more, as much as the air that it has shown explains."""
+"""A vehicle so commanded sinks if it loses more height than this, or, if greater, than its air motion explains."""
 AT_LIMIT_SHARE: Final = 0.9
-"""One that is told a height above its own by this share of that is told to climb as fast as it can."""
+"""A height setpoint above the vehicle by this share of the same reach is a command to climb at the limit."""
 CLIMBS_LEAST_SHARE: Final = 0.25
 CHECKS_STUCK: Final = 20
-"""It is stuck that climbs at less than this share of its limit for 8 s in which it is told so: air that sinks fast
-enough to explain it keeps it from its height as well."""
+"""A vehicle is stuck if it climbs at less than `CLIMBS_LEAST_SHARE` of its limit during 8 s of such commands. Sinking
+air that could explain this keeps it from its height as well."""
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
 CHECKS_MENDED: Final = 8
@@ -65,11 +65,11 @@ AIRSPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
 Judged = tuple[bool, bool, bool]
-"""Which of them are."""
+"""Whether each channel is judged."""
 
 
 class NonConformance(NamedTuple):
-    """A commanded change that a vehicle didn't fly within the window, or since it began to sink: m/s, rad or m."""
+    """A commanded change that wasn't flown in the window, or the height lost since sinking began: m/s, rad or m."""
 
     channel: str
     expected: float
@@ -78,7 +78,7 @@ class NonConformance(NamedTuple):
 
 
 class FlownSetpoints:
-    """One vehicle: where it has been within the window, and how often it fell short."""
+    """One vehicle's states within the window, and how often it fell short."""
 
     def __init__(
         self,
@@ -87,13 +87,13 @@ class FlownSetpoints:
         sigma: tuple[float, float, float],
         prompt_share: float,
     ) -> None:
-        """Expect changes by `model`.
+        """Predict changes by `model`.
 
         Args:
-            vehicle: whose they are.
-            model: how it flies.
-            sigma: standard deviations of the telemetry of each channel.
-            prompt_share: of a change of airspeed; its integrator does the rest, in its own time.
+            vehicle: the vehicle to check.
+            model: its autopilot model.
+            sigma: standard deviations of the telemetry noise of each channel.
+            prompt_share: share of an airspeed change that is prompt; the autopilot's integrator does the rest slowly.
         """
         self.vehicle, self.model = vehicle, model
         self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
@@ -101,25 +101,26 @@ class FlownSetpoints:
         self.carried_m = _carried_m(model)
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.since: Instant | None = None
-        """Since when it has been commanded without a break."""
+        """Start of its present period of setpoints; None while it has none."""
         self.past, self.stamps = list[FlightState](), list[int]()
-        """Its states at the last checks, `WINDOW_CHECKS` at most, and when they were true."""
+        """Its states at the last checks, at most `WINDOW_CHECKS`, and their times."""
         self.climbed = False
         """Whether it was climbing or descending when it was first commanded."""
         self.off_at = Instant(-round(OFF_S * NANOSECONDS))
-        """When its airspeed was last far off what it was told."""
+        """When its airspeed was last far off its setpoint."""
         self.air_variance = 0.0
-        """Of the vertical motion of the air that would explain its heights, (m/s)²."""
+        """Variance of the vertical air motion that would explain its heights, (m/s)²."""
         self.highest_m, self.highest_at, self.sinks = -math.inf, 0, False
-        """Its greatest height since it has been told to climb, when that was true, and whether it has lost it."""
+        """Its greatest height since it was commanded to climb, the time of that, and whether it is sinking."""
         self.stuck = 0
-        """For how many checks in a row it has hardly climbed though it is told to as fast as it can."""
+        """Number of consecutive checks in which it hardly climbed although commanded to at its limit."""
         self.bad, self.good, self.broken, self.missed = [0, 0, 0], 0, False, AIRSPEED
-        """How often in a row each channel was missed, and none was; whether it doesn't follow, and which it missed."""
+        """Consecutive misses of each channel; consecutive checks without a miss; whether it isn't following, and in
+        which channel."""
 
     @property
     def worst(self) -> int:
-        """The channel that has been missed most often in a row."""
+        """The channel with the most consecutive misses."""
         speed, heading, height = self.bad[AIRSPEED], self.bad[HEADING], self.bad[HEIGHT]
         if speed >= heading and speed >= height:
             return AIRSPEED
@@ -127,11 +128,11 @@ class FlownSetpoints:
 
     @property
     def doubted(self) -> bool:
-        """Whether it doesn't follow, or has missed what was expected in two checks in a row."""
+        """Whether it isn't following, or has just missed two checks in a row."""
         return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
 
-    def look(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
-        """Compare its newest state, true at `stamp`, with where setpoints led; return what newly isn't followed."""
+    def check(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
+        """Compare its newest state, of time `stamp`, with the prediction; return a newly found failure to follow."""
         commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
@@ -152,7 +153,7 @@ class FlownSetpoints:
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected, flown = _changes(before, end, seen, hovers=self.model.may_stand)
         judged = by_speed, by_heading, by_height
-        channel = self._judge(expected, self._gone_on(expected, flown), seen.airspeed_mps, judged)
+        channel = self._judge(expected, self._less_initial_motion(expected, flown), seen.airspeed_mps, judged)
         above_m = told_m - seen.height_m if by_height and not fast else math.nan
         sunk = sunk or self._stuck(above_m, flown[HEIGHT])
         if sunk is not None:
@@ -169,15 +170,16 @@ class FlownSetpoints:
         self.past.append(seen)
         self.stamps.append(stamp)
 
-    def _gone_on(self, expected: Triple, flown: Triple) -> Triple:
-        """Return the changes flown, without what it went on with as the window began, against what was expected."""
+    def _less_initial_motion(self, expected: Triple, flown: Triple) -> Triple:
+        """Return the changes flown, less the initial motion that it continues against the expected change."""
         before, after_s = self.past[0], max((self.stamps[1] - self.stamps[0]) / NANOSECONDS, CHECK_S)
         faster_mps, turned_rad, _ = _changes(before, before, self.past[1], hovers=False)[1]
-        speed_mps = _without(expected[AIRSPEED], flown[AIRSPEED], GOES_ON_S * faster_mps / after_s)
-        return speed_mps, _without(expected[HEADING], flown[HEADING], GOES_ON_S * turned_rad / after_s), flown[HEIGHT]
+        speed_mps = _less_if_opposite(expected[AIRSPEED], flown[AIRSPEED], CONTINUES_S * faster_mps / after_s)
+        heading_rad = _less_if_opposite(expected[HEADING], flown[HEADING], CONTINUES_S * turned_rad / after_s)
+        return speed_mps, heading_rad, flown[HEIGHT]
 
     def _commanded(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> float:
-        """Return the height that it is told, NaN if it isn't commanded; note when its airspeed is far off."""
+        """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
         if self.since is None:
             return math.nan
         told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
@@ -186,9 +188,9 @@ class FlownSetpoints:
         return told_m
 
     def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
-        """Return the height that it has lost if it sinks though it is told to climb; NaN in `told_m`: it isn't judged.
+        """Return the height lost if it sinks although commanded to climb; NaN in `told_m`: not judged.
 
-        What it is told stays within its reach, and so sinks with it: by the window alone it falls short of little.
+        Height setpoints stay within its reach, and so sink with it: within one window it hardly falls short of them.
         """
         told = told_m - seen.height_m > CLIMBS_SHARE * self.reach_m
         if not told or seen.height_m - self.past[0].height_m > LEAST_CHANGE[HEIGHT]:
@@ -202,7 +204,7 @@ class FlownSetpoints:
         return NonConformance(CHANNELS[HEIGHT], 0.0, -lost_m, (stamp - self.highest_at) / NANOSECONDS)
 
     def _stuck(self, told_m: float, risen_m: float) -> NonConformance | None:
-        """Return the climb that it doesn't fly though it is told to, so far above its height and for so long."""
+        """Return the climb that it fails to fly with a setpoint `told_m` above it, after enough checks."""
         full_m = self.model.climb_max_mps * WINDOW_S
         stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_LEAST_SHARE * full_m
         self.stuck = self.stuck + 1 if stuck else 0
@@ -210,7 +212,7 @@ class FlownSetpoints:
         return None if self.stuck < CHECKS_STUCK else NonConformance(CHANNELS[HEIGHT], full_m, risen_m)
 
     def _settled(self, now: Instant) -> Judged:
-        """Return of which channels setpoints have been commanded, and acknowledged, for long enough."""
+        """Return for which channels setpoints have been sent, and acknowledged, for long enough."""
         latest = after(now, -SETTLED_S)
         if self.since is None or self.since > latest:
             return False, False, False
@@ -218,14 +220,14 @@ class FlownSetpoints:
         if channels:
             speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
-        # Nobody acknowledges setpoints: answers to probes show that it hears. One that can stand has any course there.
+        # Without acknowledgements, answers to TIMESYNC show that it hears. In hover a multirotor may have any course.
         hears = self.vehicle.unanswered_s <= UNANSWERED_S
         return hears, hears and not self.vehicle.autopilot.stands, hears
 
     def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
-        """Take the changes of the window; return the channel that newly isn't followed, of those that are `judged`.
+        """Evaluate the changes in the window; return the channel that newly isn't followed, of those `judged`.
 
-        The faster it flies, by `airspeed_mps`, the less a gust aside turns its course.
+        A gust from the side turns the course by less at a higher `airspeed_mps`.
         """
         by_speed, by_heading, by_height = judged
         faster_mps, turned_rad, risen_m = expected
@@ -251,7 +253,7 @@ class FlownSetpoints:
         return worst
 
     def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
-        """Return whether a channel's change is flown, but for what air explains, or isn't judged; count if it isn't."""
+        """Return whether a channel's change is flown, explained by the air or not judged; count misses."""
         short = change - flown if change > 0.0 else flown - change
         large = abs(change) >= self.least[channel]
         missed = judged and large and short > max(MISSED_SHARE * abs(change), by_air)
@@ -260,17 +262,18 @@ class FlownSetpoints:
 
 
 def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps: float) -> float:
-    """Return by how much an aircraft's airspeed has changed, but for what it is off because it is `above_m` its height.
+    """Return an aircraft's change of airspeed without the part traded for being `above_m` above its expected height.
 
-    Its throttle holds the sum of both energies and its pitch divides it, slowly: one that is too low by h is too fast
-    by g h / v, and obeys (ArduPilot documentation, "TECS (Total Energy Control System) for speed and height tuning").
+    Total energy control holds the sum of both energies by throttle, and distributes it slowly by pitch. So a vehicle
+    that is too low by h may be too fast by g h / v (ArduPilot documentation, "TECS (Total Energy Control System) for
+    speed and height tuning").
     """
     traded_mps = flown_mps + GRAVITY_MPS2 * above_m / speed_mps
     return within(expected_mps, min(flown_mps, traded_mps), max(flown_mps, traded_mps))
 
 
 def _changes(before: FlightState, end: FlightState, seen: FlightState, *, hovers: bool) -> tuple[Triple, Triple]:
-    """Return by how much airspeed, heading and height were to change until `end`, and have changed."""
+    """Return the expected changes of airspeed, heading and height until `end`, and the actual ones until `seen`."""
     turn_rad, turned_rad = end.heading_rad - before.heading_rad, seen.heading_rad - before.heading_rad
     faster_mps, flown_mps = end.airspeed_mps - before.airspeed_mps, seen.airspeed_mps - before.airspeed_mps
     if hovers:
@@ -280,23 +283,23 @@ def _changes(before: FlightState, end: FlightState, seen: FlightState, *, hovers
 
 
 def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState) -> tuple[float, float]:
-    """Return by how much a multirotor's velocity was to change, and how much of that it has changed by."""
+    """Return the expected change of a multirotor's velocity, and the component of the actual change along it."""
     (north, east), (end_north, end_east), (seen_north, seen_east) = (each.ground_mps() for each in (before, end, seen))
     wanted_north, wanted_east = end_north - north, end_east - east
     wanted = max(math.hypot(wanted_north, wanted_east), LEAST_NORM)
     return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
 
 
-def _without(expected: float, flown: float, gone_on: float) -> float:
-    """Return a change without what somebody went on with, as far as that is against what was expected of it."""
-    against = expected * gone_on < 0.0 and abs(flown) < abs(expected)
-    return flown - gone_on if against else flown
+def _less_if_opposite(expected: float, flown: float, continued: float) -> float:
+    """Return a change without the continued initial motion, if that is opposite to the expected change."""
+    against = expected * continued < 0.0 and abs(flown) < abs(expected)
+    return flown - continued if against else flown
 
 
 def _carried_m(model: AutopilotModel) -> float:
-    """Return how far air that rises at 1 m/s carries a vehicle within the window, its height loop against it.
+    """Return the displacement in the window by air that rises at 1 m/s, against the height loop, m.
 
-    In the end tau_ha + tau_hb; until then the model's own way there.
+    The steady value is tau_ha + tau_hb; the model's response approaches it.
     """
     end_m = model.tau_ha_s + model.tau_hb_s
     state = FlightState(0.0, 0.0, -end_m, 1.0, 0.0, 0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""How good links are in flight: delays of the loops against their margins, and against what gains are designed for."""
+"""Delays of the loops in flight, compared with their margins and with the delay that the gains are designed for."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from gcs_formation.stability.mismatch import LAGS_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR: Final = 0.8
-"""Share of the margin from which an event is recorded."""
+"""Share of the margin from which an event reports it."""
 CLEAR: Final = 0.7
-"""Share below which another event records that it is over."""
+"""Share below which another event reports that this has ended."""
 DEGRADE: Final = 0.9
-"""Share from which gains are lowered."""
+"""Share from which gains are reduced."""
 RESTORE: Final = 0.5
-"""Share below which lowered gains are raised again, after `CALM_LOOKS` looks."""
+"""Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
 LASTING_LOOKS: Final = 4
-"""Consecutive looks, one a second, of which the least scatter counts: round trips before and after a step of the delay
-are far apart for up to 3 s, and that is none."""
+"""Number of checks, one a second, of which the least scatter counts: for up to 3 s after a step of the delay, round
+trips before and after it are in one window and seem to scatter."""
 CALM_LOOKS: Final = 10
-"""Consecutive looks, one a second: the standard deviation of a few round trips is uncertain itself."""
+"""Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
 KEPT: Final = 0.7
-"""Share in use after either change; the fuzzy scheduler can reduce a margin to about 0.77 of itself."""
+"""Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
-"""The channel of each axis."""
+"""Channel index of each axis."""
 EVERY_PLACE: Final = list(range(len(CHANNELS)))
 UNDESIGNED_S: Final = 0.05
-"""By how much links may be slower than gains by design are for before these are designed anew."""
+"""Excess of the links' delay over the design delay from which gains are redesigned."""
 SLOW_LOOKS: Final = 5
-"""Consecutive looks, one a second, for which they must have been slower in flight: a machine may be held up."""
+"""Number of checks, one a second, for which this must last in flight: a machine may just have been held up."""
 DESIGN_STEP_S: Final = 0.01
 
 
 class DesignWatch:
-    """Has gains by design follow the links' delay as it is measured: they become slower, and never faster again."""
+    """Redesigns gains by design when links are slower than designed for; they never become faster again."""
 
     def __init__(
         self,
@@ -55,17 +55,17 @@ class DesignWatch:
         retunes: Sequence[Callable[[Scenario], None]],
         note: Note,
     ) -> None:
-        """Watch the links of `vehicles`; each of `retunes` is called with the scenario that has new gains."""
+        """Watch the links of `vehicles`; each of `retunes` is called with the scenario that has the new gains."""
         self.scenario = scenario
-        """With the gains in force."""
+        """The scenario with the gains in force."""
         self._vehicles, self._retunes, self._note = vehicles, retunes, note
         self._designs = scenario.law.gains == AUTO and not law_kind(scenario).mutual
         self._slow_looks = 0
 
     def watch(self, now: Instant, *, begins: bool = False) -> None:
-        """Look once a second: design slower gains if links have been slower than those in force are for, for a while.
+        """Check once a second: redesign gains after links have been too slow for `SLOW_LOOKS` checks.
 
-        `begins`: nobody is commanded yet, and what is measured now counts.
+        `begins`: before the first setpoint one check is enough.
         """
         if not self._designs:
             return
@@ -94,24 +94,24 @@ class DesignWatch:
 
 
 class WatchedAxis:
-    """The loops of one vehicle along an axis, which have a bandwidth in common."""
+    """The loops of one vehicle along an axis, which share one bandwidth."""
 
     def __init__(self, name: str, usage: Usage) -> None:
-        """Take the axis, and what tells how much of their margin they use."""
+        """Take the axis, and what computes the share of the margin in use."""
         self.name, self.usage = name, usage
         self.channels = PLACES.get(name, EVERY_PLACE)
-        """One, or all for the consensus law."""
+        """One channel, or all for the consensus law."""
 
 
 class WatchedVehicle:
-    """One vehicle's loops, and how its round trips have scattered."""
+    """One vehicle's loops, and the recent scatter of its round trips."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        """Begin with nothing seen."""
+        """Start without a check."""
         self.vehicle, self.axes, self._scatters_s = vehicle, list[WatchedAxis](), list[float]()
 
     def least_scatter_s(self) -> float:
-        """Look at its round trips; return the least standard deviation of the last `LASTING_LOOKS` looks."""
+        """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
         scatters_s, least_s = self._scatters_s, self.vehicle.clock.usual_scatter_s
         if len(scatters_s) == LASTING_LOOKS:
             scatters_s.pop(0)
@@ -127,11 +127,11 @@ class MarginWatch:
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Watch the loops that the law closes around `vehicles`."""
         self.used = [math.nan] * (1 + len(scenario.followers))
-        """Share of the margin that each column uses at the present gains, (C,); NaN before its delay is known."""
+        """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
-        """Share of their full bandwidth that the loops should have, (C, 3) by column and channel."""
+        """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
         self.most_used = 0.0
-        """Largest share so far, infinite if a loop is unstable whatever its delay."""
+        """Largest share so far; infinite if a loop is unstable without delay."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._scenario, self._mutual = scenario, law_kind(scenario).mutual
@@ -140,17 +140,17 @@ class MarginWatch:
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
         self._note = note
         self.beyond: set[VehicleId] = set()
-        """Vehicles whose loop's delay is beyond what keeps it stable."""
+        """Vehicles with a loop that is unstable by its delay."""
         self._near: set[VehicleId] = set()
         self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
         self._watched = {identity: WatchedVehicle(vehicle) for identity, vehicle in vehicles.items()}
         self._each = list[WatchedVehicle]()
-        """Those around which the law closes loops."""
+        """The vehicles around which the law closes loops."""
         self.retune(scenario)
 
     def retune(self, scenario: Scenario) -> None:
-        """Watch the loops that a scenario's gains close."""
+        """Watch the loops closed with a scenario's gains."""
         predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._each = []
         for identity, of_axes in law_loops(scenario, succession=True).items():
@@ -162,15 +162,15 @@ class MarginWatch:
             self._each.append(each)
 
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
-        """Check every loop: report when it comes near its margin, and lower gains if the scenario asks for that.
+        """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
-        Only a mutual law closes a loop around the vehicle that leads. `lags_off`: (3, C) by what share each channel's
-        lags seem to differ from those of the model in use.
+        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's lags
+        against the model in use, (3, C).
         """
         self._lags_off = lags_off
         for each in self._each:
             if each.vehicle is leader and not self._mutual:
-                self._let_go(each.vehicle)
+                self._forget(each.vehicle)
             else:
                 self._look(now, each)
 
@@ -179,7 +179,7 @@ class MarginWatch:
         column = vehicle.column
         if self._degrades:
             self._set_bandwidth(now, each, delay)
-        by_delay, bandwidth = math.nan, self.bandwidth[column]  # as each is before the delay is known
+        by_delay, bandwidth = math.nan, self.bandwidth[column]  # NaN while the delay is unknown
         for axis in each.axes:
             used = axis.usage.of(delay, bandwidth[axis.channels[0]])
             by_delay = by_delay if by_delay >= used else used
@@ -196,7 +196,7 @@ class MarginWatch:
             self.beyond.discard(vehicle.identity)
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: list[WatchedAxis]) -> tuple[float, int]:
-        """Return the most that any loop uses of its margin against wrong lags, and the channel whose lags they are."""
+        """Return the largest share of its margin against wrong lags that a loop uses, and the channel of these lags."""
         most, whose = 0.0, 0
         for axis in axes:
             for channel in axis.channels:
@@ -206,15 +206,15 @@ class MarginWatch:
                     most, whose = used, channel
         return most, whose
 
-    def _let_go(self, leader: Vehicle) -> None:
-        """Forget the loops of a vehicle that leads now."""
+    def _forget(self, leader: Vehicle) -> None:
+        """Forget the loops of a vehicle that has become the leader."""
         column = leader.column
         self.used[column], self.bandwidth[column] = math.nan, [1.0] * len(CHANNELS)
         self._near.discard(leader.identity)
         self.beyond.discard(leader.identity)
 
     def _delay(self, each: WatchedVehicle) -> LoopDelay:
-        """Return the delay of a vehicle's loops; without prediction, consensus waits for the latest of all states."""
+        """Return the delay of a vehicle's loops; without prediction, consensus waits for the slowest downlink."""
         vehicle = each.vehicle
         down_s = own_down_s = vehicle.round_trips.down_s
         if self._waits_for_all:
@@ -224,7 +224,7 @@ class MarginWatch:
         return LoopDelay(loop_delay_s(up_s, down_s, telemetry_hz, law_hz), each.least_scatter_s())
 
     def _set_bandwidth(self, now: Instant, each: WatchedVehicle, delay: LoopDelay) -> None:
-        """Choose a new bandwidth on axes that use too much of the margin, or little at lowered gains."""
+        """Change the bandwidth of axes that use too much of the margin, or little with reduced gains."""
         vehicle, bandwidth, changed = each.vehicle, self.bandwidth[each.vehicle.column], False
         for axis in each.axes:
             before = bandwidth[axis.channels[0]]
@@ -240,7 +240,7 @@ class MarginWatch:
             self._say_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
-        """Say that a vehicle has come near its margin, or is clear of it; `channel`: whose lags are what takes most."""
+        """Report that a vehicle comes near its margin or is clear of it; `channel`: whose lags use most of it."""
         near = vehicle.identity in self._near
         if not near and used >= NEAR:
             self._near.add(vehicle.identity)

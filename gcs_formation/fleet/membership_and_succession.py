@@ -1,4 +1,4 @@
-"""Which vehicles fly in the formation, decided at every tick, what the others do, and who succeeds a lost leader."""
+"""Which vehicles fly in the formation at each tick, what the others do, and which succeeds a lost leader."""
 
 from __future__ import annotations
 
@@ -18,64 +18,64 @@ from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 SUCCESSION_S: Final = 3.0
-"""Silence of a leader, or time without answers from it, after which another vehicle takes over, if one can."""
+"""Silence of a leader, or time without its answers, after which another vehicle takes over, if one can."""
 MUTE_S: Final = 1.5
-"""How long heartbeats may be missing beyond what loss explains; after that a vehicle's mode counts as unknown."""
+"""Longest lack of heartbeats beyond what loss explains; after that a vehicle's mode counts as unknown."""
 ORDER_COMES_S: Final = 5.0
-"""For how long after it was last sent a command to loiter may still reach a vehicle."""
+"""Time after it was last sent during which a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
-"""Largest age of telemetry with which a vehicle returns to the formation."""
+"""Largest age of telemetry with which a vehicle may return to the formation."""
 HEARD_S: Final = 1.0
-"""Largest age of a successor's telemetry, and of the newest sign that it hears."""
+"""Largest age of a successor's telemetry, and of the latest time at which it is known to hear."""
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
-"""Links that differ by less than about this are equally good: so much is chance in what was measured."""
+"""Links that differ by less than about this are equally good: the measurements are no more certain."""
 PARTED: Final = "parted by "
-"""Begins what is said of a vehicle that has left the formation: by whom."""
+"""Beginning of the text about a vehicle that has left the formation; by whom follows."""
 FAILSAFE_S: Final = 3.0
-"""For so long after a vehicle's failsafe spoke or had reason to act, and before it speaks, another mode may be its."""
+"""Time before a failsafe's text, and after it or after a reason for one, in which a new mode may be the failsafe's."""
 UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
-"""Memberships of vehicles that haven't been told to loiter."""
+"""Memberships of vehicles that haven't been commanded to loiter."""
 
 
 class MembershipInputs(NamedTuple):
-    """What the membership depends on, at one tick."""
+    """What a vehicle's membership depends on, at one tick."""
 
     started: bool
-    """Whether its start-up is finished, and it doesn't boot again."""
+    """Whether its start-up is finished and its autopilot isn't booting."""
     guided: bool
     """Whether it's in the mode in which it follows setpoints."""
     loiters: bool
-    """Whether it is in the mode for loitering."""
+    """Whether it's in its loiter mode."""
     fresh: bool
-    """Whether its telemetry is recent enough for prediction, and there is a leader to follow."""
+    """Whether its telemetry is recent enough for prediction and there is a leader to follow."""
     loiter_may_be_commanded: bool = True
-    """Whether it is heard, or has been unheard for so long that the others no longer keep clear of it."""
+    """Whether it is heard, or has been silent for so long that the others no longer keep clear of it."""
     order_may_come: bool = False
-    """Whether a command to loiter was sent so recently that it may still reach the vehicle."""
+    """Whether a recently sent command to loiter may still reach it."""
 
 
-def following(member: Member, sight: MembershipInputs) -> Member:
+def next_membership(member: Member, inputs: MembershipInputs) -> Member:
     """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
 
-    A vehicle that is not heard is told nothing at first. Whether it hears or not, it then flies on as it was told last,
-    and the others keep clear of that way.
+    A silent vehicle isn't commanded at first. Whether or not it hears, it then continues by its last command, and the
+    others keep clear of that way.
     """
-    if not sight.started:
+    if not inputs.started:
         return Member.STARTING
     if member is Member.STARTING:
         return Member.FLYING
-    if member is Member.PARTED or not (sight.guided or sight.loiters):
-        return Member.FLYING if sight.guided else Member.PARTED  # none of our commands leads to any other mode
-    if not sight.fresh:
-        uncommanded = member in UNCOMMANDED and not sight.loiter_may_be_commanded
+    if member is Member.PARTED or not (inputs.guided or inputs.loiters):
+        return Member.FLYING if inputs.guided else Member.PARTED  # our commands lead to no other mode
+    if not inputs.fresh:
+        uncommanded = member in UNCOMMANDED and not inputs.loiter_may_be_commanded
         return Member.UNHEARD if uncommanded else Member.HOLDING
-    if member in UNCOMMANDED and not sight.order_may_come:
-        return Member.FLYING if sight.guided else Member.PARTED
-    return Member.FLYING if sight.guided else Member.RETURNING
+    if member in UNCOMMANDED and not inputs.order_may_come:
+        return Member.FLYING if inputs.guided else Member.PARTED
+    return Member.FLYING if inputs.guided else Member.RETURNING
 
 
 class Membership:
-    """The vehicles' membership in the formation."""
+    """Decides the vehicles' membership in the formation."""
 
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Judge `vehicles`, the leader first."""
@@ -86,9 +86,9 @@ class Membership:
         self._circles_m: Mapping[VehicleId, float] | None = None
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
-        """When each was last told to loiter."""
+        """When each vehicle was last commanded to loiter."""
         self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
-        """When each left that hasn't said that its failsafe did it, and what each failsafe said last."""
+        """When each vehicle left without a failsafe's text; time and text of each one's last failsafe."""
 
     def leader_lost(
         self,
@@ -100,7 +100,7 @@ class Membership:
         *,
         sinks: bool = False,
     ) -> bool:
-        """Judge only the leader; return whether it is lost. A `replaceable` one is given up sooner, and if it sinks."""
+        """Judge the leader only; return whether it is lost. A `replaceable` one is given up sooner, or if it sinks."""
         fresh = self._is_fresh(leader, estimator, beyond, now)
         late = not self._is_fresh(leader, estimator, beyond, now, SUCCESSION_S)
         self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
@@ -115,10 +115,10 @@ class Membership:
         connecting: bool,
         beyond: Set[VehicleId] = frozenset(),
     ) -> None:
-        """Decide which vehicles fly in the formation; once there has been a leader, none does without one.
+        """Decide which vehicles fly in the formation; after there has been a leader, none does without one.
 
-        `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: those whose
-        loop's delay is beyond what keeps it stable.
+        `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: vehicles with a
+        loop that is unstable by its delay.
         """
         led = True
         if leader is not None:
@@ -129,24 +129,24 @@ class Membership:
                 self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
 
     def hear(self, vehicle: Vehicle, text: str, now: Instant) -> None:
-        """Take a vehicle's words; what a failsafe says may come after the mode that it chose."""
+        """Take a vehicle's text; a failsafe's text may arrive after the mode that the failsafe chose."""
         if not vehicle.autopilot.tells_failsafe(text):
             return
         self._failsafes[vehicle.identity] = now, text
         parted = self._parted.pop(vehicle.identity, None)
         if parted is not None and vehicle.member is Member.PARTED and seconds_between(parted, now) <= FAILSAFE_S:
-            self._note(now, "member", self._who_parted(vehicle, now), vehicle)
+            self._note(now, "member", self._parting_text(vehicle, now), vehicle)
 
     def _words(self, vehicle: Vehicle, now: Instant) -> str:
-        """Return the new membership in words; with why one loiters whose positions come and can't be used."""
+        """Return the membership in words, and for a loitering vehicle why its positions can't be used."""
         if vehicle.member is Member.PARTED:
-            return self._who_parted(vehicle, now)
+            return self._parting_text(vehicle, now)
         why = vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None
         holds = vehicle.member is Member.HOLDING and why is not None
         return f"{vehicle.member.value}: {why}" if holds else vehicle.member.value
 
-    def _who_parted(self, vehicle: Vehicle, now: Instant) -> str:
-        """Return that a vehicle has left the formation and, as far as that is known, by whose doing."""
+    def _parting_text(self, vehicle: Vehicle, now: Instant) -> str:
+        """Return that a vehicle has left the formation and, if known, on whose command."""
         said = self._failsafes.get(vehicle.identity)
         if said is not None and seconds_between(said[0], now) <= FAILSAFE_S:
             return f"{PARTED}its failsafe: '{said[1]}'"
@@ -163,15 +163,15 @@ class Membership:
         vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
             self._commanded_to_loiter[vehicle.identity] = now
-        member = following(vehicle.member, self._sight(vehicle, estimator, now, fresh=fresh))
+        member = next_membership(vehicle.member, self._inputs(vehicle, estimator, now, fresh=fresh))
         if member is not vehicle.member:
             revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
             vehicle.member = member
             self._note(now, "member", self._words(vehicle, now), vehicle)
             self._command(vehicle, now, revokes=revokes)
 
-    def _sight(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
-        link = vehicle.connection  # who is heard again has a moment to answer: it may have hung, and hear as before
+    def _inputs(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
+        link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         return MembershipInputs(
@@ -206,11 +206,11 @@ class Membership:
         return math.isnan(age_s) or age_s <= limit_s
 
     def end(self, circles_m: Mapping[VehicleId, float]) -> None:
-        """Let nobody who loiters come back at the end of the flight; take the heights of everyone's circle."""
+        """At the end of the flight let no loitering vehicle return; take the heights of all circles."""
         self._circles_m = circles_m
 
     def _command(self, vehicle: Vehicle, now: Instant, *, revokes: bool) -> None:
-        """Tell a vehicle what follows from its membership; `revokes`: a command to loiter may still reach it."""
+        """Send the commands of a new membership; `revokes`: an earlier command to loiter may still arrive."""
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)
@@ -223,7 +223,7 @@ class Membership:
             vehicle.commands.begin((), now)
 
     def _order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
-        """Return whether a command to loiter was sent so recently that it may still reach a vehicle."""
+        """Return whether a recently sent command to loiter may still reach a vehicle."""
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return commanded is not None and now < after(commanded, ORDER_COMES_S)
 
@@ -239,33 +239,33 @@ class Membership:
 
 
 class Candidate(NamedTuple):
-    """A follower that could lead."""
+    """A follower that could become the leader."""
 
     column: int
     distance_m: float
-    """From the leader's place."""
+    """Distance from the leader's position."""
     delay_s: float
-    """One way; NaN where it isn't known. The same for `jitter_s`."""
+    """One-way delay; NaN while unknown, as is `jitter_s`."""
     loss: float
     jitter_s: float
 
     @classmethod
     def of(cls, column: int, vehicle: Vehicle, distance_m: float) -> Self:
-        """Return a vehicle with its link as measured."""
+        """Return a vehicle with its measured link."""
         return cls(column, distance_m, vehicle.clock.one_way_s, vehicle.sequence.loss, vehicle.jitter.jitter_s)
 
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
-    """Return whether a vehicle flies in the formation, hears, and is heard: its state is `age_s` old."""
+    """Return whether a vehicle flies in the formation, hears, and is heard, with a state `age_s` old."""
     hears = seconds_between(vehicle.round_trips.heard_at(now), now) <= HEARD_S
     return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
 
 
-def heir(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
+def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
     """Return the column of the best successor, None if there is no candidate.
 
-    The leader's place suits whoever is at most `spacing_m` farther from it than the nearest. Among those the least
-    delay decides, then the least loss, the least jitter, the least distance to a metre, and the first column.
+    Candidates are at most `spacing_m` farther from the leader's position than the nearest one. Among these the least
+    delay decides, then the least loss, jitter and distance (to a metre), and the first column.
     """
     known = tuple(candidates)
     nearest_m = min((each.distance_m for each in known), default=0.0)

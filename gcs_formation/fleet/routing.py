@@ -1,7 +1,7 @@
-"""Who sent what came: one of our vehicles, a stranger, or our own echo; and what is sent to whom and when.
+"""Finds the sender of each frame (one of our vehicles, a stranger, our own echo), and schedules what is sent to whom.
 
 Which of two remotes with a vehicle's system id is that vehicle is decided by `link.source_binding`. Heartbeats, mission
-time and delay probes are sent at times of their own, setpoints so that they act at the same time.
+time and TIMESYNC have schedules of their own; setpoints are sent so that they take effect at the same time.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
 SYSTEMS: Final = 256
 EVERYONE = 0
-"""MAVLink's broadcast id, which no sender may have."""
+"""MAVLink's broadcast id, which isn't allowed as a sender's id."""
 
 
 class Senders:
-    """Finds the vehicle that sent a frame; reports each other sender on the network once."""
+    """Finds the vehicle that sent a frame; reports each other sender once."""
 
     def __init__(
         self,
@@ -46,10 +46,10 @@ class Senders:
         note: Note,
         give_up: GiveUp,
     ) -> None:
-        """Know `vehicles`; `networks[s]` is the network of socket s."""
+        """Take the `vehicles`; `networks[s]` is the network of socket s."""
         self._networks = networks
         self._vehicles: list[list[Vehicle | None]] = [[None] * SYSTEMS for _ in networks]
-        """By socket and system id."""
+        """Vehicles by socket and system id."""
         for identity, vehicle in vehicles.items():
             for socket, network in enumerate(networks):
                 if network == identity.network:
@@ -60,14 +60,14 @@ class Senders:
         self._strangers: set[VehicleId] = set()
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
-        """Return the vehicle whose autopilot sent a frame, None if another sender did."""
+        """Return the vehicle whose autopilot sent a frame, None for another sender."""
         socket, message = datagram.socket, frame.message
         vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
             self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
-            return None  # that of a device that isn't an autopilot, such as a companion computer
+            return None  # from a device that isn't an autopilot, such as a companion computer
         admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if finding is not None:
             self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
@@ -94,22 +94,22 @@ class Senders:
 
 
 HOLD_MAX_S: Final = 1.0
-"""Longest time for which the leader's setpoints are held back."""
+"""Longest time for which the leader's setpoints are delayed."""
 UNGUIDED_S: Final = 2.0
-"""For how long setpoints may be missing before a vehicle counts as left alone."""
+"""Longest lack of setpoints before heartbeats are withheld, so that the vehicle's failsafe acts."""
 HEARTBEAT_S: Final = 1.0
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
 PROBE_DITHER_S: Final = 0.02
-"""Probes are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
+"""Requests are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
 
 class Dispatch:
-    """Sends each vehicle its setpoints; the leader's are delayed until the slowest follower's act."""
+    """Sends setpoints; the leader's are delayed so that they take effect with the slowest follower's."""
 
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle]) -> None:
-        """Serve `vehicles`."""
+        """Start without setpoints."""
         self._virtual_leader = scenario.leader is None
         self._compensates = scenario.law.delay_compensation
         self._count = 1 + len(scenario.followers)
@@ -119,16 +119,16 @@ class Dispatch:
         self.due = NEVER
         """When the next message is to be sent."""
         self._guided = [False] * self._count
-        """Which columns got a setpoint at this tick, (C,)."""
+        """Whether each column got a setpoint at this tick, (C,)."""
         self._without: list[Instant | None] = [None] * self._count
-        """Since when there has been no setpoint for a column that should get some."""
+        """Since when a column that should get setpoints has had none, (C,)."""
         self._last_due = vec[i64]([0] * self._count)
-        """Until when each column's newest setpoint is held back."""
+        """When each column's newest setpoint is to be sent, (C,)."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
-        """Return the present link to every column, and how long the setpoints of column `leader` are held back, s.
+        """Return every column's present link, and for how long setpoints of column `leader` are held back, s.
 
-        `disobeying`: (C,) which don't seem to fly as they were commanded.
+        `disobeying`: (C,) whether each vehicle seems not to fly as commanded.
         """
         links = [VehicleLink(now) for _ in self._guided]
         links[0].ready = self._virtual_leader
@@ -172,13 +172,13 @@ class Dispatch:
                 if due < self._last_due[column]:
                     self._drop(vehicle, due)
                 self._last_due[column] = due
-                news = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
-                self._send(vehicle, news, due, now)
+                messages = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
+                self._send(vehicle, messages, due, now)
             else:
                 vehicle.forget_setpoints()
 
     def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
-        """Drop what is held back for a vehicle until after newer setpoints, which are told whole."""
+        """Drop a vehicle's setpoints delayed until after newer ones, and send the newer ones in full."""
         self._held.drop(lambda due, each: each[0] is vehicle and due > after_this)
         vehicle.forget_setpoints()
 
@@ -191,7 +191,7 @@ class Dispatch:
         self.due = min(self.due, due)
 
     def stand_ins(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return what keeps vehicles ready for setpoints where a tick has none, unless that lasts for too long."""
+        """Return substitute setpoints for vehicles that need a stream and have none, for a limited time."""
         found = list[tuple[Vehicle, Message]]()
         for vehicle in self._vehicles:
             if self._guided[vehicle.column]:
@@ -201,7 +201,7 @@ class Dispatch:
         return found
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
-        """Return the vehicles that fly in the formation, and for which there have been no setpoints for a while."""
+        """Return the vehicles that fly in the formation and have had no setpoints for a while."""
         return frozenset(each.identity for each in self._vehicles if self._is_unguided(each, now))
 
     def _is_unguided(self, vehicle: Vehicle, now: Instant) -> bool:
@@ -209,7 +209,7 @@ class Dispatch:
         return since is not None and seconds_between(since, now) > UNGUIDED_S
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Remove and return the messages to send now; none to a vehicle that has left the formation meanwhile."""
+        """Remove and return the messages to send now; none for a vehicle that has left the formation meanwhile."""
         if now < self.due:
             return []
         due = self._held.pop_due(now)
@@ -220,16 +220,16 @@ class Dispatch:
         return [each for each in due if each[0].member is Member.FLYING]
 
     def clear(self) -> None:
-        """Drop all messages that are held back: no setpoint may follow an order to loiter."""
+        """Drop all delayed messages: no setpoint may follow a command to loiter."""
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
         for vehicle in self._vehicles:
             vehicle.forget_setpoints()
         self._without = [None] * self._count
 
     def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:
-        """Return for how long the leader's setpoints are held back: until those of the slowest follower act.
+        """Return the delay of the leader's setpoints, s: until the slowest follower's setpoints take effect.
 
-        Otherwise a leader on a quicker link would turn before its followers can.
+        Without it a leader on a quicker link would turn before its followers can.
         """
         if not self._compensates:
             return 0.0
@@ -241,14 +241,14 @@ class Dispatch:
 
 
 class HeartbeatScheduler:
-    """Schedules heartbeats and probes, and creates their messages.
+    """Schedules heartbeats and TIMESYNC requests, and creates their messages.
 
-    A heartbeat tells an autopilot that somebody looks after it: one that should be commanded, and for which no setpoint
-    comes, gets none. Then its own failsafe acts.
+    A heartbeat shows an autopilot that it is being controlled. So a vehicle that should follow setpoints, but has none,
+    gets no heartbeats either, and its own failsafe acts.
     """
 
     def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Serve `vehicles`, from the first instant on."""
+        """Start with both due at once."""
         self.next_probe = Instant(0)
         self._vehicles = vehicles
         self._next_heartbeat = Instant(0)
@@ -256,7 +256,7 @@ class HeartbeatScheduler:
         self._note, self._withheld = note, frozenset[VehicleId]()
 
     def resume(self, at: Instant) -> None:
-        """Send no probe before the instant at which a flight goes on."""
+        """Send no TIMESYNC request before the instant at which a flight is resumed."""
         self.next_probe = at
 
     def hasten(self, now: Instant) -> None:
@@ -273,7 +273,7 @@ class HeartbeatScheduler:
     def heartbeats(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return the heartbeat of every vehicle but the `unguided`, and the mission time once there is one.
 
-        Whoever we command and hasn't told its home, as it does when it is armed, is asked for it.
+        A vehicle that is armed for this flight and hasn't reported its home is asked for it.
         """
         found = list[tuple[Vehicle, Message]]()
         for identity, vehicle in self._vehicles.items():
@@ -287,13 +287,13 @@ class HeartbeatScheduler:
             if finite(mission_s):
                 since_0_s = seconds_between(Instant(0), now)
                 found.append((vehicle, NamedValueFloat(since_0_s, MISSION_TIME, mission_s)))
-            if vehicle.hides_home:
+            if vehicle.home_unreported:
                 found.append((vehicle, vehicle.ask(vehicle.autopilot.home_request())))
         self._withheld = frozenset(unguided)
         return found
 
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return a probe for every vehicle that was ever heard, and schedule the next ones."""
+        """Return a TIMESYNC request for every vehicle that was ever heard, and schedule the next ones."""
         self._probes += 1
         dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
         grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S

@@ -1,8 +1,8 @@
-"""What vehicles tell, watched in flight: whether messages still come as asked for, noise, airspeeds, and UTC.
+"""Watches telemetry in flight: messages that stop coming as requested, noise, airspeeds, and UTC.
 
-Another ground station may have set its own rates (REQUEST_DATA_STREAM), or switched messages off
-(MAV_CMD_SET_MESSAGE_INTERVAL): a vehicle has one set of intervals for everybody on a link. All vehicles' stamps are
-mapped to one clock by their UTC, once that agrees with causality and with the other vehicles'.
+Another ground station may have set rates (REQUEST_DATA_STREAM) or switched messages off (MAV_CMD_SET_MESSAGE_INTERVAL):
+a vehicle has one set of intervals for everybody on a link. All vehicles' stamps are mapped to one clock by their UTC,
+once that is consistent with causality and with the other vehicles' UTC.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from gcs_formation.vehicle.acknowledgement import Outcome
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 NOISE_OFF: Final = 1.8
-"""Ratio to the declared noise, or its inverse, from which it isn't as declared."""
+"""Ratio to the declared noise, or its inverse, from which a difference is reported."""
 NOISE_BACK: Final = 1.4
-"""Ratio below which it is again."""
+"""Ratio below which the noise is as declared again."""
 UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
 BELIEVED_AGAIN: Final = "what it measures is believed again"
 LOOK_S: Final = 0.5
 FEWEST: Final = 16
-"""Messages expected within the time over which they are counted, 2 s or more."""
+"""Messages expected in the time over which they are counted, which is at least `WINDOW_S`."""
 WINDOW_S: Final = 2.0
 LEAST_SHARE: Final = 0.5
 SIGMAS: Final = 4.0
-"""Standard deviations of a binomial distribution beyond which the link's loss doesn't explain missing messages."""
+"""Standard deviations of a binomial distribution beyond which loss doesn't explain missing messages."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
-"""Interval between requests, doubled after each that changes nothing, up to the second value."""
+"""Interval between requests, doubled after each that changes nothing, up to the maximum."""
 
 
 @mypyc_attr(acyclic=True)
 class MessageCounts:
-    """Counts of what a vehicle has sent up to an instant."""
+    """Counts of a vehicle's messages up to an instant."""
 
     def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
-        """Take the time during which it was heard at all, the frames, and the count of each requested message."""
+        """Take the time in which anything was heard, the frames, and the count of each requested message."""
         self.heard_s = heard_s
         self.received: i64 = received
         self.lost: i64 = lost
@@ -55,10 +55,10 @@ class MessageCounts:
 
 
 class RequestedMessages:
-    """The messages requested from one vehicle, and what has arrived."""
+    """The messages requested from one vehicle, and those that arrived."""
 
     def __init__(self, rates_hz: Mapping[int, float]) -> None:
-        """Keep counts for as long as the slowest message needs."""
+        """Keep counts for as long as the rarest message needs."""
         self.rates_hz = dict(rates_hz)
         self.missing: tuple[int, ...] = ()
         self.refused = False
@@ -70,10 +70,10 @@ class RequestedMessages:
         self._spans, self._most = vec[i64](spans), 1 + max(spans)
         self._places = vec[i64]([KINDS[each].place for each in self._ids])
         self.looks = list[MessageCounts]()
-        """The last ones, as many as the slowest message needs."""
+        """The last counts, as many as the rarest message needs."""
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
-        """Record the counts; time in which nothing arrives isn't counted against a single message."""
+        """Record the counts; time in which nothing at all arrives isn't counted against any message."""
         sequence, messages_in, messages = vehicle.sequence, vehicle.messages_in, vec[i64]([0] * len(self._places))
         for place in range(len(messages)):
             messages[place] = messages_in[self._places[place]]
@@ -88,7 +88,7 @@ class RequestedMessages:
         self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages))
 
     def too_few(self) -> tuple[int, ...]:
-        """Return the messages of which less than half of what the link lets through arrives."""
+        """Return the messages of which less than half of the expected number, after loss, arrives."""
         newest: i64 = len(self.looks) - 1
         last, found = self.looks[newest], list[int]()
         for place in range(len(self._spans)):
@@ -118,7 +118,7 @@ class MessageIntervals:
         self._next_look = Instant(0)
 
     def watch(self, now: Instant) -> None:
-        """Look at every vehicle, if that's due."""
+        """Check every vehicle if that is due."""
         if now < self._next_look:
             return
         self._next_look = after(now, LOOK_S)
@@ -155,7 +155,7 @@ class MessageIntervals:
 
 
 def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
-    """Whether `count` is too few of `sent` messages that arrive with a probability each."""
+    """Return whether `count` is too few of `sent` messages that each arrive with the probability `arriving`."""
     expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
     return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
 
@@ -176,7 +176,7 @@ def _names(message_ids: tuple[int, ...]) -> str:
 
 
 class TelemetryWatch:
-    """Says, once a second, whose noise isn't as declared, whose airspeed isn't believed, and that it is again."""
+    """Reports once a second whose noise isn't as declared or whose airspeed isn't plausible, and when that ends."""
 
     def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Watch `vehicles`."""
@@ -184,7 +184,7 @@ class TelemetryWatch:
         self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
 
     def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
-        """Compare the noise that is seen, by which the law goes, with the declared one; name what is farthest off."""
+        """Compare measured noise, which the law uses, with the declared one; report the quantity that differs most."""
         for identity, vehicle in self._vehicles.items():
             ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
             for place, each in enumerate(ratios):
@@ -201,7 +201,7 @@ class TelemetryWatch:
                 self._note(now, "noise", "is as noisy as declared again", vehicle, details)
 
     def watch_airspeeds(self, now: Instant) -> None:
-        """Say which measured airspeeds aren't believed."""
+        """Report which measured airspeeds aren't plausible."""
         for identity, vehicle in self._vehicles.items():
             check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
             if check is None or check.believes == was_believed:
@@ -217,36 +217,36 @@ class TelemetryWatch:
 
 
 UTC_SLACK_S = 5e-3
-"""How far UTC may be beyond what causality allows: the errors of stamps and of round trips."""
+"""How far UTC may be outside the bounds of causality: the errors of stamps and round trips."""
 UTC_IN_USE_S = 10e-3
-"""The same of UTC that is in use."""
+"""The same for UTC already in use."""
 UTC_AGAIN_S = 10.0
-"""UTC that was given up is used again once nothing has been against it for so long."""
+"""UTC that was rejected is used again once it has been consistent for this long."""
 UTC_SLEW = 0.01
-"""Rate at which the mapping of stamps in flight follows what is found, s a second."""
+"""Rate at which the mapping of stamps changes in flight, s a second."""
 
 
 UTC_LOOKED_AT = 12
-"""Round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
+"""Number of round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
 
 
 class UtcBounds(NamedTuple):
-    """UTC minus our clock by one vehicle, s: causality allows what is within `reach_s` of `middle_s`."""
+    """Bounds on UTC minus our clock by one vehicle, s: causality allows `middle_s` plus or minus `reach_s`."""
 
     middle_s: float
-    """If its link took equally long up and down."""
+    """The value for equal delays up and down."""
     reach_s: float
-    """Half of its shortest round trip."""
+    """Half of the shortest round trip."""
 
     def allows(self, utc_s: float, slack_s: float = UTC_SLACK_S) -> bool:
-        """Return whether no datagram would have arrived before it was sent."""
+        """Return whether no datagram would arrive before it was sent."""
         return abs(utc_s - self.middle_s) <= self.reach_s + slack_s
 
 
 def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
-    """Return UTC minus our clock that most vehicles allow; NaN without vehicles, or where there is no majority.
+    """Return the value of UTC minus our clock that most vehicles allow; NaN if no value has a majority.
 
-    What was agreed before stands while most allow it. Else it's the median of those that agree, within what they allow.
+    The earlier value is kept while most allow it. Otherwise it's the median of those that agree, within their bounds.
     """
     if not bounds:
         return math.nan
@@ -263,22 +263,22 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
 
 
 class CommonClock:
-    """Decides whose UTC is used, and what it is on our clock."""
+    """Decides whose UTC is used, and estimates UTC minus our clock."""
 
     def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
-        """Serve `vehicles`; `known_s` is UTC minus our clock, None where that doesn't keep UTC."""
+        """Start without UTC; `known_s` is UTC minus our clock, None if our clock isn't set to UTC."""
         self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.round_trips.gnss is not None]
         self._known_s = known_s
         self._note = note
         self._utc_s = math.nan
-        """UTC minus our clock, as used; NaN before there is any."""
+        """UTC minus our clock as used; NaN before the first estimate."""
         self._said: dict[VehicleId, tuple[bool, bool]] = {}
         self._given_up: dict[VehicleId, tuple[Instant, str]] = {}
-        """Whose UTC was in use and isn't: when something was against it last, and what."""
+        """Vehicles whose UTC was in use and was rejected: when it was last inconsistent, and how."""
         self._last: Instant | None = None
 
     def watch(self, now: Instant) -> None:
-        """Look at every vehicle's clock, at each tick: agree on UTC, and use or refuse each vehicle's."""
+        """Check all clocks, at each tick: estimate UTC, and use or reject each vehicle's."""
         if not self._vehicles:
             return
         elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
@@ -309,7 +309,7 @@ class CommonClock:
             self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
 
     def _still(self, vehicle: Vehicle, why: str | None, now: Instant) -> str | None:
-        """Return why a vehicle's UTC isn't used: it isn't taken up again at once where it was given up."""
+        """Return why a vehicle's UTC isn't used; after rejection it must be consistent for `UTC_AGAIN_S`."""
         given_up = self._given_up.get(vehicle.identity)
         if why is not None and (given_up or vehicle.round_trips.stamps.by_utc):
             self._given_up[vehicle.identity] = now, why

@@ -1,4 +1,4 @@
-"""The health of a vehicle's link: what silence and heartbeats lead to (stale, lost), its loss and its jitter."""
+"""Health of a vehicle's link: its state from silence and heartbeats (stale, lost), its loss and its jitter."""
 
 from __future__ import annotations
 
@@ -14,57 +14,57 @@ from airlink.endpoint import Address
 
 MODULUS: Final = 256
 ANY: Final = -1
-"""No number yet, or any."""
+"""Sequence number not known yet, or not to be checked."""
 LATE: Final = MODULUS // 2
-"""A number at most this far behind the newest belongs to a late or repeated frame; any other is ahead of it."""
+"""A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
 SHARE: Final = 1 / 16
-"""Weight of each new difference."""
+"""Weight of each new difference in the running mean."""
 STALE_AFTER_S: Final = 1.5
 LOST_AFTER_S: Final = 5.0
 MUTE_AFTER_S: Final = 3.5
-"""Three and a half heartbeats, as is usual in ground stations."""
+"""Three and a half heartbeat periods, as is usual in ground stations."""
 STALE_AFTER_NS: Final = round(STALE_AFTER_S * NANOSECONDS)
 MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
-"""On a lossy link it takes longer: until losing all heartbeats that were due is less probable than this."""
+"""On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this."""
 RARELY: Final = 1e-3
-"""Probability of losing more frames in a row where a vehicle fell silent by itself."""
+"""Probability that the link at its usual loss loses a longer run of frames than `Silence.run`."""
 RATE_SHARE: Final = 0.02
-"""Share of themselves by which rates of frames are off."""
+"""Relative uncertainty of frame rates."""
 
 
-def probable_run(loss: float, probability: float) -> float:
-    """Return how many frames in a row a link loses with a probability, by a share of lost ones of 0 to 1."""
+def run_length(loss: float, probability: float) -> float:
+    """Return the run length of lost frames that has a given probability, for a loss of 0 to 1."""
     return math.log(probability) / math.log(loss) if 0.0 < loss < 1.0 else 0.0
 
 
 class FrameCounts:
-    """What had been counted of a vehicle's frames by an instant."""
+    """A vehicle's frame counts at an instant."""
 
     def __init__(self, at: Instant, received: i64, sent: i64, answers: i64, asked: i64) -> None:
-        """Take the instant, frames received and sent, answers among them, and how many of those were asked for."""
+        """Take the instant, frames received and sent, answers among those received, and requests sent."""
         self.at, self.received, self.sent, self.answers, self.asked = at, received, sent, answers, asked
 
 
 @dataclass
 class Silence:
-    """What tells how many frames were lost in a silence that is over."""
+    """What is needed to estimate the number of frames lost in a silence that has ended."""
 
     seconds: float
     gap: int
-    """How many are missing by the numbers of the frames before and after it, which come round."""
+    """Number of frames missing by sequence numbers, modulo 256."""
     own: float
-    """How many the vehicle would have sent by itself."""
+    """Number of frames that the vehicle would have sent unasked."""
     answers: float
-    """How many it would have answered besides, if it heard what it was asked."""
+    """Number of answers that it would have sent besides, had it received the requests."""
     run: float
-    """How many the link loses in a row anyway."""
+    """Longest run of frames that the link plausibly loses at its usual loss."""
 
     def missed(self, seconds: float) -> int:
-        """Return how many were lost if the vehicle sent for so long.
+        """Return the number of frames lost if the vehicle sent for `seconds`.
 
-        It is the count that fits the numbers and, nearest, what the vehicle sent with or without answers. Where the
-        numbers go on from where they stopped and neither fits, it hung and sent nothing.
+        It is the count that agrees with the sequence numbers and is nearest to what the vehicle would have sent, with
+        or without answers. If the numbers have barely advanced and no count fits, the vehicle hung and sent nothing.
         """
         if seconds < 0.0:  # it has restarted
             return 0
@@ -77,7 +77,7 @@ class Silence:
         return self.gap if self.gap <= self.run and off > RATE_SHARE * every else missed
 
     def _nearest(self, expected: float) -> tuple[int, float]:
-        """Return the count nearest to an expected one that fits the numbers, and how far off that it is."""
+        """Return the count nearest to the expected one that agrees with the numbers, and their difference."""
         count = self.gap + MODULUS * max(0, rounded((expected - self.gap) / MODULUS))
         return count, abs(count - expected)
 
@@ -86,8 +86,8 @@ class SequenceTracker:
     """Counts frames received and lost (MAVLink guide, "Packet loss").
 
     A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
-    Numbers come round: how many were lost in a silence is the count that fits them and the rate before it. Answers
-    aren't sent while the vehicle hears nothing, so its own messages and its answers have a rate each.
+    Sequence numbers wrap: the loss in a silence is the count that agrees with them and with the rate before it. A
+    vehicle that hears nothing sends no answers, so its own messages and its answers have separate rates.
     """
 
     def __init__(self) -> None:
@@ -96,30 +96,30 @@ class SequenceTracker:
         self.lost: i64 = 0
         self.repeated: i64 = 0
         self.missed: i64 = 0
-        """Frames that were lost in silences, besides `lost`: they say nothing of how the link loses those that pass."""
+        """Frames lost in silences, counted apart from `lost`: they don't tell the link's loss in normal operation."""
         self.answers: i64 = 0
-        """Frames received that answer us."""
+        """Frames received in answer to the station."""
         self.asked: i64 = 0
-        """Messages sent to the vehicle that it answers."""
+        """Messages sent to the vehicle that it should answer."""
         self.silence: Silence | None = None
-        """The last one, until the vehicle's clock has told for how long it sent."""
+        """The last silence, until the vehicle's clock tells for how long of it the vehicle was sending."""
         self._since = self._next = FrameCounts(Instant(0), 0, 0, 0, 0)
-        """From which rates are counted, and the next such."""
+        """The counts from which rates are taken, and the next ones to replace them."""
         self._own_hz = 0.0
-        """At what rate the vehicle sent by itself before the last silence."""
+        """Rate at which the vehicle sent unasked before the last silence."""
         self._newest: i64 = ANY
         self._expected: i64 = ANY
         """The number of the next frame if none is missing."""
         self._missing: set[int] = set()
-        """Numbers counted as lost that may still come."""
+        """Numbers counted as lost that may still arrive."""
 
     def observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Take the sequence number of a frame that arrived now; another had been `heard` last.
+        """Take the sequence number of a frame that arrived now; the previous frame arrived at `heard`.
 
-        Return whether it shows that more frames were lost than was known, or fewer.
+        Return whether the known number of lost frames has changed.
         """
         silent = now - heard >= STALE_AFTER_NS and self._newest != ANY
-        marked = self.received == self._next.received and self._newest != ANY  # and a frame was repeated since
+        marked = self.received == self._next.received and self._newest != ANY  # nothing received since but repeats
         if self.received % MODULUS == 0 and not silent and not marked:
             self._since, self._next = self._next, self._mark(now)
         if sequence == self._expected and not silent:
@@ -148,43 +148,43 @@ class SequenceTracker:
         self._expected = ANY if self._missing or self._newest == ANY else (self._newest + 1) % MODULUS
 
     def restart(self) -> None:
-        """Forget the last number, because the sender has restarted."""
+        """Forget the last number: the sender has restarted."""
         self._newest = self._expected = ANY
         self.silence = None
         self._missing.clear()
 
     @property
     def loss(self) -> float:
-        """Share of the sent frames that didn't arrive while others did, 0 to 1."""
+        """Share of sent frames lost outside silences, 0 to 1."""
         sent = self.received + self.lost
         return float(self.lost) / float(sent) if sent else 0.0
 
     @property
     def whole_loss(self) -> float:
-        """Share of all sent frames that didn't arrive, silences included, 0 to 1."""
+        """Share of all sent frames lost, silences included, 0 to 1."""
         lost = self.lost + self.missed
         return float(lost) / float(self.received + lost) if lost else 0.0
 
     def break_off(self, heard: Instant, until: Instant) -> None:
-        """Count what was lost in a silence that never ended: what the vehicle sent by itself from one to the other."""
+        """Count the vehicle's own frames lost in a final silence, from `heard` to `until`."""
         self.missed += rounded(self._own_rate_hz(heard) * seconds_between(heard, until))
 
     def sent_for(self, seconds: float) -> None:
-        """Take for how long the vehicle sent in the last silence by its own clock: less where its frames come later."""
+        """Correct the last silence's loss by how long the vehicle was sending, on its own clock."""
         silence, self.silence = self.silence, None
         if silence is not None:
             self.missed += silence.missed(seconds) - silence.missed(silence.seconds)
 
     def _observe_after_silence(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Take the first number after a silence: what was missed isn't late.
+        """Take the first number after a silence; the numbers skipped aren't expected to arrive late.
 
-        One that is the next was not sent after others: the vehicle hung, and its link lost nothing.
+        If it is the next number, the vehicle itself was silent and the link lost nothing.
         """
         gap: int = (sequence - self._newest - 1) % MODULUS
         silent_s, missed, self.silence = seconds_between(heard, now), 0, None
         if gap:
             own = self._own_rate_hz(heard) * silent_s
-            silence = Silence(silent_s, gap, own, self._answers_due(), probable_run(self.loss, RARELY))
+            silence = Silence(silent_s, gap, own, self._answers_due(), run_length(self.loss, RARELY))
             missed, self.silence = silence.missed(silent_s), silence
         self.missed += missed
         self.received += 1
@@ -195,7 +195,7 @@ class SequenceTracker:
         return missed > 0
 
     def _own_rate_hz(self, heard: Instant) -> float:
-        """Return at what rate the vehicle sent by itself until it was last heard; for want of frames, before that."""
+        """Return the rate of the vehicle's unasked frames until `heard`; too short a time keeps the earlier rate."""
         since = self._since if self._since.at else self._next
         if heard - since.at >= STALE_AFTER_NS or not self._own_hz:
             received: i64 = max(1, self.received - since.received)
@@ -205,7 +205,7 @@ class SequenceTracker:
         return self._own_hz
 
     def _answers_due(self) -> float:
-        """Return how many answers haven't come to what the vehicle has been asked, as far as it answers everything."""
+        """Return the number of answers outstanding to requests sent, by the share that the vehicle has answered."""
         since, until = self._since, self._next
         passes = 1.0 - self.loss
         asked, answers = float(until.asked - since.asked), float(until.answers - since.answers)
@@ -230,7 +230,7 @@ class SequenceTracker:
 class JitterMeter:
     """Running mean of the absolute change in transit time from sample to sample.
 
-    For independent, normally distributed delays it is 2/sqrt(pi) standard deviations. It needs no common clock; the
+    For independent, normally distributed delays it is 2/sqrt(pi) standard deviations. No common clock is needed; the
     vehicle's clock drift is removed.
     """
 
@@ -242,7 +242,7 @@ class JitterMeter:
         """Stamp and arrival of the last sample; NaN before the first."""
 
     def observe(self, stamp_s: float, arrived: Instant, drift: float) -> None:
-        """Take a sample: its stamp on the vehicle's clock, which gains `drift` s a second on ours, and its arrival."""
+        """Take a sample: its stamp on the vehicle's clock, which gains `drift` seconds a second, and its arrival."""
         if not math.isnan(self._sent_s):
             change_s = abs((arrived - self._arrived) / NANOSECONDS - (stamp_s - self._sent_s) / (1.0 + drift))
             known_s = 0.0 if math.isnan(self.jitter_s) else self.jitter_s
@@ -251,7 +251,7 @@ class JitterMeter:
 
 
 class LinkState(Enum):
-    """What is known of a vehicle's presence."""
+    """State of the connection to a vehicle."""
 
     SEARCHING = "searching"
     CONNECTED = "connected"
@@ -267,8 +267,8 @@ SILENCE_LEADS_TO: Final = (
     (LinkState.CONNECTED, LOST_AFTER_S, LinkState.LOST),
     (LinkState.CONNECTED, STALE_AFTER_S, LinkState.STALE),
 )
-"""State, seconds of silence, next state. A heartbeat leads from any state to CONNECTED, but from MUTE only the second:
-an autopilot whose heartbeats are switched off may still report a change of mode by a single one."""
+"""State, seconds of silence, next state. A heartbeat leads from any state to CONNECTED; from MUTE only the second does,
+because an autopilot whose heartbeats are switched off may still announce a change of mode by a single one."""
 
 
 @dataclass
@@ -282,7 +282,7 @@ class Connection:
     last_heartbeat: Instant = Instant(0)
     """The last heartbeat, or when the vehicle was heard again after silence."""
     back_at: Instant = LONG_AGO
-    """When it was last heard again after it had been lost."""
+    """When it was last heard again after LOST."""
 
     def heard(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
@@ -298,7 +298,7 @@ class Connection:
         return True
 
     def check(self, now: Instant, loss: float = 0.0) -> bool:
-        """Check for silence, and for heartbeats missing beyond `loss`; return whether the state changed."""
+        """Check for silence, and for more missing heartbeats than `loss` explains; return whether the state changed."""
         if self.state is LinkState.CONNECTED and self.mute_s(loss) > 0.0:
             self.state = LinkState.MUTE
             return True
@@ -310,7 +310,7 @@ class Connection:
         return False
 
     def in_order(self, now: Instant) -> bool:
-        """Return whether frames and heartbeats come as they should, whatever the loss."""
+        """Return whether frames and heartbeats are on time, without allowance for loss."""
         heard = now - self.last_heard <= STALE_AFTER_NS
         return heard and self.last_heard - self.last_heartbeat <= MUTE_AFTER_NS and self.state is LinkState.CONNECTED
 
@@ -321,5 +321,5 @@ class Connection:
 
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
-        due_s = probable_run(loss, ALL_LOST)
+        due_s = run_length(loss, ALL_LOST)
         return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)

@@ -1,13 +1,13 @@
-"""What one vehicle's answers tell: that it hears the station, the delay of its link, and its clock, also against UTC.
+"""TIMESYNC with one vehicle: whether it hears the station, its link's delay, and its clock, optionally against UTC.
 
-By its UTC, where that is used, a vehicle's stamps are mapped to our instants; it also tells how its delay is split.
-A clock is stiff: its drift is tens of ppm, and steady. A link isn't. So a two-state Kalman filter takes the drift from
-the slope of the round trips' midpoints, and a step in them is the link's: its split has changed.
+Where UTC is used, a vehicle's stamps are mapped to our instants by it, and it shows how the delay is split. A crystal's
+drift is steady, tens of ppm, while a link's delay isn't. So a two-state Kalman filter takes the drift from the slope of
+the round trips' midpoints, and a step in these is attributed to the link's split.
 
-UTC comes from the vehicle's receiver only while it is disarmed, and only forwards; then it runs on the vehicle's own
-crystal (ArduPilot, AP_RTC). A slow clock therefore left UTC when it was armed, a fast one when it booted. Both are
-corrected by the drift since then, which needs that the better known the longer it is: 0.5 ppm, which is as well as the
-filter ever knows it, are 1.8 ms in an hour and 33 ms in 18.
+ArduPilot takes UTC from its GNSS receiver only while disarmed, and only forwards; otherwise UTC runs on the vehicle's
+crystal (AP_RTC). A slow clock therefore departs from UTC on arming, a fast one at boot. Both are corrected by drift
+times the time since then, so longer times need a better drift: 0.5 ppm, the filter's best, is 1.8 ms in an hour and
+33 ms in 18.
 """
 
 from __future__ import annotations
@@ -24,57 +24,57 @@ from airlink.messages.system import Timesync
 from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
 DRIFT = 1e-4
-"""Standard deviation of the drift of a crystal that nothing is known of."""
+"""Standard deviation of an unknown crystal's drift."""
 OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
-"""Random walk of offset (s) and drift per square root of a second."""
+"""Random walk of offset (s) and drift, per square root of a second."""
 FEWEST = 8
-"""Round trips after which the split is known."""
+"""Number of round trips after which the split is known."""
 WINDOW = 12
-"""Round trips (3 s) of which a step is told from chance: by the median of what they differ from the filter by."""
+"""Number of round trips (3 s) over which a step is tested, by the median of their innovations."""
 SCATTER_S, SCATTER_WEIGHT = 0.02, 4.0
-"""What round trips are taken to scatter by, and how many differences that weighs as, until `WINDOW` show it: of two
-that are alike by chance the first estimate would be believed for minutes."""
+"""Prior standard deviation of round trips, and the number of samples that it weighs, until `WINDOW` are known. Without
+it, two round trips that agree by chance would fix the first estimate for minutes."""
 STEP_SIGMAS, STEP_S = 5.0, 3e-3
 GATE_SIGMAS, GATE_S = 4.0, 5e-3
 UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
-"""A clock that seems to step this often doesn't run steadily."""
+"""A clock that steps this many times within `UNSTEADY_S` is unsteady."""
 OLDEST_UNIX_S = 1.5e9
-"""UTC before July 2017 hasn't been set."""
+"""Times before July 2017 mean that UTC hasn't been set."""
 JUMP_S = 0.01
 UNKNOWN_DRIFT_S = 0.01
-"""Drift that is too much to know UTC by, if it isn't known, or not since when."""
+"""Largest error by drift with which UTC is used, s."""
 SIGMAS = 3.0
-"""Standard deviations of the drift up to which it is looked at."""
+"""Number of standard deviations of the drift taken as its bounds."""
 IN_USE = 2.0
-"""UTC that is in use stays so up to this many times what keeps other UTC from being used."""
+"""UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`."""
 UNKNOWN_WAYS_S = math.nan, math.nan
 EPOCH = Instant(0)
 MAX_PENDING: Final = 256
-"""Unanswered requests that are kept: a minute of them."""
+"""Number of unanswered requests kept: one minute of them."""
 
 
 class GnssClock:
-    """One vehicle's clock against UTC, and against ours."""
+    """One vehicle's clock against UTC and against ours."""
 
     def __init__(self, loop_s: float) -> None:
-        """Start with nothing known; `loop_s` is the period of the loop on which the vehicle answers."""
+        """Start without samples; `loop_s` is the period of the vehicle's loop that answers requests."""
         self._loop_s = loop_s
         self.samples = 0
         self.jump_s = 0.0
-        """By how much its UTC has jumped since `utc` was trusted, 0 if it hasn't; the jump isn't followed."""
+        """Jump of its UTC since it was last accepted, s, 0 if there is none; a jump in flight isn't followed."""
         self._filter = ClockFilter(DRIFT, OFFSET_NOISE, DRIFT_NOISE)
         self._trips = deque[float](maxlen=WINDOW)
         self._off = deque[tuple[float, float]](maxlen=WINDOW)
         self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
         self._readings = 0
-        self._left_s: float | None = None
-        """Time since boot of the last reading while disarmed."""
+        self._disarmed_s: float | None = None
+        """Time since boot of the last UTC reading while disarmed."""
         self._first_s = math.nan
 
     @property
     def drift(self) -> float:
-        """How much faster than our clock it runs."""
+        """Rate of the vehicle's clock relative to ours, minus 1."""
         return self._filter.drift
 
     @property
@@ -83,7 +83,7 @@ class GnssClock:
         return min(self._trips, default=math.nan)
 
     def why_not(self, *, used: bool = False) -> str | None:
-        """Return why its UTC can't be used, None when it can; `used`: it is in use."""
+        """Return why its UTC can't be used, None if it can; `used`: it is in use already."""
         if math.isnan(self._utc_s):
             return "it sends no UTC"
         if self.samples < FEWEST:
@@ -91,15 +91,15 @@ class GnssClock:
         if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
             return "its clock doesn't run steadily"
         most_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
-        if self._left_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
+        if self._disarmed_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
             return "it was armed before it was first heard, and its clock has drifted since"
-        unsure_s = self.unsure_s()
+        unsure_s = self.utc_uncertainty_s()
         if unsure_s > most_s:
             return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
         return None
 
-    def unsure_s(self) -> float:
-        """Return by how much its UTC may be off as its drift isn't known better, s, by three standard deviations."""
+    def utc_uncertainty_s(self) -> float:
+        """Return the bound of its UTC's error by unknown drift, s (three standard deviations)."""
         off = SIGMAS * self._filter.drift_deviation
         boot_s = self._filter.reference / NANOSECONDS + self._filter.offset_s
         gained_s = self._gained_s(self.drift, boot_s)
@@ -110,7 +110,7 @@ class GnssClock:
         trip_s, middle = seconds_between(sent, received), Instant((sent + received) // 2)
         self._trips.append(trip_s)
         wait_s, variance = self._wait(trip_s)
-        # The wait for the answering loop comes before the vehicle reads its clock: the midpoint is half of it late.
+        # The vehicle reads its clock after waiting for its loop: half of that wait later than the midpoint.
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS - wait_s / 2
         self.samples += 1
         if self.samples == 1:
@@ -124,7 +124,7 @@ class GnssClock:
         self._judge_step()
 
     def utc(self, unix_s: float, boot_s: float, *, armed: bool) -> None:
-        """Take UTC and time since boot of one instant, from SYSTEM_TIME."""
+        """Take UTC and time since boot, from one SYSTEM_TIME."""
         if unix_s < OLDEST_UNIX_S:
             return
         ahead_s = unix_s - boot_s
@@ -138,30 +138,30 @@ class GnssClock:
         self._utc_s = ahead_s if fresh else self._utc_s + (ahead_s - self._utc_s) / self._readings
         self.jump_s = 0.0
         if not armed:
-            self._left_s = boot_s
+            self._disarmed_s = boot_s
 
     def to_utc_s(self, boot_s: float) -> float:
         """Return UTC, s since 1970, at a time since boot."""
         return boot_s + self._utc_s - self._gained_s(self.drift, boot_s)
 
     def station_utc_s(self) -> float:
-        """Return UTC minus our clock, s, if the link took equally long up and down.
+        """Return UTC minus our clock, s, on the assumption of equal delays up and down.
 
-        A link that takes d longer up than down makes it d/2 more.
+        An uplink delay that is longer by d makes the result too large by d/2.
         """
         reference_s = self._filter.reference / NANOSECONDS
         return self.to_utc_s(reference_s + self._filter.offset_s) - reference_s
 
     def _gained_s(self, drift: float, boot_s: float) -> float:
-        """Return what its UTC has gained on the receiver's by a time since boot, with a drift."""
+        """Return what its UTC has gained on true UTC by drift, at a time since boot."""
         if drift >= 0:
             return drift * boot_s
-        return drift * (boot_s - (self._first_s / 2 if self._left_s is None else self._left_s))
+        return drift * (boot_s - (self._first_s / 2 if self._disarmed_s is None else self._disarmed_s))
 
     def _wait(self, trip_s: float) -> tuple[float, float]:
-        """Return the part of a round trip that was the wait for the answering loop, and the variance of the midpoint.
+        """Return a round trip's wait for the answering loop, and the variance of the midpoint.
 
-        The best linear estimate: the wait is uniform, and the rest of what round trips vary by is the link's.
+        It is the best linear estimate: the wait is uniformly distributed, the remaining scatter is the link's.
         """
         count = len(self._trips)
         mean_s = sum(self._trips) / count
@@ -175,7 +175,7 @@ class GnssClock:
         return wait_s, RESOLUTION_S**2 + (max(0.0, scatter_s2 - loop_s2) + rest_s**2) / 4
 
     def _judge_step(self) -> None:
-        """Take what the last round trips have in common for a change of the link's split, not of the clock."""
+        """Attribute a common step of the last round trips to the link's split, and shift the offset by it."""
         if len(self._off) < WINDOW:
             return
         step_s = median(off_s for off_s, _ in self._off)
@@ -189,18 +189,18 @@ class GnssClock:
 
 
 class StampMap:
-    """The mapping in use; a change of it in flight is spread over time.
+    """Maps stamps to instants; a change of the mapping in flight is spread over time.
 
-    By UTC it is a straight line that is drawn anew at each tick, not at each answer, so that it can be.
+    With UTC it is a straight line, drawn anew at each tick instead of at each answer.
     """
 
     def __init__(self, round_trips: ClockSync, gnss: GnssClock | None) -> None:
-        """Begin by round trips; `gnss` is the clock against UTC, None where nobody asks for that."""
+        """Start with round trips; `gnss` is the clock against UTC, None if UTC isn't wanted."""
         self.gnss = gnss
         self._round_trips = round_trips
         self._utc_s: float | None = None
         self._slew_s = self._line_s = self._at_line_s = self._rate = 0.0
-        """By UTC: what our clock shows, s, when the vehicle's shows `_line_s`, and at what rate the two go."""
+        """With UTC: our clock, s, when the vehicle's shows `_line_s`, and our seconds per second of its clock."""
 
     @property
     def by_utc(self) -> bool:
@@ -208,9 +208,9 @@ class StampMap:
         return self._utc_s is not None
 
     def use_utc(self, utc_s: float | None, now: Instant, slew_s: float) -> None:
-        """Map by the vehicle's UTC, given what UTC minus our clock is; None: by round trips.
+        """Map by the vehicle's UTC, given UTC minus our clock; None: by round trips.
 
-        A change, also of what its UTC is taken for, comes gradually, by at most `slew_s` a call.
+        The mapping moves by at most `slew_s` a call when the method or the estimate of UTC changes.
         """
         if self._round_trips.samples and not (utc_s is None and self._utc_s is None):
             stamp_s = now / NANOSECONDS + self._round_trips.offset_s
@@ -222,7 +222,7 @@ class StampMap:
         self._slew_s -= math.copysign(min(abs(self._slew_s), slew_s), self._slew_s)
 
     def to_instant(self, stamp_s: float) -> Instant:
-        """Return our instant for its time since boot, s."""
+        """Return our instant for the vehicle's time since boot, s."""
         if self._utc_s is None:
             instant = self._round_trips.to_instant(stamp_s)
         else:
@@ -230,13 +230,13 @@ class StampMap:
         return after(instant, self._slew_s) if self._slew_s else instant
 
     def _draw(self, stamp_s: float) -> None:
-        """Draw the line by UTC through what its clock shows at a time since boot."""
+        """Draw the UTC line through a time since boot."""
         if self.gnss is not None and self._utc_s is not None:
             self._line_s, self._at_line_s = stamp_s, self.gnss.to_utc_s(stamp_s) - self._utc_s
             self._rate = 1.0 - self.gnss.drift
 
     def ways_s(self, one_way_s: float) -> tuple[float, float]:
-        """Return the delays up and down, s, of a round trip that took twice `one_way_s`; NaN where UTC isn't used."""
+        """Return the delays up and down, s, of a round trip of twice `one_way_s`; NaN without UTC."""
         if self.gnss is None or self._utc_s is None:
             return UNKNOWN_WAYS_S
         more_s = self.gnss.station_utc_s() - self._utc_s
@@ -244,45 +244,45 @@ class StampMap:
 
 
 class RoundTrips:
-    """The TIMESYNC requests to one vehicle, and what follows from the answers to them and to commands.
+    """The TIMESYNC requests to one vehicle, and what answers to them and to commands tell.
 
     Source: MAVLink documentation, "Time Synchronization Protocol v2".
     """
 
     def __init__(self, loop_s: float, *, by_utc: bool = False) -> None:
-        """Begin with nothing asked; the vehicle answers in a loop of `loop_s`, s.
+        """Start without requests; the vehicle answers in a loop with period `loop_s`, s.
 
-        With `by_utc` stamps are mapped by the vehicle's UTC, where that is known.
+        With `by_utc` stamps are mapped by the vehicle's UTC once that is known.
         """
         self._loop_s, self._by_utc = loop_s, by_utc
         self.clock = ClockSync(loop_s)
         self.stamps = self._new_stamps()
         self.delays = BytesWriter()
-        """Four numbers of 64 bits for each answered request: when it came back, ns; half the round trip, the way up and
-        the way down, s, NaN where it isn't known how the round trip is split."""
+        """Four 64-bit numbers for each answered request: arrival, ns; half the round trip, the delay up and the delay
+        down, s, NaN while the split is unknown."""
         self._answered = NEVER
-        """When its newest answer came, to whatever it was asked."""
+        """Arrival of the newest answer to any message."""
         self._pending = list[Instant]()
-        """When the requests were sent that haven't been answered, the oldest first."""
+        """Send times of the unanswered requests, oldest first."""
 
     def request(self, now: Instant) -> Timesync:
-        """Return a TIMESYNC request; its stamp, kept here, tells the answer from those to others."""
+        """Return a TIMESYNC request; its stamp identifies the answer."""
         self._pending.append(now)
         if len(self._pending) > MAX_PENDING:
             self._pending.pop(0)
         return Timesync(0, now)
 
     def forget_requests(self, now: Instant) -> None:
-        """Drop pending requests: their answers have waited for us, so their delay isn't the link's. None is overdue."""
+        """Drop pending requests: answers that waited in our own queue would not measure the link. None is overdue."""
         self._pending.clear()
         self._answered = now
 
     def hear(self, now: Instant) -> None:
-        """Note that it has answered something."""
+        """Record an answer to any message."""
         self._answered = now
 
     def is_answer(self, message: Timesync) -> bool:
-        """Return whether a message answers a request that no other has answered, which isn't pending any more."""
+        """Return whether a message answers a pending request, and remove that request."""
         for place in range(len(self._pending) - 1, -1, -1):
             if self._pending[place] == message.ts1_ns:
                 self._pending.pop(place)
@@ -290,7 +290,7 @@ class RoundTrips:
         return False
 
     def measure(self, answer: Timesync, now: Instant) -> bool:
-        """Learn delay and clock from an answer that came now; return whether the vehicle's clock has begun anew."""
+        """Update delay and clock with an answer that arrived now; return whether the vehicle's clock has restarted."""
         sent = Instant(answer.ts1_ns)
         anew = self.clock.observe(sent, answer.tc1_ns, now)
         if anew:
@@ -307,26 +307,26 @@ class RoundTrips:
 
     @property
     def gnss(self) -> GnssClock | None:
-        """Its clock against UTC, None where nobody asks for that."""
+        """The vehicle's clock against UTC, None if UTC isn't wanted."""
         return self.stamps.gnss
 
     @property
     def ways_s(self) -> tuple[float, float]:
-        """Delay up and down, s; NaN where it isn't known how the round trip is split."""
+        """Delay up and down, s; NaN while the split is unknown."""
         return self.stamps.ways_s(self.clock.one_way_s)
 
     @property
     def down_s(self) -> float:
-        """Delay down, s: half the round trip where it isn't known how that is split; NaN before the first."""
+        """Delay down, s: half the round trip while the split is unknown; NaN before the first."""
         if self.stamps.gnss is None:
             return self.clock.one_way_s
         down_s = self.ways_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 
     def heard_at(self, now: Instant) -> Instant:
-        """Return until when it is known to have heard the station: the time of its newest answer less the way back.
+        """Return until when it is known to have heard the station: its newest answer's time less the delay down.
 
-        Before the first answer, that is `now`.
+        Before the first answer this is `now`.
         """
         if self._answered == NEVER:
             return now
@@ -334,7 +334,7 @@ class RoundTrips:
         return self._answered if math.isnan(down_s) else Instant(self._answered - nanoseconds(down_s))
 
     def unanswered_s(self, last_heard: Instant) -> float:
-        """Return for how long frames have come since its newest answer, s, until the instant of the last one."""
+        """Return the time from its newest answer to its last frame, s."""
         return 0.0 if self._answered == NEVER else max(0.0, seconds_between(self._answered, last_heard))
 
     def _new_stamps(self) -> StampMap:

@@ -1,8 +1,8 @@
 """Decides which address speaks for a vehicle.
 
-A system id proves no identity, and without signing nothing on the network does. So another address can't take a
-vehicle's place while the vehicle is heard. After it falls silent, another address can by the evidence of its time since
-boot: its clock must continue the vehicle's, or have started after the vehicle was last heard.
+A system id is no proof of identity, and without signing nothing else is. So another address can't take a vehicle's
+place while the vehicle is heard. After the vehicle falls silent, another address can, if its time since boot agrees:
+its clock must continue the vehicle's, or have started after the vehicle was last heard.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from gcs_formation.link.link_health import Connection, LinkState
 LONGEST_DELAY_S: Final = 10.0
 """Largest age of a time stamp on arrival."""
 EARLY_S: Final = 2.0
-"""How far a stamp may lie in the future: the clock mapping is off by half the difference of both delays."""
+"""How far in the future a stamp may lie: the clock mapping errs by half the difference of the two delays."""
 BOOT_SLACK_S: Final = 1.0
-"""How long before the old clock was last seen a new clock may seem to have started."""
+"""Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much."""
 BOTH_TALK_S: Final = 1.0
-"""If a vehicle is still heard this long after another sender began, it hasn't moved there: there are two."""
+"""If a vehicle is still heard this long after another sender started, there are two vehicles, not one that moved."""
 DISBELIEVED_S: Final = 2.0
-"""After this long without a stamp of the known clock, the answer of another clock is accepted."""
+"""After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
 FORGOTTEN_S: Final = 60.0
 TURN_S: Final = 2.0**32 / 1e3
-"""Stamps are milliseconds in 32 bits, so that after so long, 49.7 days, they begin again; TIMESYNC's has 64."""
+"""Stamps are milliseconds in 32 bits and wrap after this time, 49.7 days; TIMESYNC's have 64 bits."""
 MAX_RIVALS: Final = 8
 
 Remote = tuple[int, Address]
@@ -48,8 +48,8 @@ class Evidence(Enum):
 
 
 Ruling = tuple[bool, str | None]
-"""Whether a frame is accepted as the vehicle's, and what to report: of an accepted one that the vehicle has moved, of
-another that there is a second sender."""
+"""Whether a frame is accepted as the vehicle's, and the text to report, if any: that the vehicle has moved (accepted),
+or that there is a second sender (refused)."""
 NOTHING: Final = Evidence.NONE
 GOES_ON: Final = Evidence.GOES_ON
 ANOTHERS: Final = Evidence.ANOTHERS
@@ -63,7 +63,7 @@ class DuplicateId:
     since: Instant
     last: Instant
     refuted: bool = False
-    """Whether its clock has proved that it isn't the vehicle."""
+    """Whether its clock proved that it is another vehicle."""
     reported: bool = False
 
 
@@ -75,15 +75,15 @@ class SourceBinding:
         self._connection = connection
         self._clock = clock
         self._agreed = Instant(0)
-        """When the vehicle's own clock was last seen."""
+        """When a stamp of the vehicle's own clock was last seen."""
         self.refused_stamp_s = math.nan
-        """The newest stamp from the vehicle's own address that its clock contradicts; NaN if there is none."""
+        """Newest stamp from the vehicle's own address that contradicts its clock; NaN if there is none."""
         self.turned_s = 0.0
-        """What the stamp of the message that was judged last lacks of the vehicle's time since boot: whole turns."""
+        """What to add to the last judged stamp for the time since boot, s: a whole number of wraps (`TURN_S`)."""
         self._duplicates: dict[Remote, DuplicateId] = {}
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
-        """Decide on a frame, and bind the vehicle to its address if the evidence supports it."""
+        """Decide on a frame, and bind the vehicle to the frame's address if the evidence supports it."""
         connection, evidence = self._connection, NOTHING
         if message is not None:
             stamp_s = message.boot_s()
@@ -96,18 +96,18 @@ class SourceBinding:
             return self._judge_other((socket, peer), evidence, now, heartbeat=isinstance(message, Heartbeat))
         if evidence is ANOTHERS and message is not None:
             self.refused_stamp_s = message.boot_s()
-            return False, self._another((socket, peer), evidence, now)
+            return False, self._duplicate_finding((socket, peer), evidence, now)
         if evidence is GOES_ON or not self._clock.samples:
             self._agreed = now
         return True, None
 
     def believes(self, vehicle_time_s: float, now: Instant) -> bool:
-        """Return whether to accept the clock in an answer to a probe as the vehicle's."""
+        """Return whether to accept a TIMESYNC answer's clock as the vehicle's."""
         doubtful = self._evidence(vehicle_time_s, now) is ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
 
     def _of_stamp(self, stamp_s: float, now: Instant) -> Evidence:
-        """Return what a stamp says; it has turned if the vehicle's clock goes on so."""
+        """Return what a stamp says; where only a wrapped stamp continues the vehicle's clock, it has wrapped."""
         self.turned_s, evidence = 0.0, self._evidence(stamp_s, now)
         if evidence is GOES_ON or evidence is NOTHING:
             return evidence
@@ -129,7 +129,7 @@ class SourceBinding:
         """Decide on a frame from another address than the vehicle's."""
         state = self._connection.state
         if self._connection.talks or evidence is ANOTHERS:
-            return False, self._another(remote, evidence, now)
+            return False, self._duplicate_finding(remote, evidence, now)
         refuted = remote in self._duplicates and self._duplicates[remote].refuted
         clockless = heartbeat and not refuted and (state is LinkState.LOST or not self._clock.samples)
         if evidence is NOTHING and not clockless:
@@ -143,8 +143,8 @@ class SourceBinding:
         self._duplicates.pop(remote, None)
         return f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
 
-    def _another(self, remote: Remote, evidence: Evidence, now: Instant) -> str | None:
-        """Record a frame of another sender; return a finding, once, when it is certain that there are two."""
+    def _duplicate_finding(self, remote: Remote, evidence: Evidence, now: Instant) -> str | None:
+        """Record another sender's frame; return a finding, once, when it is certain that there are two senders."""
         self._duplicates = {
             r: each for r, each in self._duplicates.items() if seconds_between(each.last, now) < FORGOTTEN_S
         }
@@ -156,7 +156,7 @@ class SourceBinding:
         duplicate.last = now
         duplicate.refuted |= evidence is ANOTHERS
         bound = self._connection.peer
-        both = self._last_word(remote) >= after(duplicate.since, BOTH_TALK_S)
+        both = self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
         refused = evidence is ANOTHERS and remote[1] != bound
         if duplicate.reported or not (both or refused):
             return None
@@ -165,7 +165,7 @@ class SourceBinding:
         about = f", {evidence.value}" if evidence is not NOTHING else ""
         return f"another sender has its system id, {where}{about}; it is ignored"
 
-    def _last_word(self, remote: Remote) -> Instant:
-        """Return when the vehicle itself was last heard for certain, given another sender at `remote`."""
+    def _last_certain(self, remote: Remote) -> Instant:
+        """Return when the vehicle itself was last heard for certain, given the other sender `remote`."""
         connection = self._connection
         return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard

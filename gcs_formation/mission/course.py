@@ -1,4 +1,4 @@
-"""The course of a run: its phase and what moves it to the next one, orders in flight, and how it ends."""
+"""The phases of a run and their transitions, orders in flight, and the end."""
 
 from __future__ import annotations
 
@@ -25,39 +25,39 @@ from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GETS_ON_S, GETS_ON_SHARE = 120.0, 0.05
-"""Within which time a leader must get on towards its path, by which share of what it flies through the air then."""
+"""A leader must get nearer to its path within this time, by this share of the distance flown through the air."""
 
 
 class Orders:
-    """Takes orders from the operator and those that the scenario plans."""
+    """Takes orders from the operator and those planned in the scenario."""
 
     def __init__(self, scenario: Scenario, course: Course, reconfiguration: Reconfiguration, note: Note) -> None:
-        """Carry out changes by `reconfiguration`, the flight's end by `course`."""
+        """Carry out changes by `reconfiguration`, and the end of the flight by `course`."""
         self._course, self._flight = course, course.flight
         self._reconfiguration = reconfiguration
         self._note = note
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
         self._refused: list[str] = []
         self._ended = False
-        """Whether one that the scenario plans has ended the flight."""
+        """Whether a planned order has ended the flight."""
 
     @property
     def undone(self) -> list[str]:
-        """What the scenario planned and wasn't done, with the reasons: orders and changes of the formation.
+        """Planned orders and changes of the formation that weren't carried out, with the reasons.
 
-        What was planned for after the flight was cut short, by an order or by `--until`, isn't missed.
+        Those planned for after an end by order or `--until` aren't counted.
         """
         late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
         missed = [] if self._course.cut_short else late + self._reconfiguration.left
         return self._refused + self._reconfiguration.unflown + missed
 
     def resume(self, mission_s: float) -> None:
-        """Go on after a mission time; what was planned for before has been given."""
+        """Resume at a mission time: orders planned for earlier have been given."""
         while self._planned and self._planned[0].at_s <= mission_s:
             self._planned.popleft()
 
     def advance(self, now: Instant) -> None:
-        """Give the planned orders that are due, at the flight's end too, unless something else has cut it short."""
+        """Give the planned orders that are due, also at the end, unless something else has cut the flight short."""
         if self._course.cut_short and not self._ended:
             return
         mission_s = self._flight.mission_time_s(now)
@@ -69,7 +69,7 @@ class Orders:
                 self._refused.append(f"order at {planned.at_s:g} s: {answer.text}")
 
     def take(self, text: str, now: Instant) -> Answer:
-        """Carry out an order, or refuse it with a reason; record either as an event."""
+        """Carry out an order, or refuse it with a reason; record both as an event."""
         try:
             refusal = self._carry_out(parse_order(text), now)
         except (OrderError, NotFlyableError, ValueError) as error:
@@ -91,17 +91,17 @@ class Orders:
 
 
 class ProgressToStart:
-    """Whether the leader gets on towards the start of its path: against too much wind it doesn't."""
+    """Watches whether the leader approaches the start of its path: against strong wind it may not."""
 
     def __init__(self) -> None:
-        """Begin with no way."""
+        """Start without a route."""
         self._route: Route | None = None
         self._farthest_m, self._since = 0.0, Instant(0)
         self.gained_m, self.gets_on = 0.0, True
-        """How far it has got since it last got on, m, and whether that is enough for the time."""
+        """Distance gained since the last sufficient progress, m; whether progress is sufficient."""
 
     def watch(self, guidance: LeaderGuidance, now: Instant) -> None:
-        """Look where the leader is; one that is to stand needn't get on."""
+        """Update with the leader's position; one that is to hover needn't move."""
         self.gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
         enough = speed_mps == 0.0 or self.gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
         if enough or guidance.route is not self._route:
@@ -122,38 +122,38 @@ class Course:
         note: Note,
         preflight: PreFlight,
     ) -> None:
-        """Begin in the phase of connecting.
+        """Start in phase CONNECTING.
 
         Args:
-            scenario: what is flown.
-            controller: opens the formation at the end, by the heights that it is given.
-            membership: is told then that nobody who loiters comes back.
-            dispatch: holds setpoints back, which aren't sent any more once vehicles loiter.
-            vehicles: all of them.
+            scenario: the scenario to fly.
+            controller: separates the formation vertically at the end.
+            membership: lets no loitering vehicle return after that.
+            dispatch: its delayed setpoints are dropped when vehicles loiter.
+            vehicles: all vehicles.
             note: reports events.
-            preflight: says whether vehicles may be commanded yet; before that a run ends without a command.
+            preflight: tells whether vehicles may be commanded; before that a run ends without commands.
         """
         self.flight = Flight()
         self.failure: str | None = None
-        """Why the run couldn't go on."""
+        """Why the run couldn't continue."""
         self.flown = False
-        """Whether that was after the flight: at its end somebody couldn't land, for one."""
+        """Whether it failed only after the flight, for instance because a vehicle couldn't land."""
         self.cut_short = False
-        """Whether the flight was ended before its path or time was."""
+        """Whether the flight was ended before its path or its time was over."""
         self.assembled: bool | None = None
-        """Whether every follower was in its slot when the path began; None before."""
+        """Whether every follower was in its slot when the path began; None before that."""
         self.unsafe: list[str] = []
-        """Which vehicles may circle at one height after the run."""
+        """Vehicles that may circle at the same height after the run."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
         self._ground, self._late, self._way = GroundFloor(scenario), False, ProgressToStart()
         self._ending: Ending | None = None
         self.opening: Opening | None = None
-        """The opening of the formation at its end, while it lasts."""
+        """The vertical separation of the formation at its end, while it lasts."""
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
-        """Go to the phase that `cause` leads to; return whether it leads anywhere. `manner`: if that is the end."""
+        """Move to the phase that `cause` leads to; return whether there is one. `manner`: how the flight ends then."""
         unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
         if not self._preflight.passed or (cause is Cause.FAILURE and unheard):
             cause = BEFORE_COMMANDS.get(cause, cause)
@@ -170,7 +170,7 @@ class Course:
         return True
 
     def waited_long_enough(self, tick: Tick | None, now: Instant) -> bool:
-        """Return whether the time to assemble is over; if the leader wasn't there to follow by then, the run fails."""
+        """Return whether the time to assemble is over; if no leader is there to follow by then, the run fails."""
         if self.flight.phase is not Phase.ASSEMBLING:
             self._late = False
             return False
@@ -187,9 +187,9 @@ class Course:
         return late
 
     def _judge_assembly(self, now: Instant) -> None:
-        """Say whether the path begins with every follower in its slot, as it does unless the time for that is over.
+        """Record whether the path begins with every follower in its slot.
 
-        Before that, as in a turn to the path's start, who is out of its slot gets there again.
+        Until the time for assembling is over it counts so: a follower that a turn to the start displaced will return.
         """
         self.assembled = self._controller.assembled or not self._late
         if not self.assembled:
@@ -202,22 +202,22 @@ class Course:
         self.fail(f"the leader does not get to the start of its path: {told}", now)
 
     def end_rehearsal(self, now: Instant) -> None:
-        """End a run that was to command nobody."""
+        """End a rehearsal, in which nobody is commanded."""
         self.cut_short = self.move(Cause.REHEARSED, now)
 
     def stop(self, now: Instant) -> None:
-        """End the flight: the formation opens, all vehicles loiter, and no further landing begins."""
+        """End the flight: the formation separates, all vehicles loiter, and no further landing begins."""
         if self.move(Cause.STOP, now):
             self.cut_short = True
         if self._ending is not None:
             self._ending.hasten()
 
     def go_home_at_once(self, now: Instant) -> bool:
-        """Send everyone home that was told to stop, however far the formation is open; return whether that began."""
+        """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
         return self.move(Cause.HASTE, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
-        """End the run for the first reason why it can't go on; vehicles loiter, if it had `begun`."""
+        """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""
         self.flown = self.flown or (self.failure is None and self.flight.phase in OVER)
         self.failure = self.failure or text
         self._note(now, "failure", text)
@@ -233,7 +233,7 @@ class Course:
         return None
 
     def end_in_time(self, until_s: float, now: Instant) -> None:
-        """End a flight whose path or time is over, or that was to end at mission time `until_s`."""
+        """End a flight whose path or time is over, or that has reached mission time `until_s`."""
         flown_s = self.flight.mission_time_s(now)
         if flown_s >= self._duration_s or self._controller.guidance.at_end:
             self.move(Cause.PATH_ENDED, now)
@@ -242,7 +242,7 @@ class Course:
             self.move(Cause.PATH_ENDED, now)
 
     def bring_to_end(self, now: Instant) -> None:
-        """Look after vehicles at the end of the flight, in the phases in which it is over."""
+        """Manage the vehicles in the phases after the flight."""
         assert self._ending is not None, "it begins with the first of these phases"
         if self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(self._ending, now)
@@ -250,7 +250,7 @@ class Course:
             self._ending.judge(now)
 
     def _wait_for_loiter(self, ending: Ending, now: Instant) -> None:
-        """Continue to bring vehicles to where they may be left alone; end the run when all are there."""
+        """Continue until vehicles may be left alone; end the run when all are."""
         ending.advance(now)
         if ending.landings.failure and not self.failure:
             self.fail(ending.landings.failure, now)
@@ -268,9 +268,9 @@ class Course:
                 self.move((NOT_ALL_ENDED if pending or elsewhere else ALL_ENDED)[ending.manner], now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
-        """Prepare heights at which vehicles circle, go home or wait to land; a formation is opened at them first.
+        """Choose the heights at which vehicles circle, return or wait to land; the formation first separates to them.
 
-        What can stand is stopped first where it loiters: braking one by one, as each hears it, they would meet.
+        Hovering vehicles are all stopped first: if each braked as its command arrived, they would meet.
         """
         opens = self.flight.phase is Phase.ENDING
         landings = None if self._ending is None else self._ending.landings.call_off()

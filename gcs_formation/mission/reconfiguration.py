@@ -1,4 +1,4 @@
-"""Changes of the formation in flight: planned ones, ordered ones, and the succession of a lost leader."""
+"""Changes of the formation in flight: planned, ordered, and by succession of a lost leader."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, 
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.membership_and_succession import Candidate, can_lead, heir
+from gcs_formation.fleet.membership_and_succession import Candidate, best_successor, can_lead
 from gcs_formation.guidance.leader_guidance import TurnOnSpot
 from gcs_formation.guidance.tracking import Abreast, project
 from gcs_formation.mission.resumption import Resumption
@@ -31,15 +31,15 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 TRY_AGAIN_S: Final = 1.0
-"""Interval between attempts at a change that can't be flown at the formation's present position."""
+"""Interval between attempts at a change that can't be flown from the formation's present position."""
 AMID: Final = 2.0
-"""Vehicles up to this many times the farthest slot's distance from the leader count as amid the formation."""
+"""Vehicles within this multiple of the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
-"""Vehicles this near the leader count as having taken off with it; the law brings others to their slots."""
+"""Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
 
 
 class Reconfiguration:
-    """Plans changes and has the controller fly them."""
+    """Plans changes for the controller to fly."""
 
     def __init__(
         self, scenario: Scenario, controller: FormationController, vehicles: dict[VehicleId, Vehicle], note: Note
@@ -55,19 +55,19 @@ class Reconfiguration:
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
-        """Why, in words."""
+        """Reason for the postponement, in words."""
         self._planned_for = [False] * len(self._names)
-        """(C,) which vehicles the present transition was planned for."""
+        """Whether the present transition was planned with each vehicle, (C,)."""
         self._planned_for[controller.plan.leader] = True
 
     @property
     def leader(self) -> Vehicle | None:
-        """The vehicle that leads, None for a virtual leader."""
+        """The leading vehicle, None for a virtual leader."""
         return self._by_column.get(self._controller.plan.leader)
 
     @property
     def unflown(self) -> list[str]:
-        """The planned change that is still postponed, with the reason; none if there is none."""
+        """The planned change that is still postponed, with the reason; empty if there is none."""
         wanted = self._wanted
         if wanted is None or wanted == self._controller.plan.arrangement:
             return []
@@ -80,7 +80,7 @@ class Reconfiguration:
         return [f"the change of the formation at {each.at_s:g} s {over}" for each in self._controller.plan.scheduled]
 
     def resume(self, resumed: Resumption) -> None:
-        """Begin where a flight stood; on the path, everybody's way to their slots begins where they are found."""
+        """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""
         guidance = self._controller.guidance
         self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
         if resumed.speed_mps != guidance.speed_mps:
@@ -91,7 +91,7 @@ class Reconfiguration:
         self._planned_for[resumed.arrangement.leader] = True
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
-        """Let a vehicle lead from the beginning on."""
+        """Make a vehicle the leader from the beginning."""
         leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
         if leader != self._controller.plan.leader:
             self._controller.hand_over(leader, 0.0)
@@ -102,8 +102,8 @@ class Reconfiguration:
     def advance(self, now: Instant, mission_time_s: float) -> None:
         """Begin the planned change that is due; if it can't be flown, try again later.
 
-        A transition that was planned without an absent vehicle is planned again when that vehicle is back. Before the
-        path begins, vehicles come one after another.
+        A transition planned without an absent vehicle is planned again when that vehicle is back. Before the path
+        begins, vehicles join one after another.
         """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
@@ -124,9 +124,9 @@ class Reconfiguration:
                 self._note(now, "postponed", f"the change is tried again: {error}")
 
     def _gather(self, now: Instant) -> None:
-        """Lead those that have come to their slots, clear of each other and of those that came before.
+        """Lead newly joined vehicles to their slots, clear of each other and of those that joined before.
 
-        Where no way meets another, the law brings them there. Until a way is found they fly beside the leader.
+        Where no ways cross, the law does this alone. Until a transition is found, vehicles fly beside the leader.
         """
         controller, plan = self._controller, self._controller.plan
         route, guidance = controller.guidance.route, controller.guidance
@@ -180,7 +180,7 @@ class Reconfiguration:
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
-        """Begin a change that was ordered; return why its slots can't be flown, None if it has begun.
+        """Begin an ordered change; return why its slots can't be flown, None if it has begun.
 
         Raises:
             NotFlyableError: the transition to its slots can't be flown.
@@ -195,7 +195,7 @@ class Reconfiguration:
         return refusal
 
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
-        """Fly at another speed; return why it can't be flown, None when it is."""
+        """Fly at another speed; return why it can't be flown, None if it is."""
         scenario, guidance = self._scenario.at_speed(speed_mps), self._controller.guidance
         turn, refusal = guidance.turn, None
         if turn is not None and speed_mps > 0.0:
@@ -208,7 +208,7 @@ class Reconfiguration:
         return refusal
 
     def order_heading(self, heading_rad: float, now: Instant) -> str | None:
-        """Turn on the spot to a heading; return why that can't be done, None when it is."""
+        """Turn on the spot to a heading; return why that can't be done, None if it is."""
         controller, scenario = self._controller, self._scenario
         guidance, tick = controller.guidance, controller.last_tick
         if not scenario.hovers:
@@ -230,7 +230,7 @@ class Reconfiguration:
         return math.degrees(course_rad) % 360.0
 
     def successor(self, sinking: Set[VehicleId], now: Instant) -> int | None:
-        """Return the column of the follower, none of `sinking`, that is to take over; None if none can."""
+        """Return the column of the follower that is to take over, None if none can; `sinking` ones can't."""
         tick, leader = self._controller.last_tick, self._controller.plan.leader
         if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
             return None
@@ -240,17 +240,17 @@ class Reconfiguration:
             for column, vehicle in self._by_column.items()
             if column != leader and vehicle.identity not in sinking and can_lead(vehicle, age_s(column, now), now)
         )
-        return heir(candidates, self._controller.plan.arrangement.spacing_m)
+        return best_successor(candidates, self._controller.plan.arrangement.spacing_m)
 
     def succeed(self, sinking: Set[VehicleId], now: Instant) -> None:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
-        heir = self.successor(sinking, now)
-        if heir is not None:
-            self._hand_over(heir, *self._take_over(heir, now), now)
+        successor = self.successor(sinking, now)
+        if successor is not None:
+            self._hand_over(successor, *self._take_over(successor, now), now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
-        """Return why an arrangement can't be flown from here on, in the words of `check`; None if it can."""
+        """Return why an arrangement can't be flown from here, in the words of `check`; None if it can."""
         guidance = self._controller.guidance
         slots = self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS)
         step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
@@ -273,7 +273,7 @@ class Reconfiguration:
         self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def _lead_standing(self, leader: int, now: Instant) -> None:
-        """Count slots from where the nose of a leader that may stand points; one that stands turns it gently."""
+        """Take the slots' axis from a new multirotor leader's yaw; in hover, turn it to the formation's heading."""
         guidance, known = self._controller.guidance, self._controller.estimator.filters[leader]
         if not self._scenario.hovers or known.state is None:
             return
@@ -285,7 +285,7 @@ class Reconfiguration:
             self._turn_on_spot(facing_rad, seen.heading_rad, now)
 
     def _as_leader(self, column: int, state: FlightState) -> tuple[float, float]:
-        """Return speed and heading of a vehicle in `state` once others' slots go by them."""
+        """Return the speed and heading that a vehicle in `state` has as a leader."""
         vehicle = self._by_column[column]
         attitude = vehicle.telemetry.attitude
         if not self._scenario.hovers or attitude is None:
@@ -317,17 +317,17 @@ class Reconfiguration:
         return way, distance_m, swing_rad
 
     def _slots(self, now: Instant) -> SlotMotion:
-        """Return the present slots; vehicles that return amid the formation have theirs where they are themselves.
+        """Return the present slots; a vehicle that returns amid the formation has its slot where it is.
 
-        From there the transition leads them to their goals, clear of the others. Vehicles that are farther away keep
-        the slots assigned to them: the law brings them there, and the others don't wait.
+        From there the transition leads it to its goal, clear of the others. Vehicles that are farther away keep their
+        assigned slots: the law leads them there, and the others don't wait.
         """
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
         amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
         return slots.standing(self._returned() & amid, places_m)
 
     def _somebody_returned(self) -> bool:
-        """Return whether anybody is present who wasn't when the transition was planned."""
+        """Return whether a vehicle is present that wasn't when the transition was planned."""
         for column, planned in enumerate(self._planned_for):
             if not planned:
                 vehicle = self._by_column.get(column)

@@ -1,6 +1,6 @@
-"""Taking over what flies, after the ground station was killed: who is taken, who leads, and where on the path.
+"""Resumes a flight after the ground station was killed: which vehicles are taken over, which leads, and where it is.
 
-Nobody is armed or taken off. Whoever isn't as the flight had left it is in other hands, and left there.
+No vehicle is armed or takes off. A vehicle that isn't as the flight had left it is under other control, and left alone.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
-"""Longest wait for somebody who flew when the record ended; then the others begin without."""
+"""Longest wait for a vehicle that was flying when the record ended; then the others begin without it."""
 RETAKE = "; --retake takes it, if its failsafe sent it"
 BEHIND_M = 100.0
 BEYOND = 1.5
-"""How much faster than the path's speed the wind may have carried it."""
+"""Largest ground speed that the leader may have had with the wind, as a multiple of the path's speed."""
 
 
 @dataclass(frozen=True)
 class RecordedVehicle:
-    """What the record says of a vehicle at its end."""
+    """State of a vehicle at the end of the record."""
 
     mode: str | None
     """Its last mode, in words."""
     parted: bool
-    """Whether it had left the formation: its pilot had it, or its failsafe."""
+    """Whether it had left the formation, by its pilot or its failsafe."""
     flew: bool
 
 
 @dataclass(frozen=True)
 class Resumption:
-    """Where a flight stood when its record ended."""
+    """State of a flight at the end of its record."""
 
     at: Instant
     """The present instant, on the record's clock."""
@@ -46,24 +46,24 @@ class Resumption:
     """Mission time of the last tick, s; NaN before the path."""
     path_began: Instant | None
     distance_m: float
-    """How far along the path the leader had come."""
+    """The leader's distance along the path."""
     speed_mps: float
-    """At which the path was flown."""
+    """Speed at which the path was flown."""
     heading_rad: float | None
-    """Where multirotors that stand had been ordered to face; None: nowhere."""
+    """Heading that hovering multirotors had been ordered to; None without an order."""
     arrangement: Arrangement
     slots_m: Array
     """(C, 3) the slots, forward, right and up of the leader."""
     near: tuple[VehicleId, ...] = ()
-    """Everybody who could lead: the one that led, then by their distance from it; nobody behind a virtual leader."""
+    """Vehicles that could lead: the leader, then others by their distance from it; empty with a virtual leader."""
     ending: bool = False
-    """Whether the flight was at its end: who still follows setpoints is brought to circle."""
+    """Whether the flight was ending; vehicles that still follow setpoints are then led to their circles."""
     retake: bool = False
-    """Whether vehicles on their way home are taken too, as their failsafe may have sent them."""
+    """Whether vehicles flying home are taken over too, as their failsafe may have sent them."""
 
     @property
     def reach_m(self) -> tuple[float, float]:
-        """Between which distances along the path the leader may be now, if it flew on."""
+        """Range of distances along the path at which the leader may be now, if it flew on."""
         gone_s = 0.0 if self.path_began is None else seconds_between(self.path_began, self.at) - self.mission_s
         return self.distance_m - BEHIND_M, self.distance_m + BEYOND * self.speed_mps * gone_s + BEHIND_M
 
@@ -71,9 +71,9 @@ class Resumption:
 def why_left(
     known: RecordedVehicle, resumed: Resumption, mode: str, *, airborne: bool, guided: bool, homeward: bool
 ) -> str | None:
-    """Return why a vehicle that is found in a mode is left as it is, in words; None if it is taken.
+    """Return in words why a vehicle found in a mode is left alone, None if it is taken over.
 
-    `guided`: it follows setpoints; `homeward`: it is in the mode of its failsafe.
+    `guided`: it follows setpoints; `homeward`: it is in its failsafe's mode.
     """
     if not airborne:
         return "on the ground"
@@ -89,16 +89,16 @@ def why_left(
 
 
 class Takeover:
-    """Decides vehicle by vehicle, as they are heard; without a resumption everybody is started as usual."""
+    """Decides for each vehicle as it is heard; without a resumption all are started as usual."""
 
     def __init__(self, resumed: Resumption | None, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Take over `vehicles`."""
         self.resumed, self._vehicles, self._note = resumed, vehicles, note
         self._decided, self._left = set[VehicleId](), dict[VehicleId, str]()
-        """Of whom it is decided, and why those are left that are."""
+        """Vehicles decided on; those left alone, with the reason."""
 
     def waits_for(self, now: Instant) -> list[Vehicle] | None:
-        """Return the vehicles that haven't been heard and are waited for; None if a start waits for all of them."""
+        """Return the silent vehicles that are waited for; None if this is a start, which waits for all vehicles."""
         if self.resumed is None:
             return None
         late = self.waited(now)
@@ -106,7 +106,7 @@ class Takeover:
         return [] if late else [each for identity, each in self._silent() if identity in flew]
 
     def may_act(self, vehicle: Vehicle, now: Instant) -> bool:
-        """Return whether a vehicle may be commanded; one that is to be left as it is, is left to its pilot here."""
+        """Return whether a vehicle may be commanded; one that must be left alone is left to its pilot here."""
         resumed, seen = self.resumed, vehicle.telemetry
         if resumed is None or vehicle.identity in self._decided:
             return True
@@ -129,7 +129,7 @@ class Takeover:
         return True
 
     def leader(self, now: Instant) -> VehicleId | None:
-        """Return who is to lead: whoever led, or after a while the nearest to it that follows setpoints."""
+        """Return the vehicle to lead: the former leader or, after a wait, the nearest to it that follows setpoints."""
         resumed = self.resumed
         if resumed is None or not resumed.near:
             return None
@@ -137,22 +137,22 @@ class Takeover:
         return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
 
     def waited(self, now: Instant, for_s: float = WAIT_S) -> bool:
-        """Return whether a flight was taken up longer ago than this."""
+        """Return whether the flight was resumed longer ago than `for_s`."""
         return self.resumed is not None and seconds_between(self.resumed.at, now) > for_s
 
     def settled(self, now: Instant) -> bool:
-        """Return whether it is decided of everybody who is heard and gets ready, and nobody else is waited for."""
+        """Return whether every vehicle heard is decided on, except those given up, and no other is waited for."""
         silent = {identity for identity, _ in self._silent()}
         abandoned = {identity for identity, vehicle in self._vehicles.items() if vehicle.start_up.abandoned}
         return not self.waits_for(now) and self._decided >= self._vehicles.keys() - silent - abandoned
 
     @property
     def took_any(self) -> bool:
-        """Whether anybody has been taken over."""
+        """Whether any vehicle has been taken over."""
         return len(self._left) < len(self._decided)
 
     def failure(self, now: Instant) -> str | None:
-        """Return why there is nothing to take over, None while there is, or may be."""
+        """Return why there is nothing to take over, None while there is or may be."""
         if self.resumed is None or not self.settled(now):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
@@ -163,7 +163,7 @@ class Takeover:
         return None
 
     def _why_nobody(self) -> str:
-        """Return how everybody was found who is left, and what takes those who may have been sent home."""
+        """Return why vehicles were left alone, and how to take over those that may have been sent home."""
         found = dict[str, list[str]]()
         for identity in self._vehicles:
             if identity in self._decided:

@@ -1,4 +1,4 @@
-"""The start of a run: what must hold before anybody is commanded, then each vehicle's start-up."""
+"""The start of a run: checks before the first command, then each vehicle's start-up."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
 TOGETHER_S = 600.0
-"""Longest wait for the others, each of whose own steps ends sooner or fails."""
+"""Longest wait for the other vehicles; each one's own steps end or fail sooner."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 
 
 @dataclass(frozen=True)
 class PreFlightOptions:
-    """What is done before anybody is commanded: changes of mode, arming, setpoints."""
+    """What precedes the first command (change of mode, arming or setpoint)."""
 
     parameters: bool = False
-    """Whether parameters are read, and judged, and where vehicles are."""
+    """Whether parameters and positions of vehicles are checked."""
     confirm: bool = False
-    """Whether somebody's word is awaited when all vehicles are ready."""
+    """Whether to wait for the operator's confirmation when all vehicles are ready."""
     rehearse: bool = False
-    """Whether the run ends there."""
+    """Whether the run ends at that point."""
 
 
 UNCHECKED = PreFlightOptions()
 
 
 class PreFlight:
-    """Holds all vehicles' start-ups before their first command until everybody may begin."""
+    """Holds all start-ups before their first command until every vehicle may begin."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class PreFlight:
         note: Note,
         give_up: GiveUp,
     ) -> None:
-        """Read parameters of `vehicles`, unless the scenario starts emulators in the air."""
+        """Prepare to read the parameters of `vehicles`, if `caution` asks for it."""
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
@@ -70,20 +70,20 @@ class PreFlight:
         self._scenario, self._placed = scenario, set[VehicleId]()
         self._judged, self._refused = set[VehicleId](), False
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
-        """What isn't as it should be, and doesn't keep anybody on the ground."""
+        """Findings that don't prevent the take-off."""
 
     def watch(self) -> None:
-        """Let everybody begin, once for all, when all are connected, ready and checked, and the word is given."""
+        """Allow commands, for good, once all vehicles are connected, ready and checked, and the operator confirms."""
         self.passed = self.passed or (self._confirmed and self._checked and self._ready)
 
     @property
     def awaits_word(self) -> bool:
-        """Whether everybody is connected, ready and checked, and only the operator's word is missing."""
+        """Whether only the operator's confirmation is missing."""
         return not self._confirmed and self._checked and self._ready
 
     @property
     def rehearsed(self) -> bool:
-        """Whether a rehearsal is over."""
+        """Whether a rehearsal has finished."""
         return self._caution.rehearse and self.awaits_word
 
     @property
@@ -95,11 +95,11 @@ class PreFlight:
         return len(self._judged) == len(self._placed) == len(self._readers) and not self._refused
 
     def confirm(self) -> None:
-        """Let everybody begin."""
+        """Record the operator's confirmation."""
         self._confirmed = True
 
     def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return the requests for parameters to send now, and judge those that have been read, and places."""
+        """Return the parameter requests to send now; judge complete sets of parameters, and positions."""
         found = list[tuple[Vehicle, Message]]()
         for identity, reader in self._readers.items():
             vehicle = self.vehicles[identity]
@@ -114,18 +114,18 @@ class PreFlight:
         return found
 
     def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
-        """Take a parameter that a vehicle has told."""
+        """Take a parameter reported by a vehicle."""
         if vehicle.identity in self._readers:
             self._readers[vehicle.identity].take(message, now)
 
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
-        """Record what was found. What refuses a take-off only warns of a vehicle that flies already."""
+        """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
         findings, flies = reader.findings(), vehicle.airborne
         self._judged.add(vehicle.identity)
         self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
 
     def _judge_place(self, vehicle: Vehicle, now: Instant) -> None:
-        """Record whether it is at the scenario's field. One that is ready for its first command knows its home."""
+        """Record whether a vehicle is at the scenario's field, once it is ready and so knows its home."""
         motion = vehicle.telemetry.motion
         if motion is None or not _is_ready(vehicle.start_up):
             return
@@ -146,7 +146,7 @@ class PreFlight:
 
 
 class Starting:
-    """Gets vehicles ready, at the beginning and after a vehicle restarts."""
+    """Prepares vehicles for flight, at the beginning and after a vehicle restarts."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class Starting:
     ) -> None:
         """Start up `vehicles`, the leader first; `endpoints` are where they should be heard.
 
-        If they begin `together`, those that are ready stand until all are: nobody is led past others that still climb.
+        With `together`, those that are ready hover until all are, so that none is led past others still climbing.
         """
         self._preflight, self._takeover = preflight, takeover
         self._vehicles, self._each = vehicles, list(vehicles.values())
@@ -176,7 +176,7 @@ class Starting:
                 vehicle.end_start_up_with(wait)
 
     def _all_ready(self) -> bool:
-        """Return whether everybody has done all steps but the last, to wait for this."""
+        """Return whether every vehicle has finished all steps but the last, which waits for this."""
         each = [vehicle.start_up for vehicle in self._each]
         return all(one.abandoned or one.index >= len(one.steps) - 1 for one in each)
 
@@ -196,16 +196,16 @@ class Starting:
         if self._flight.phase is Phase.CONNECTING:
             foreign = [vehicle for vehicle in self._each if not _is_of_its_family(vehicle)]
             if foreign:
-                self._give_up("; ".join(map(_is_another, foreign)), now)
+                self._give_up("; ".join(map(_wrong_family, foreign)), now)
         for vehicle in unready:
             if self._flight.phase not in OVER:
                 self._advance(vehicle, now)
             elif vehicle.restarts and not vehicle.start_up.asked_for_telemetry:
-                # It restarted while the run ends, which its telemetry is needed to watch.
+                # A vehicle that restarts while the run ends: its telemetry is needed to watch it.
                 vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=False)
 
     def leader_ready(self, leader: PlannedVehicle | None) -> bool:
-        """Return whether the leader follows setpoints; under a virtual one, whether all vehicles do."""
+        """Return whether the leader follows setpoints or, with a virtual leader, whether all vehicles do."""
         needed = self._vehicles.values() if leader is None else (self._vehicles[leader.vehicle_id],)
         return all(vehicle.member is Member.FLYING for vehicle in needed)
 
@@ -235,7 +235,7 @@ class Starting:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
-        """End the run because a vehicle can't be started; once others have flown the path, go on without it instead."""
+        """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
         if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
@@ -244,7 +244,7 @@ class Starting:
 
 
 def _is_ready(start_up: StartUp) -> bool:
-    """Return whether a vehicle needs nothing more but leave to begin, or flies in its guided mode already."""
+    """Return whether a vehicle waits only for permission, has begun already, or is left to its pilot."""
     return start_up.held or start_up.acted or start_up.finished or start_up.left
 
 
@@ -253,14 +253,14 @@ def _is_of_its_family(vehicle: Vehicle) -> bool:
     return heartbeat is None or vehicle.autopilot.speaks(heartbeat)
 
 
-def _is_another(vehicle: Vehicle) -> str:
+def _wrong_family(vehicle: Vehicle) -> str:
     heartbeat = vehicle.telemetry.heartbeat or Heartbeat(0, 0)
     names = m.name_of("MAV_AUTOPILOT", heartbeat.autopilot), m.name_of("MAV_TYPE", heartbeat.type)
     return f"vehicle {vehicle.identity} says that it is a {' '.join(names)}; allowed: {vehicle.autopilot.family}"
 
 
 def _lacks(vehicle: Vehicle, now: Instant) -> str:
-    """Return what hasn't come of what a vehicle was asked for, or why it can't be used, in brackets."""
+    """Return in brackets which telemetry is missing after a request, or why it can't be used."""
     if not vehicle.start_up.asks_for_telemetry:
         return ""
     seen, acknowledged = vehicle.telemetry, vehicle.commands.outcome is Outcome.ACCEPTED

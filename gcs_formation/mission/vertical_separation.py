@@ -1,6 +1,6 @@
-"""The opening of a formation at the end of its flight: everybody gets a height of their own before anybody circles.
+"""Vertical separation of a formation at its end: each vehicle gets a height of its own before any circles.
 
-So it makes no difference who hears that: whoever doesn't flies on at a height that nobody else has.
+A vehicle that misses the command to circle thus continues at a height that no other has.
 """
 
 from __future__ import annotations
@@ -27,42 +27,42 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 COMMANDED_M = 0.5
-"""A vehicle counts as sent to its own height once it is told one this near to it, m."""
+"""A vehicle counts as sent to its height if its height setpoint is within this distance of it, m."""
 MOST_S = 300.0
-"""For how long an opening may last at most where heights have to be given anew."""
+"""Longest separation phase if heights have to be reassigned."""
 UNMOVED_S = 5.0
-"""For how long one may not answer before the others' heights are moved out of its way: links lose in bursts."""
+"""Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts."""
 STANDS_MPS = 0.5
-"""Speed over ground below which what was to stop stands."""
+"""Ground speed below which a stopping vehicle counts as hovering."""
 BESIDE_M = 5.0
-"""What circles are farther apart than vehicles must be, in calm air."""
+"""Vertical distance of circles beyond the separation that vehicles need, in calm air."""
 SWAY_SIGMAS = 4.0
-"""In air that isn't, this many standard deviations of how far it moves two that circle apart or together."""
+"""In turbulence, this multiple of the standard deviation of two vehicles' relative vertical displacement instead."""
 
 ORIGIN = 0.0, 0.0
 NOWHERE: Mapping[VehicleId, tuple[float, float]] = {}
 
 Ahead = Callable[[float], Sequence[tuple[float, float]]]
-"""How far north and east the formation gets in some seconds, m, point by point; in more seconds by more points."""
+"""Displacements north and east, m, that the formation passes through in a time, s; a longer time adds points."""
 
 
 def stays(_: float) -> Sequence[tuple[float, float]]:
-    """Return the way on of a formation that stays where it is: none."""
+    """Return the displacements of a formation that stays where it is."""
     return ((0.0, 0.0),)
 
 
 class FlyingVehicle:
-    """A vehicle in the air, at the end of a flight."""
+    """A vehicle in flight during the separation."""
 
     def __init__(
         self, place: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
     ) -> None:
-        """Take what is known of it.
+        """Take its state.
 
         Args:
-            place: where it is.
-            commanded_m: the height that it was told last, or is left at.
-            band: where its height may come to, of one that can't be moved: it doesn't answer or obey, or isn't ours to
+            place: its position.
+            commanded_m: its last height setpoint, or the height at which it is left.
+            band: the heights that it may reach, if it can't be moved: it doesn't answer or obey, or isn't ours to
                 command.
             steered: whether it is commanded, and responds.
         """
@@ -73,7 +73,7 @@ class FlyingVehicle:
 
 
 class Stack:
-    """Heights at which vehicles circle, one above the other."""
+    """Heights of vehicles that circle one above the other."""
 
     def __init__(
         self,
@@ -84,27 +84,27 @@ class Stack:
         together: bool = False,
         stand: bool = False,
     ) -> None:
-        """Start empty; nobody is given a height below `floor_m`.
+        """Start without vehicles.
 
         Args:
-            gap_m: the distance that vehicles must be apart.
-            floor_m: the lowest height.
-            sway_m: how far the air moves vehicles off their heights, a standard deviation.
-            together: whether all circle at one place, wherever they are now.
-            stand: whether all stand where they are instead, at the heights that they have.
+            gap_m: least vertical separation of vehicles.
+            floor_m: lowest height to assign.
+            sway_m: standard deviation of the vertical displacement of vehicles by the air.
+            together: whether all circle at one position, wherever they are now.
+            stand: whether all hover where they are instead, at their present heights.
         """
         self.heights_m: dict[VehicleId, float] = {}
-        """Everybody's height above the origin."""
+        """Height of each vehicle above the origin."""
         beside_m = max(BESIDE_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
         self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + beside_m))
         self._floor_m, self._together = floor_m, together
         self._taken: dict[VehicleId, Band] = {}
 
     def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
-        """Give a height to everybody who has none, and another one where somebody can't be moved out of the way.
+        """Assign heights to vehicles that have none, and new ones where a vehicle that can't be moved is in the way.
 
-        All others keep theirs: given anew from where all are on their way, they would begin their climb again. Return
-        whether somebody has another one now.
+        All others keep theirs: reassigned during the climb, they would start it again. Return whether any height has
+        been assigned.
         """
         for identity, flier in fliers.items():
             if flier.band is None:
@@ -130,24 +130,24 @@ class Stack:
         return bool(moved)
 
     def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
-        """Give a height to those of the vehicles that have none; nobody else's changes."""
+        """Assign heights to those vehicles that have none; the others' don't change."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
         taken = [*self._taken.values(), *((height_m, height_m) for height_m in self.heights_m.values())]
         self._assign(new, taken)
 
     def lift(self, floor_m: float) -> bool:
-        """Give nobody a height below `floor_m` either; return whether that changes anything."""
+        """Raise the lowest height to `floor_m`; return whether that is a change."""
         raised = floor_m > self._floor_m
         self._floor_m = max(floor_m, self._floor_m)
         return raised
 
     def climb_m(self, places: Mapping[VehicleId, ReportedMotion]) -> float:
-        """Return the longest climb from these places to the heights that they would be given."""
+        """Return the longest climb from these positions to the heights that they would be assigned."""
         heights_m = loiter_heights(places, self._floor_m, (), self._apart_m, together=self._together)
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
 
     def apart(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
-        """Return whether those that are steered are clear of all others in height, and fly to their own heights."""
+        """Return whether all steered vehicles are sent to their heights and vertically clear of all others."""
         names, each = list(fliers), list(fliers.values())
         for place, flier in enumerate(each):
             off_m = abs(flier.commanded_m - self.heights_m[names[place]]) if flier.steered else 0.0
@@ -168,7 +168,7 @@ class Stack:
         return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
 
     def _clear(self, name: VehicleId, one: FlyingVehicle, others_name: VehicleId, other: FlyingVehicle) -> bool:
-        """Return whether two are far enough apart in height, or can't meet anyway."""
+        """Return whether two vehicles are vertically separated, or can't meet anyway."""
         low_m = high_m = one.place.height_m
         others_low_m = others_high_m = other.place.height_m
         moves_on = False
@@ -190,21 +190,21 @@ def stacked(
     climb_mps: float,
     homes: Mapping[VehicleId, tuple[float, float]] = NOWHERE,
 ) -> float:
-    """Raise a stack clear of the ground that comes while all climb to it; return for how long they may climb, s.
+    """Raise a stack clear of the ground reached during the climb to it; return the time limit of the climb, s.
 
     Args:
-        places: where everybody is.
+        places: the vehicles' positions.
         stack: the heights of all circles.
         ground: the ground to keep clear of.
         manner: how the flight ends.
-        ahead: the formation's way on.
-        climb_mps: how fast all of them climb.
-        homes: where those fly that don't loiter here, north and east.
+        ahead: the formation's displacements while it flies on.
+        climb_mps: the climb rate of all vehicles.
+        homes: positions north and east to which vehicles fly that don't loiter here.
     """
     seen, each = 0, [(place, homes.get(identity)) for identity, place in places.items()]
     while True:
         limit_s = opening_limit_s(stack.climb_m(places), climb_mps)
-        way, leaves = ahead(limit_s), len(ahead(limit_s - OPENING_LIMIT_S)) - 1  # nobody goes home sooner
+        way, leaves = ahead(limit_s), len(ahead(limit_s - OPENING_LIMIT_S)) - 1  # earliest departure for home
         floor_m = _floor_m(each, way[seen:leaves], "loiter", ground)
         if not stack.lift(max(floor_m, _floor_m(each, way[max(seen, leaves) :], manner, ground))):
             return limit_s
@@ -217,9 +217,9 @@ def _floor_m(
     manner: End,
     ground: GroundFloor,
 ) -> float:
-    """Return the lowest height for all circles: over the ground here and ahead or, to get home, on the ways there.
+    """Return the lowest height for all circles: over the ground here and ahead or, to return, on the ways home.
 
-    A home that isn't known is taken to be at the origin.
+    An unknown home is taken to be at the origin.
     """
     legs = [((at.north_m + north_m, at.east_m + east_m), home_m) for at, home_m in each for north_m, east_m in way]
     if manner != "loiter":
@@ -228,7 +228,7 @@ def _floor_m(
 
 
 class Opening:
-    """Opens a controller's formation, tick by tick."""
+    """Separates a controller's formation vertically, tick by tick."""
 
     def __init__(
         self,
@@ -241,16 +241,16 @@ class Opening:
         *,
         stops: bool = False,
     ) -> None:
-        """Steer to the heights of `stack`, for `limit_s` at most, and longer where somebody has to be given another.
+        """Steer to the heights of `stack` for at most `limit_s`, or longer if heights are reassigned.
 
-        `climb_mps`: how fast all of them climb; `stops`: it lasts until all that is steered stands, too.
+        `climb_mps`: climb rate of all vehicles; `stops`: it also lasts until all steered vehicles hover.
         """
         self._stack, self._controller, self._climb_mps, self._stops = stack, controller, climb_mps, stops
         self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
         self._fliers = dict[VehicleId, FlyingVehicle]()
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
-        """Look where everyone is, and return the heights (C,) to command now; NaN where there is none."""
+        """Update all vehicles' states; return the heights (C,) to command now, NaN where there is none."""
         self._fliers = dict[VehicleId, FlyingVehicle]()
         for vehicle in self._vehicles:
             flier = self._flier(vehicle, links, now)
@@ -270,12 +270,12 @@ class Opening:
         self._limit_s = max(self._limit_s, min(needed_s, MOST_S))
 
     def over(self, now: Instant) -> bool:
-        """Return whether everyone may circle, or it must do."""
+        """Return whether vehicles may circle, or the time limit is reached."""
         late = seconds_between(self._since, now) >= self._limit_s
         return late or (self._stack.apart(self._fliers) and not (self._stops and self._moves()))
 
     def _moves(self) -> bool:
-        """Return whether somebody who is steered doesn't stand yet."""
+        """Return whether a steered vehicle doesn't hover yet."""
         steered = (flier.place for flier in self._fliers.values() if flier.steered)
         return any(math.hypot(place.north_mps, place.east_mps) > STANDS_MPS for place in steered)
 
@@ -296,13 +296,13 @@ class Opening:
         return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
 
     def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
-        """Return the heights that one may be on its way to, the last order last; NaN where there was none."""
+        """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none."""
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
             return self._heard_m(column, links), vehicle.holds_at_m
         return () if answers else (self._heard_m(column, links), self._commanded_m(column))
 
     def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
-        """Return the height that a vehicle was told when it was last known to hear."""
+        """Return the height setpoint at the time when a vehicle was last known to hear."""
         _, _, height_m = self._controller.history.commanded(links[column].heard, column)
         return height_m
 
@@ -312,7 +312,7 @@ class Opening:
 
 
 def place_of(vehicle: Vehicle) -> ReportedMotion | None:
-    """Return a vehicle's position; that of one that is taking off has the height at which it will be done."""
+    """Return a vehicle's position; during its take-off with the height at which that ends."""
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
@@ -320,7 +320,7 @@ def place_of(vehicle: Vehicle) -> ReportedMotion | None:
 
 
 def home_of(vehicle: Vehicle) -> tuple[float, float] | None:
-    """Return a vehicle's home, north and east of the origin, m: as it tells, or where it was armed; None if unknown."""
+    """Return a vehicle's home, north and east of the origin, m: as reported, or where it was armed; None if unknown."""
     stood = vehicle.take_off.stood
     return vehicle.telemetry.home_m or (None if stood is None else (stood.north_m, stood.east_m))
 

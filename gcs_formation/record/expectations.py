@@ -1,4 +1,4 @@
-"""What a run's summary is made from, and the verdicts on its scenario's `expect`."""
+"""The inputs of a run's summary, and the verdicts on its scenario's `expect`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from gcs_formation.record.flight import RecordedFlight
 WORDS = {True: "held", False: "broken", None: "not judged"}
 SECTIONS = ("safety", "control", "stability")
 ABSENT_S = 1.0
-"""A follower that was out of the formation for less isn't worth a word."""
+"""Shorter absences of a follower from the formation aren't mentioned."""
 
 
 @dataclass(frozen=True)
@@ -36,84 +36,84 @@ class LinkFigures:
     """Counts and delays (s) of one vehicle's link."""
 
     delays_s: Array
-    """(P, 3) of each answered probe: one way, half the round trip; up and down, NaN where the split isn't known."""
+    """(P, 3) delays of each answered request: half the round trip, up, down; NaN while the split is unknown."""
     delay_times_s: Array
-    """Mission times of the probes, NaN before the path began."""
+    """Mission times of the requests, NaN before the path began."""
     measured_loss: float
     frames_in: int
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
     injected: tuple[float, float, float, float] | None = None
-    """Realised mean delays up and down, s, and the shares of the datagrams lost up and down.
+    """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
 
-    None where nothing is known of the link, as in `fly` behind something else.
+    None if the link's impairments are unknown, as in `fly` behind something else.
     """
     due_to_s: float = math.inf
-    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite without any."""
+    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
     heard_to_s: float = math.inf
-    """Mission time of its last frame where it was silent to the flight's end; infinite if it wasn't."""
+    """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
 
     @property
     def each_way_s(self) -> Array:
-        """(P,) the first of `delays_s`, 0 where the mean wait for the autopilot's loop is more than was measured."""
+        """(P,) the one-way delays, at least 0: the mean wait for the autopilot's loop may exceed the measured delay."""
         return np.maximum(self.delays_s[:, 0], 0.0)
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """All that a summary is made from."""
+    """Everything that a summary is made from."""
 
     scenario: Scenario
     clock: str
     flight: RecordedFlight
     links: Mapping[VehicleId, LinkFigures]
     ticks_s: Array
-    """(3, K): when ticks were due and when they began, by the run's clock, and how long they took, in real time."""
+    """(3, K) when ticks were due and when they began, on the run's clock, and how long they took, in real time."""
     delay_margin_s: float | None
     worst_loop_delay_s: float | None
     margin_used: float
     """Largest share of the delay margin that a loop used."""
     received: ParserCounts
-    """What has come from everybody, vehicles and others."""
+    """Counts of everything received, also from other senders."""
     frames_refused: int
-    """Of the sound frames, those that weren't taken for any of the vehicles'."""
+    """Valid frames that weren't accepted as a vehicle's."""
     simulated_s: float
     wall_s: float
     cut_short: bool
-    """Whether the run was ended (`--until`, an order, Ctrl-C) before the path or the time was."""
+    """Whether the run was ended (`--until`, an order, Ctrl-C) before its path or time was over."""
     assembled: bool | None = None
-    """Whether every follower was in its slot when the path began; None if it didn't, or where that isn't known."""
+    """Whether every follower was in its slot when the path began; None if it didn't begin, or if that is unknown."""
     undone: tuple[str, ...] = ()
-    """What the scenario planned and the flight didn't do, in words."""
+    """What the scenario planned and the flight didn't carry out, in words."""
     unsafe: tuple[str, ...] = ()
     """What the run left unsafe at its end, in words."""
     failure: str | None = None
-    """Why the run couldn't go on after the flight."""
+    """Why the run failed after the flight."""
     measure: tuple[Expectation, ...] = ()
-    """Figures that are wanted besides, whatever their bounds."""
+    """Further figures to compute, regardless of their bounds."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One expectation for one vehicle (None: for the run), and what came of it."""
+    """The result of one expectation for one vehicle, or for the run (None)."""
 
     expectation: Expectation
     vehicle: VehicleId | None
     value: float | None
-    """Infinite for the separation of one that is alone, null in summary.json."""
+    """Infinite for the separation of a single vehicle, which is null in summary.json."""
     reached: bool = True
-    """Whether the window was flown to its end, by a follower itself."""
+    """Whether the window was flown to its end, and by this follower."""
     judged: bool = True
-    """False where the window was cut by `--until` or an order, or where the vehicle led all through it."""
+    """False if `--until` or an order cut the window, or if the vehicle led throughout it."""
     reason: str = ""
-    """Why it wasn't reached or isn't judged, in words."""
+    """Why the window wasn't reached or isn't judged, in words."""
     lost: bool = False
-    """Whether the flight reached the window's end, or was ended, without this follower."""
+    """Whether this follower was lost before the window's or the flight's end."""
 
     @property
     def held(self) -> bool | None:
-        """Whether the bound was kept, over a window that was flown to its end; None when that isn't judged."""
+        """Whether the bound was kept over a window flown to its end; None if that isn't judged."""
         if not self.judged:
             return None
         if self.value is None or not self.reached:
@@ -152,10 +152,10 @@ def judge(
 ) -> Iterator[Verdict]:
     """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
-    A window that wasn't flown to its end is broken, since what was promised of it wasn't shown; so is one in which the
-    follower was lost. It isn't judged where that was wanted: with `cut_short`, when the run was ended before its path
-    or its time was, and of a follower that crashes by the scenario's faults, unless no follower is left, or a bound on
-    its largest error was broken before.
+    An expectation whose window wasn't flown to its end, or in which the follower was lost, is broken: it wasn't shown.
+    It isn't judged if that was intended: if the run was `cut_short` before its path or time was over, or if the
+    follower crashed by the scenario's faults, unless no follower is left or a bound on its largest error had already
+    been broken.
     """
     for each in scenario.expect if wanted is None else wanted:
         flown_s = float(parts["duration_s"])
@@ -174,7 +174,7 @@ def judge(
                 verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
                 end_s = min(each.to_s, flown_s)
                 out = [step.downlink.outage for step in scenario.link_steps(planned) if step.at_s <= end_s][-1]
-                yield _heard(verdict, links[planned.vehicle_id], end_s, out=out)
+                yield _link_verdict(verdict, links[planned.vehicle_id], end_s, out=out)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
 
@@ -182,7 +182,7 @@ def judge(
 def _of_followers(
     plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any], *, down: bool
 ) -> Iterator[Verdict]:
-    """Yield a verdict for each chosen follower, from what holds for the window; `down`: nobody flies at its end."""
+    """Yield a verdict for each chosen follower from the window's; `down`: no vehicle flies at the window's end."""
     wanted = plain.expectation
     chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
     lost = {vehicle: _lost_at_s(wanted, flight, vehicle) for vehicle in flight.followers(scenario)}
@@ -207,7 +207,7 @@ def _of_followers(
 def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> Verdict:
     """Return the verdict of a follower that crashed by the scenario's faults.
 
-    `broken`: a bound was, for good, before; `last`: no follower is left.
+    `broken`: a bound had already been broken for good; `last`: no follower is left.
     """
     reason = f"crashed at {crash_s:.1f} s"
     if last:
@@ -215,12 +215,12 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
 
 
-def _heard(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
-    """Return the verdict on a link whose vehicle may not have been heard to the end of what was flown of a window.
+def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
+    """Return the verdict on a link whose vehicle may have fallen silent within the flown part of a window.
 
-    What a planned fault or outage silenced isn't judged, unless its link broke a bound before. Of one that fell silent
-    by itself, no delay was measured any more: that is broken. Shares and counts of the whole flight reckon with the
-    silence. `out`: the scenario has nothing come over the link at the window's end.
+    If a planned fault or outage silenced it, it isn't judged, unless its link had already broken a bound. If it fell
+    silent by itself, metrics of a window are broken, as there are no measurements; those of the whole flight include
+    the silence. `out`: the scenario has an outage of the link at the window's end.
     """
     silent_s = min(link.due_to_s, link.heard_to_s)
     if verdict.held is None or silent_s >= end_s:
@@ -237,16 +237,16 @@ def _heard(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> V
 
 
 def _absence(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> str:
-    """Return in words for how long of a window a follower was out of the formation before it came back; "" if never."""
+    """Return in words how long a follower was absent from the formation within a window before returning, else ""."""
     window = flight.window(wanted.from_s, wanted.to_s)
     away_s = flight.absent(vehicle, window) / rate_hz
     return f"out of the formation for {away_s:.1f} s of {window.sum() / rate_hz:.1f} s" if away_s >= ABSENT_S else ""
 
 
 def unflown(flight: RecordedFlight, from_s: float, to_s: float, flown_s: float) -> str:
-    """Return what of a window of mission time no formation was seen in, in words; "" if it was all the time.
+    """Return in words for which part of a window of mission time there is no flight on record, "" if there is none.
 
-    `flown_s`: when the flight ended, whose end may be before the window's.
+    `flown_s`: when the flight ended, which may be before the window's end.
     """
     down_s, gap_s = flight.down_from_s(from_s, to_s), flight.gap(from_s, min(to_s, flown_s))
     if down_s is not None:
@@ -260,9 +260,9 @@ def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: Vehi
 
 
 def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> float | None:
-    """Return from when on a follower was down, or without a leader, to the end of the window; None if it never was.
+    """Return since when a follower was down or leaderless until the end of the window; None if it wasn't.
 
-    Where another vehicle has taken over meanwhile, that the first one was lost isn't why this one is.
+    If another vehicle has succeeded the leader meanwhile, the time begins with the follower's own loss.
     """
     if flight.missed(vehicle, flight.window(wanted.from_s, wanted.to_s)) <= 1:
         return None
@@ -273,7 +273,7 @@ def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) 
 
 
 def _crashes_at_s(scenario: Scenario, vehicle: VehicleId, by_s: float) -> float | None:
-    """Return when the scenario's faults crash a vehicle, None if they haven't by a mission time."""
+    """Return when the scenario's faults crash a vehicle, None if not by the mission time `by_s`."""
     due = (fault for fault in scenario.faults if fault.kind == "crash" and fault.at_s <= by_s)
     crashes_s = (
         fault.at_s for fault in due if vehicle in {each.vehicle_id for each in scenario.selected(fault.vehicles)}
@@ -284,7 +284,7 @@ def _crashes_at_s(scenario: Scenario, vehicle: VehicleId, by_s: float) -> float 
 def _follower_value(
     wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, parts: Mapping[str, Any]
 ) -> float | None:
-    """Return a follower's figure over the window; when it settled is of the whole run, for `steady_max` too."""
+    """Return a follower's figure over the window; its settling time, also for `steady_max`, is of the whole run."""
     settled_s = parts["followers"][str(vehicle)]["settled_at_s"]
     window = flight.window(wanted.from_s, wanted.to_s)
     return figure_of(figures.of_follower(flight, vehicle, window, settled_s), wanted.metric)
@@ -293,7 +293,7 @@ def _follower_value(
 def _broken_before(
     end_s: float, wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, parts: Mapping[str, Any]
 ) -> bool:
-    """Return whether a follower broke a bound for good up to a mission time."""
+    """Return whether a follower broke a bound for good before a mission time."""
     value = _follower_value(wanted.model_copy(update={"to_s": end_s}), flight, vehicle, parts)
     return stays_broken(wanted.metric, value, wanted.below)
 
@@ -305,7 +305,7 @@ def _link_value(
     parts: Mapping[str, Any],
     links: Mapping[VehicleId, LinkFigures],
 ) -> float | None:
-    """Return a figure of a link; None of one that nothing came over, in the window where it is of that."""
+    """Return a figure of a link; None if nothing was received over it, or within the window for windowed figures."""
     name, _, percentile = wanted.metric.partition(".p")
     link = links[vehicle]
     if not percentile:
@@ -326,13 +326,13 @@ def _run_value(wanted: Expectation, flight: RecordedFlight, parts: Mapping[str, 
 
 
 def figure_of_run(summary: Mapping[str, Any], metric: str) -> float | None:
-    """Return a figure of the whole run, from summary.json or a section of it; None if it isn't there."""
+    """Return a figure of the whole run from summary.json or one of its sections; None if it isn't there."""
     sections = [summary, *(summary[section] for section in SECTIONS)]
     return next((figure_of(each, metric) for each in sections if metric.partition(".")[0] in each), None)
 
 
 def figure_of(part: Mapping[str, Any], metric: str) -> Any:  # noqa: ANN401 - a value of JSON
-    """Return a figure of a part of summary.json, by its name with dots on the way down; None below what is None."""
+    """Return a figure from a part of summary.json by its dotted name; None if a part on the way is None."""
     value: Any = part
     for name in metric.split("."):
         value = value[name] if value is not None else None

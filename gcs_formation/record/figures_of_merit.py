@@ -1,4 +1,4 @@
-"""A recorded flight's figures of merit, as summary.json defines them: when a vehicle is settled, errors, effort."""
+"""Figures of merit of a recorded flight, as defined for summary.json: settling time, errors, effort."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from gcs_formation.record.timeseries import ERROR, ROWS_AT_ONCE, SETPOINT
 Effort = dict[str, dict[str, float | None]]
 SETTLED_FOR_S = 10.0
 STEADY_AFTER_S = 30.0
-"""Steady flight begins so long after settling."""
+"""Time from settling to the beginning of steady flight."""
 STRAIGHT_ON_S = 1.0
-"""Time between ticks beyond which nobody is taken to have flown straight on."""
+"""Longest time between ticks over which flight is interpolated by straight lines."""
 
 
 def setpoint_steps(columns: Mapping[str, Array], channel: str) -> Array:
-    """Return (T,) sizes of the steps to each tick's setpoint from the one before, m/s, rad or m.
+    """Return (T,) absolute changes of the setpoint since the previous tick, m/s, rad or m.
 
-    NaN at the first tick, and where the vehicle wasn't commanded at either.
+    NaN at the first tick, and where the vehicle wasn't commanded at both ticks.
     """
     values = np.where(columns["active"] > 0, columns[SETPOINT[CHANNELS.index(channel)]], np.nan)
     size = np.full(values.size, np.nan)
@@ -40,7 +40,7 @@ def _steps(values: Array, channel: str) -> Array:
 
 
 def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
-    """Return each channel's total variation a second and 95th percentile of its steps over a (T,) window of ticks."""
+    """Return each channel's total variation per second and 95th percentile of steps over a (T,) window of ticks."""
     t_s, commanded = columns["t_s"], window & (columns["active"] > 0)
     since_s, within = t_s[1:] - t_s[:-1], commanded[1:] & commanded[:-1]
     found: Effort = {}
@@ -58,7 +58,7 @@ def effort(columns: Mapping[str, Array], window: Mask) -> Effort:
 def of_follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask, settled_s: float | None) -> dict[str, Any]:
     """Return a follower's figures over a (T,) window of ticks, by their names in summary.json.
 
-    `settled_s` is since when it is settled in the whole flight, None if it never is.
+    `settled_s` is its settling time in the whole flight, None if it never settled.
     """
     time_s, error_m = flight.scored(vehicle, window)
     axes: dict[str, Any] = {name: axis_figures(time_s, error_m[:, i], settled_s) for i, name in enumerate(ERROR)}
@@ -76,7 +76,7 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
 
     Args:
         time_s: (T,) mission times of the scored ticks.
-        error_m: (T, 3) errors at them; NaN where none is known: the 10 s begin anew after that.
+        error_m: (T, 3) errors at these; an unknown error (NaN) restarts the 10 s.
     """
     inside, places = _in_slot(error_m), np.arange(time_s.size)
     begins = np.maximum.accumulate(np.where(inside, 0, places + 1))
@@ -85,7 +85,7 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:
-    """Return rms, max and percentiles of |error| (T,), and its maximum from `STEADY_AFTER_S` after `settled_s` on."""
+    """Return rms, max and percentiles of |error| (T,), and the maximum from `STEADY_AFTER_S` after `settled_s`."""
     size = np.abs(error_m)
     shares = percentiles(size, 50, 95, 99)
     if not error_m.size:
@@ -96,7 +96,7 @@ def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict
 
 
 def in_slot_share(error_m: Array, missed: int = 0) -> float | None:
-    """Return the share of (T, 3) errors of which every axis is within `SETTLED_M`, None of none.
+    """Return the share of (T, 3) errors with every axis within `SETTLED_M`, None if there are no errors.
 
     `missed` ticks, at which the vehicle was lost, count as out of its slot.
     """
@@ -105,7 +105,7 @@ def in_slot_share(error_m: Array, missed: int = 0) -> float | None:
 
 
 def left_at_s(time_s: Array, error_m: Array, settled_s: float | None) -> float | None:
-    """Return when a vehicle that settled at `settled_s` was first beyond `SETTLED_M` on any axis, None if never."""
+    """Return when a vehicle that settled at `settled_s` first exceeded `SETTLED_M` on any axis, None if never."""
     out = ~_in_slot(error_m) & (time_s >= (np.inf if settled_s is None else settled_s))
     return float(time_s[out.argmax()]) if out.any() else None
 
@@ -115,9 +115,9 @@ def _in_slot(error_m: Array) -> Mask:
 
 
 def separation_m(flight: RecordedFlight, window: Mask) -> Array:
-    """Return the least distance of any two airborne vehicles from each tick of the window to the next, (T,) m.
+    """Return the least distance of any two airborne vehicles between each tick of the window and the next, (T,) m.
 
-    In between they fly straight on. It is infinite below two vehicles.
+    Positions are interpolated linearly. The distance is infinite if fewer than two vehicles fly.
     """
     places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
     _, vehicles, ticks = places.shape
@@ -130,11 +130,11 @@ def separation_m(flight: RecordedFlight, window: Mask) -> Array:
 
 
 def _nearest_m(places: Array, steps: Array) -> Array:
-    """Return (T,) the least distance of any two of (3, V, T) places, and on their `steps` from there; inf below two.
+    """Return (T,) the least distance of any two of (3, V, T) places on their way along `steps`; inf below two.
 
-    Places and steps that are NaN are none. In their order along the axis on which they are spread most, those so many
-    places apart are compared until their gaps on that axis alone, less what steps change these by, are no smaller than
-    what was found.
+    NaN places are absent vehicles. Vehicles are sorted along the axis of their greatest spread. Pairs of neighbours of
+    rising order are compared until their gaps along this axis, less the largest change by steps, exceed the least
+    distance found.
     """
     spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
@@ -156,7 +156,7 @@ def _nearest_m(places: Array, steps: Array) -> Array:
 
 
 def _least_squared(gaps: list[Array], changes: list[Array]) -> Array:
-    """Return the least square of gaps (3 arrays) that change steadily by `changes`."""
+    """Return the least square of gaps (3 arrays) that change linearly by `changes`."""
     along = sum(gap * change for gap, change in zip(gaps, changes, strict=True))
     length = sum(change * change for change in changes)
     share = np.clip(-along / np.maximum(length, np.finfo(float).tiny), 0.0, 1.0)
@@ -164,7 +164,7 @@ def _least_squared(gaps: list[Array], changes: list[Array]) -> Array:
 
 
 def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
-    """Return for how long the separation rule had some vehicle give way, in s."""
+    """Return how long any vehicle gave way by the separation rule, s."""
     anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
     return float(anybody.sum() / rate_hz)
 
@@ -175,7 +175,7 @@ def clearance_m(flight: RecordedFlight, window: Mask) -> Array:
 
 
 def if_finite(value: float) -> float | None:
-    """Return a figure as a summary has it: None where it isn't finite."""
+    """Return a figure for the summary: None if it isn't finite."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -192,7 +192,7 @@ def percentiles(values: Array, *wanted: int) -> dict[str, float | None]:
 
 
 def percentile(values: Array, q: float) -> float:
-    """Return the same as `np.percentile` of finite values, at least one; that would import numpy.ma."""
+    """Return `np.percentile` of finite values, at least one, without its import of numpy.ma."""
     return _percentile(np.sort(values), q)
 
 

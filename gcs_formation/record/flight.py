@@ -28,7 +28,7 @@ from gcs_formation.record.timeseries import (
 
 Columns = Mapping[str, Array]
 Truth = Callable[[float, float], Mapping[str, Array]]
-"""Returns the rows from the last one that isn't after a time to the first one that is after another."""
+"""Returns the rows from the last at or before one time to the first after another."""
 WHOLE = slice(None)
 SCORED = frozenset(
     (
@@ -36,18 +36,18 @@ SCORED = frozenset(
         *(AIRBORNE, *PLACE, *TRUTH[:3], *SETPOINT, *ERROR, GROUND[1]),
     )
 )
-"""What a summary is made of."""
+"""The columns that a summary needs."""
 GAP_S = 3.0
-"""A longer time without a tick isn't a tick or two that came late: the station was killed, and its flight resumed."""
+"""A longer time without ticks is no lateness: the station was killed and its flight resumed."""
 
 
 @dataclass(frozen=True)
 class RecordedFlight:
-    """The time series, vehicle by vehicle: every vehicle has a row for every tick, so columns are parallel."""
+    """The time series by vehicle; each has a row for every tick, so that their columns are parallel."""
 
     vehicles: Mapping[VehicleId, Columns]
     truth: bool
-    """Whether the errors are from ground truth; from telemetry otherwise."""
+    """Whether errors are from ground truth instead of telemetry."""
 
     @property
     def mission_time_s(self) -> Array:
@@ -55,14 +55,14 @@ class RecordedFlight:
         return next(iter(self.vehicles.values()))["mission_time_s"]
 
     def window(self, from_s: float, to_s: float) -> Mask:
-        """Return a (T,) mask of the ticks in a window of mission time, both ends included, before the flight's end."""
+        """Return a (T,) mask of the ticks in a window of mission time, ends included, before the end of the flight."""
         time_s = self.mission_time_s
         return flying(next(iter(self.vehicles.values()))) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
 
     def gap(self, from_s: float, to_s: float) -> tuple[float, float] | None:
-        """Return begin and end of the longest time in a window of mission time of which nothing is recorded.
+        """Return begin and end of the longest unrecorded time in a window of mission time.
 
-        None if that isn't longer than `GAP_S`, or the window begins after the flight's end.
+        None if it isn't longer than `GAP_S`, or if the window begins after the flight's end.
         """
         times_s = np.array((from_s, *self.mission_time_s[self.window(from_s, to_s)], to_s))
         longest = int(np.diff(times_s).argmax())
@@ -70,7 +70,7 @@ class RecordedFlight:
         return (begin_s, end_s) if end_s - begin_s > GAP_S else None
 
     def down_from_s(self, from_s: float, to_s: float) -> float | None:
-        """Return from when on nobody flies for the rest of a window, mission time; None if somebody does at its end."""
+        """Return the mission time from which no vehicle flies until a window's end; None if one flies at the end."""
         window = self.window(from_s, to_s)
         aloft = np.any([self.airborne(vehicle)[window] for vehicle in self.vehicles], axis=0)
         if not aloft.size or aloft[-1]:
@@ -78,28 +78,28 @@ class RecordedFlight:
         return float(self.mission_time_s[window][aloft.size - int(aloft[::-1].argmax()) if aloft.any() else 0])
 
     def place(self, vehicle: VehicleId) -> Array:
-        """Return (T, 3) north, east, height: true ones where there is truth."""
+        """Return (T, 3) north, east, height: true ones if there is ground truth."""
         return np.stack([self.vehicles[vehicle][name] for name in (TRUTH if self.truth else PLACE)[:3]]).T
 
     def heading(self, vehicle: VehicleId) -> Array:
-        """Return (T,) headings, rad: true ones where there is truth."""
+        """Return (T,) headings, rad: true ones if there is ground truth."""
         return self.vehicles[vehicle]["true_heading_rad" if self.truth else "heading_rad"]
 
     def place_in_flight(self, vehicle: VehicleId) -> Array:
-        """Return (T, 3) the same, NaN where the vehicle doesn't fly."""
+        """Return (T, 3) the same, NaN while the vehicle doesn't fly."""
         return np.where(self.airborne(vehicle), self.place(vehicle).T, np.nan).T
 
     def airborne(self, vehicle: VehicleId) -> Mask:
-        """Return (T,) whether a vehicle flies: in truth where there is truth, else as far as the station knew.
+        """Return (T,) whether a vehicle flies: by ground truth if there is any, else as known to the station.
 
         A vehicle on the ground is not part of the formation: separation, clearance and errors leave it out.
         """
         return self.vehicles[vehicle][AIRBORNE] > 0
 
     def clearance(self, vehicle: VehicleId) -> Array:
-        """Return (T,) heights above the ground, at the true place where there is truth.
+        """Return (T,) heights above the ground, at true positions if there is ground truth.
 
-        NaN on the ground, before a vehicle was first commanded (it takes off), and where it lands at the end.
+        NaN on the ground, before a vehicle's first setpoint (take-off), and in its landing at the end.
         """
         own = self.vehicles[vehicle]
         begun = np.maximum.accumulate(own["active"] > 0)
@@ -107,21 +107,21 @@ class RecordedFlight:
         return np.where(self.airborne(vehicle) & begun & ~lands, own[GROUND[1]], np.nan)
 
     def leader_at(self, tick: int) -> VehicleId | None:
-        """Return the vehicle that led at a tick, None where a virtual leader did."""
+        """Return the vehicle that led at a tick, None for a virtual leader."""
         return next((vehicle for vehicle, own in self.vehicles.items() if own["leads"][tick] > 0), None)
 
     def has_followed(self, vehicle: VehicleId) -> bool:
-        """Whether a vehicle flew in the formation without leading it."""
+        """Return whether a vehicle flew in the formation without leading it."""
         own = self.vehicles[vehicle]
         return bool(((own["active"] > 0) & ~(own["leads"] > 0)).any())
 
     def followers(self, scenario: Scenario) -> list[VehicleId]:
-        """Return the scenario's followers, and its leader where that has followed another."""
+        """Return the scenario's followers, and its leader if that has followed another."""
         planned = [vehicle.vehicle_id for vehicle in scenario.followers]
         return [vehicle for vehicle in self.vehicles if vehicle in planned or self.has_followed(vehicle)]
 
     def error(self, vehicle: VehicleId, ticks: Mask | slice = WHOLE) -> Array:
-        """Return (T, 3) signed formation errors of a follower, x, y and z in m, all or at some ticks."""
+        """Return (T, 3) signed formation errors of a follower, x, y and z in m, at all or some ticks."""
         return np.stack([self.vehicles[vehicle][name][ticks] for name in ERROR]).T
 
     def scored(self, vehicle: VehicleId, window: Mask) -> tuple[Array, Array]:
@@ -130,15 +130,15 @@ class RecordedFlight:
         return self.mission_time_s[seen], self.error(vehicle, seen)
 
     def missed(self, vehicle: VehicleId, window: Mask) -> int:
-        """Return at how many ticks at the end of a (T,) window a vehicle neither has errors nor leads: it is lost.
+        """Return the number of ticks at the end of a (T,) window at which a vehicle neither has errors nor leads.
 
-        It is down, or has no leader any more.
+        It is then lost: down, or without a leader.
         """
         seen = (self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0))[window]
         return int(seen[::-1].argmax()) if seen.any() else seen.size
 
     def absent(self, vehicle: VehicleId, window: Mask) -> int:
-        """Return at how many ticks of a (T,) window a vehicle neither has errors nor leads."""
+        """Return the number of ticks of a (T,) window at which a vehicle neither has errors nor leads."""
         return int((window & ~self._known(vehicle) & ~(self.vehicles[vehicle]["leads"] > 0)).sum())
 
     def _known(self, vehicle: VehicleId) -> Mask:
@@ -146,7 +146,7 @@ class RecordedFlight:
         return x_m & y_m & z_m
 
     def leaderless(self, window: Mask) -> Mask:
-        """Return at which ticks of a (T,) window the vehicle that leads lies on the ground."""
+        """Return at which ticks of a (T,) window the leader is on the ground."""
         down = [(own["leads"] > 0) & ~(own[AIRBORNE] > 0) for own in self.vehicles.values()]
         return np.any(down, axis=0)[window]
 
@@ -154,10 +154,10 @@ class RecordedFlight:
 def tables(
     blocks: Iterable[Columns], scenario: Scenario, truth: Truth | None, injected_s: Mapping[VehicleId, Array]
 ) -> Iterator[dict[str, Array]]:
-    """Yield a spool's blocks with injected delays, true places, errors and clearances added, each column (T, V).
+    """Yield a spool's blocks with injected delays, true positions, errors and clearances added, each column (T, V).
 
-    `truth` reads what the emulated vehicles really did, as `sim_vehicles.truth` names it: `time_s` (T,) since the
-    clock's epoch, all else (T, V) in the scenario's order. `injected_s` has (T, 2) of all blocks' ticks.
+    `truth` reads the emulators' ground truth, as named in `sim_vehicles.truth`: `time_s` (T,) since the clock's epoch,
+    all else (T, V) in the scenario's order. `injected_s` has (T, 2) of all blocks' ticks.
     """
     done, ways_s = 0, np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1)
     for block in blocks:
@@ -178,22 +178,22 @@ def tables(
 
 
 def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
-    """Return the flight of columns (T, V)."""
+    """Return the flight recorded in columns (T, V)."""
     identities = enumerate(each.vehicle_id for each in scenario.vehicles)
     vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
     return RecordedFlight(vehicles, TRUTH[0] in columns)
 
 
 class FlightBuilder:
-    """Takes columns of `tables` as they pass, to make a flight of them: what isn't taken needn't be held at once."""
+    """Collects a flight from columns of `tables` as they pass, so that the others needn't be in memory together."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Take the columns of `SCORED`."""
+        """Collect the columns in `SCORED`."""
         self._scenario = scenario
         self._taken = dict[str, list[Array]]()
 
     def passing(self, tables: Iterable[Columns]) -> Iterator[Columns]:
-        """Yield the tables (T, V), of ticks one after the other; the flight is whole when they have all passed."""
+        """Yield the tables (T, V), in order of time; the flight is complete after the last."""
         for each in tables:
             for name, column in each.items():
                 if name in SCORED:
@@ -201,13 +201,13 @@ class FlightBuilder:
             yield each
 
     def flight(self) -> RecordedFlight:
-        """Return the flight of what has passed: each vehicle's columns one after the other in memory."""
+        """Return the collected flight, with each vehicle's columns contiguous in memory."""
         columns = {name: np.concatenate(parts, axis=1).T for name, parts in self._taken.items()}
         return split(columns, self._scenario)
 
 
 def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:
-    """Return the columns as (T, V), no copies unless a resumed flight's have other orders than the scenario's."""
+    """Return the columns as (T, V), without copies unless a resumed flight has another order than the scenario's."""
     named = np.array([(each.vehicle_id.network, each.vehicle_id.system) for each in scenario.vehicles])
     each = {name: values.reshape(-1, len(named)) for name, values in columns.items()}
     if (each["network"] == named[:, 0]).all() and (each["vehicle"] == named[:, 1]).all():
@@ -218,7 +218,7 @@ def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:
 
 
 def _injected(ways_s: Array) -> dict[str, Array]:
-    """Return the columns of what was injected up and down, (T, V, 2) s, and the mean over the ways that were used."""
+    """Return the columns of delays injected up and down, (T, V, 2) s, and their mean over the ways in use."""
     up_s, down_s = np.ascontiguousarray(ways_s[..., 0]), np.ascontiguousarray(ways_s[..., 1])
     up, down = np.isfinite(up_s), np.isfinite(down_s)
     total_s = np.where(up, up_s, 0.0) + np.where(down, down_s, 0.0)
@@ -227,10 +227,10 @@ def _injected(ways_s: Array) -> dict[str, Array]:
 
 
 def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
-    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc: where `seen`, from true places, else as the law saw them; (T, V).
+    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc, (T, V): from true positions if `seen`, else as computed by the law.
 
-    NaN on the ground; behind a leader that is there no follower has an error until another vehicle leads. A virtual
-    leader is where the station has it fly.
+    NaN on the ground, and behind a leader on the ground until another leads. A virtual leader's position is the
+    station's.
     """
     airborne = columns[AIRBORNE] > 0
     if not seen:

@@ -1,4 +1,4 @@
-"""What is read back from a record's JSON, held against what it must be."""
+"""Validation of JSON read back from a record."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ MOST_LETTERS: Final = 40
 
 
 class Kind(NamedTuple):
-    """Values of some types, and what they are called; a boolean counts as a number only where it is named."""
+    """Values of some types, and their name; a boolean counts as a number only if listed."""
 
     words: str
     types: tuple[type, ...]
 
 
 class Each(NamedTuple):
-    """An object or an array whose values all have a shape."""
+    """An object or array whose values all have one shape."""
 
     shape: Shape
 
 
 class Maybe(NamedTuple):
-    """What a key's value must be where an object has that key."""
+    """The shape of an optional key's value."""
 
     shape: Shape
 
 
 Shape: TypeAlias = "Kind | Each | Mapping[str, Shape | Maybe]"
-"""A mapping: an object that has at least these keys."""
+"""A mapping stands for an object with at least these keys."""
 TEXT = Kind("a text", (str,))
 INTEGER = Kind("an integer", (int,))
 NUMBER = Kind("a number", (int, float))
@@ -41,21 +41,21 @@ ANYTHING = Kind("a value", (object, bool))
 
 
 def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | None:
-    """Return in words the first thing that isn't as it must be, None where all is.
+    """Return in words the first value that doesn't fit, None if all do.
 
     Args:
         found: what was read.
         shape: what it must be.
-        where: the file's name, or a part's of it.
-        place: of `found` in it, keys with dots between them.
+        where: name of the file, or of a part of it.
+        place: dotted keys from there to `found`.
     """
     if isinstance(shape, Kind):
         fits = isinstance(found, shape.types) and (not isinstance(found, bool) or bool in shape.types)
-        return None if fits else _unlike(found, shape.words, where, place)
+        return None if fits else _mismatch(found, shape.words, where, place)
     if isinstance(shape, Each):
         return _each(found, shape, where, place)
     if not isinstance(found, dict):
-        return _unlike(found, OBJECT.words, where, place)
+        return _mismatch(found, OBJECT.words, where, place)
     values = cast("dict[str, Any]", found)
     for name, own in shape.items():
         at, wanted = f"{place}.{name}" if place else name, own.shape if isinstance(own, Maybe) else own
@@ -70,14 +70,14 @@ def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | No
 
 def _each(found: object, shape: Each, where: str, place: str) -> str | None:
     if not isinstance(found, dict | list):
-        return _unlike(found, _words(shape), where, place)
+        return _mismatch(found, _words(shape), where, place)
     values = cast("dict[str, Any] | list[Any]", found)
     named = values.items() if isinstance(values, dict) else enumerate(values)
     texts = (misfit(value, shape.shape, where, f"{place}.{name}") for name, value in named)
     return next((text for text in texts if text is not None), None)
 
 
-def _unlike(found: object, words: str, where: str, place: str) -> str:
+def _mismatch(found: object, words: str, where: str, place: str) -> str:
     shown = json.dumps(found, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= MOST_LETTERS else f"{shown[:MOST_LETTERS]}…"
     return f"found {shown}{f' for {place}' if place else ''} in {where}; expected: {words}"

@@ -1,4 +1,4 @@
-"""A run's directory: the files written during the flight, its telemetry log among them, and those made at the end."""
+"""A run's directory: files written during the flight, including its telemetry log, and files written at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gcs_formation.record.timeseries import TickSpool, spools
 from gcs_formation.recorder import Event, Tick
 
 _STAMP_BYTES: Final = 8
-"""Before each frame: microseconds since 1970, of 64 bits, the highest byte first."""
+"""Length of the stamp before each frame: microseconds since 1970, 64 bits, big-endian."""
 SCENARIO = RUN
 TLOG = "flight.tlog"
 EVENTS = "events.jsonl"
@@ -34,50 +34,50 @@ TIMESERIES = "timeseries.parquet"
 SUMMARY = "summary.json"
 REPORT = "report.html"
 FIGURES = "figures"
-"""What `report` makes of the rest."""
+"""Written by `report`."""
 UNFLOWN = "unflown"
-"""Where a run is recorded beside an earlier one, in whose place its record is put once it commands somebody."""
+"""Subdirectory for a run into an earlier run's directory; it replaces the earlier one when it commands a vehicle."""
 FLUSH_S = 1.0
 EVENT_SCHEMA = 1
 EVENT_SHAPE: Mapping[str, Shape] = {"t_s": NUMBER, "kind": TEXT, "text": TEXT}
 RECORDING = "recording"
-"""Kind of the first event of a record: it tells when instant 0 was."""
+"""Kind of a record's first event, which tells when instant 0 was."""
 PORT = "port"
-"""The event that says which port of ours a vehicle hears."""
+"""Kind of the event that tells to which of our ports a vehicle answers."""
 EVENT_DETAILS: Mapping[str, Mapping[str, Shape | Maybe]] = {
     "design": {"design_delay_s": NUMBER},
     PORT: {"endpoint": TEXT, "port": INTEGER},
     RECORDING: {"speedup": Maybe(NUMBER)},
 }
-"""What some kinds of events have besides, and is read."""
+"""Further keys of some kinds of events, as far as they are read back."""
 
 
 class TlogWriter:
-    """Appends frames to a file."""
+    """Appends frames to a telemetry log."""
 
     def __init__(self, path: Path, epoch_us: int) -> None:
-        """Create the file, or go on after its last whole frame; `epoch_us`: instant 0, microseconds since 1970."""
+        """Create the file, or continue after its last whole frame; `epoch_us`: instant 0, microseconds since 1970."""
         self._file: BinaryIO = path.open("ab")
         self._file.truncate(sum(_STAMP_BYTES + len(raw) for _, raw in read_tlog(path)))
         self._epoch_us = epoch_us
         self._waiting = BytesWriter()
 
     def write(self, now: Instant, raws: list[bytes]) -> None:
-        """Append frames; they wait for `flush`."""
+        """Append frames to the buffer that `flush` writes."""
         waiting, stamp_us = self._waiting, self._epoch_us + now // 1000
         for raw in raws:
             write_i64_be(waiting, stamp_us)
             waiting.write(raw)
 
     def flush(self) -> None:
-        """Write what is waiting to the operating system, so that a crash of this process loses nothing of it."""
+        """Pass the buffer to the operating system, so that a crash of this process doesn't lose it."""
         data = self._waiting.getvalue()
         self._waiting.truncate(0)
         self._file.write(data)
         self._file.flush()
 
     def close(self) -> None:
-        """Write what is waiting and close the file."""
+        """Write the buffer and close the file."""
         try:
             self.flush()
         finally:
@@ -85,7 +85,7 @@ class TlogWriter:
 
 
 def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Yield a log's frames, each after when it was written, microseconds since 1970, up to where it was cut off."""
+    """Yield a log's complete frames, each with the time of writing, microseconds since 1970."""
     data = path.read_bytes()
     begin = 0
     while begin + _STAMP_BYTES < len(data):
@@ -98,7 +98,7 @@ def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 class RunDirectory:
-    """Records a flight (a `Recorder`), flushed every second so that a crash costs no more than that."""
+    """Records a flight (a `Recorder`); flushed every second, which limits the loss by a crash."""
 
     def __init__(
         self,
@@ -111,19 +111,19 @@ class RunDirectory:
         frames: bool = True,
         resume: bool = False,
     ) -> None:
-        """Create the directory and its files; with `overwrite` beside an earlier run's, without `frames` no log.
+        """Create the directory and its files; `overwrite` allows an earlier run there, `frames` False omits the log.
 
-        An earlier run's record stays until `replace_earlier`. That of one that ended before it commanded anybody is
-        replaced at once, and in any case: whoever mends its cause tries again. With `resume` an unfinished run's record
-        goes on; nothing of it is lost but what was cut off at its end.
+        An earlier run's record is kept until `replace_earlier`. One that ended before it commanded any vehicle is
+        replaced at once, without `overwrite`, so that the run can be repeated after its cause is corrected. With
+        `resume` an unfinished run's record is continued after its last complete entries.
 
         Raises:
             RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
         """
         self.path = path
-        """Where it is recorded now."""
+        """Where the record is at present."""
         self._earlier: TextIO | None = None
-        """The events of an earlier run that is still there: nobody else may record or resume there meanwhile."""
+        """The locked events file of an earlier run that is still there, so that no other run can use the directory."""
         try:
             if not resume:
                 self._keep_earlier(overwrite=overwrite)
@@ -146,17 +146,17 @@ class RunDirectory:
         self._listener: Callable[[Event], None] | None = None
         self._files = [file for file in (self._tlog, self._spool) if file is not None]
         self.failure: str | None = None
-        """Why what comes now isn't recorded any more: the disk is full, as a rule."""
+        """Why recording has stopped, usually because the disk is full."""
         self._next_flush = Instant(0)
         if not resume:
             self.event(Event(Instant(0), RECORDING, "begins", None, {"epoch_us": epoch_us}))
 
     def tell_events_to(self, listener: Callable[[Event], None]) -> None:
-        """Let a function hear every event from now on."""
+        """Call a function with every event from now on."""
         self._listener = listener
 
     def _keep_earlier(self, *, overwrite: bool) -> None:
-        """Record beside an earlier run that commanded somebody, if there is one."""
+        """If there is an earlier run that commanded vehicles, record into a subdirectory beside it."""
         unflown = _commanded_nobody(self.path)
         refused = refusal(self.path, overwrite=overwrite or unflown)
         if refused is not None:
@@ -167,11 +167,11 @@ class RunDirectory:
 
     @property
     def is_beside(self) -> bool:
-        """Whether an earlier run's record is still in its place."""
+        """Whether an earlier run's record is still in place."""
         return self._earlier is not None
 
     def replace_earlier(self) -> None:
-        """Put the record in the earlier run's place: the run has begun."""
+        """Replace the earlier run's record, because this run has begun."""
         if self._earlier is None:
             return
         beside, place = self.path, self.path.parent
@@ -205,7 +205,7 @@ class RunDirectory:
             self._flush_in_time(tick.now)
 
     def event(self, event: Event) -> None:
-        """Record an event as a line of JSON; where other files can no longer be written, this is still tried."""
+        """Record an event as a line of JSON; this is still tried after other files have failed."""
         if self._listener is not None:
             self._listener(event)
         try:
@@ -227,7 +227,7 @@ class RunDirectory:
             self._give_up(error)
 
     def close(self) -> None:
-        """Close the files; each is whole up to what could be written. An earlier run's record that is there stays."""
+        """Close the files, which end with what could be written. An earlier run's record that is there is kept."""
         if self._earlier is not None:
             self._earlier.close()
         for file in (*self._files, self._events):
@@ -237,7 +237,7 @@ class RunDirectory:
                 self._give_up(error)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json, whole or not at all: it says that the record is complete."""
+        """Write summary.json atomically: its existence means that the record is complete."""
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)
         part = self.path / f"{SUMMARY}.part"
         part.write_text(text + "\n", encoding="utf-8")
@@ -248,31 +248,31 @@ class RunDirectory:
 
 
 def recorded_in(path: Path) -> Path:
-    """Return where the last run into a directory is recorded: beside an earlier one if it commanded nobody."""
+    """Return where the last run into a directory is recorded: in `UNFLOWN` if it didn't replace an earlier one."""
     return path / UNFLOWN if (path / UNFLOWN / SCENARIO).is_file() else path
 
 
 def _commanded_nobody(path: Path) -> bool:
-    """Return whether a run that was recorded there ended, without a summary, before it commanded anybody."""
+    """Return whether the run recorded there ended, without a summary, before it commanded any vehicle."""
     if (path / SUMMARY).exists() or not (path / EVENTS).is_file():
         return False
     try:
         events = [json.loads(line) for line in (path / EVENTS).read_bytes().splitlines()]
         causes = [event["cause"] for event in events if event["kind"] == "phase"]
     except (ValueError, KeyError, TypeError):
-        return False  # cut off, or somebody else's
+        return False  # truncated, or another program's
     return len(causes) == 1 and causes[0] in [cause.value for cause in NOBODY_COMMANDED]
 
 
 def _clear(path: Path) -> None:
-    """Remove what an earlier run has left."""
+    """Remove the files of an earlier run."""
     left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG)
     for stale in (*(path / name for name in left), *spools(path / SPOOL), *(path / FIGURES).glob("*.png")):
         stale.unlink(missing_ok=True)
 
 
 def _own(path: Path, *, whole_lines: bool) -> TextIO:
-    """Return a file, for writing after its `whole_lines` or emptied, and locked for as long as it's open.
+    """Return a file opened for appending, locked while open: emptied, or cut after its last line with `whole_lines`.
 
     Raises:
         BlockingIOError: another process has it locked.
@@ -289,7 +289,7 @@ def _locked(path: Path) -> TextIO:
 
 
 def lock(file: IO[Any]) -> None:
-    """Lock a file for as long as it's open.
+    """Lock a file while it's open.
 
     Raises:
         BlockingIOError: another process has it locked; the file is closed.
@@ -300,11 +300,11 @@ def lock(file: IO[Any]) -> None:
         file.close()
         raise
     except OSError:
-        pass  # a file system without locks
+        pass  # the file system has no locks
 
 
 def event_shape(found: object) -> Shape:
-    """Return what a line of events must hold."""
+    """Return the shape of a line of events."""
     kind = cast("dict[str, Any]", found).get("kind") if isinstance(found, dict) else None
     return {**EVENT_SHAPE, **EVENT_DETAILS.get(kind if isinstance(kind, str) else "", {})}
 

@@ -1,4 +1,4 @@
-"""summary.json: the figures of a finished run and whether it kept to what was expected."""
+"""summary.json: the figures of a finished run, and whether it met its expectations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
 LATE_S = 0.010
-"""A tick that begins later than this after it was due is late."""
+"""A tick that begins more than this after it was due is late."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Summary:
     figures: Mapping[str, Any]
     verdicts: tuple[Verdict, ...]
     breaches: tuple[str, ...]
-    """Safety limits that were broken, and what the scenario planned and wasn't done, in words."""
+    """Broken safety limits, and what the scenario planned and wasn't carried out, in words."""
     measured: tuple[Verdict, ...] = field(default=(), kw_only=True)
-    """Figures that the run's options ask for besides; whether their bounds held means nothing."""
+    """Further figures requested by the run's options; their bounds are arbitrary."""
 
     @property
     def held(self) -> bool:
-        """Whether every expectation that was judged held, no safety limit was broken, and all was done as planned."""
+        """Whether all judged expectations held, no safety limit was broken, and everything planned was carried out."""
         return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -43,7 +43,7 @@ class Summary:
 
 
 def summarise(outcome: RunOutcome) -> Summary:
-    """Return the summary of a run: scored from the leader's start along its path on."""
+    """Return the summary of a run, scored from the leader's start along its path."""
     scenario, flight = outcome.scenario, outcome.flight
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
@@ -82,7 +82,7 @@ def summarise(outcome: RunOutcome) -> Summary:
 
 
 def _begun_s(flight: RecordedFlight) -> float | None:
-    """Return how long after the run's start the path began, s; None if it never did."""
+    """Return the time from the run's start to the path's beginning, s; None if it didn't begin."""
     since_s = next(iter(flight.vehicles.values()))["t_s"] - flight.mission_time_s
     known = since_s[np.isfinite(since_s)]
     return float(known[0]) if known.size else None
@@ -163,7 +163,7 @@ def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _when(flight: RecordedFlight, tick: int) -> str:
-    """Return in words when a tick was, by mission time where there is one, and in which phase if not on the path."""
+    """Return in words when a tick was, by mission time if there is one, and in which phase if not on the path."""
     rows = next(iter(flight.vehicles.values()))
     mission_s, phase = float(rows["mission_time_s"][tick]), PHASES[int(rows["phase"][tick])]
     if np.isnan(mission_s):
@@ -172,5 +172,5 @@ def _when(flight: RecordedFlight, tick: int) -> str:
 
 
 def _episodes(broken: Mask) -> int:
-    """Return how often a limit began to be broken."""
+    """Return how many times a limit began to be broken."""
     return int(broken[0]) + int((broken[1:] & ~broken[:-1]).sum())

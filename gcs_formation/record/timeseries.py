@@ -1,4 +1,4 @@
-"""The time series, one row per vehicle and control tick (docs/timeseries.md), and the ground truth beside it."""
+"""The time series, one row per vehicle and control tick (docs/timeseries.md), and interpolation of ground truth."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
 LINK = ("age_s", "delay_s", "up_s", "down_s", "jitter_s", "margin_used", "active", "leads", "yielding")
 AIRBORNE = "airborne"
 FLAGS = ("active", "leads", "yielding", AIRBORNE)
-"""What is true or false in a time series, 1 or 0 in a spool."""
+"""Columns that are booleans in a time series, 1 or 0 in a spool."""
 INJECTED = ("injected_up_s", "injected_down_s")
 INJECTED_MEAN = "injected_delay_s"
 SLOT = ("slot_forward_m", "slot_right_m", "slot_up_m")
@@ -62,28 +62,28 @@ ERROR = ("error_x_m", "error_y_m", "error_z_m")
 GROUND = ("ground_height_m", "clearance_m")
 PHASES = ("assembling", "flying", "ending", "loitering", "connecting")
 WAITING_TICKS = 64
-"""Most ticks that wait to be written."""
+"""Largest number of ticks buffered before writing."""
 ROWS_AT_ONCE = 2**14
-"""So many rows are read or written at once: the record of hundreds of vehicles is the most that a flight keeps."""
+"""Rows read or written at once; this bounds memory with hundreds of vehicles."""
 SAMPLED_TICKS = 16
 NOISE_SHARE = 0.85
-"""A column of which a quarter and three quarters through so many ticks keep more than this share isn't compressed."""
+"""Sampled at a quarter and three quarters of the ticks; a column that stays larger than this share isn't compressed."""
 NUMBER_BYTES = 8
 SPOOLED = ("phase", *MEASURED)
-"""What a spool has of each vehicle at a tick."""
+"""The values of each vehicle at a tick in a spool."""
 VIRTUAL_LEADER = ("leader_north_m", "leader_east_m", "leader_height_m", "leader_heading_rad")
-"""And behind a virtual leader, which has no rows of its own: where that is."""
+"""Further values with a virtual leader, which has no rows of its own."""
 
 
 class TickSpool:
-    """Appends ticks to a file that can be read up to its last whole tick, also after a crash.
+    """Appends ticks to a file that is readable up to its last complete tick, also after a crash.
 
-    A line of JSON names the vehicles and the values; what follows are 64-bit floats, the lowest byte first, tick after
-    tick: for each vehicle a number for each of those.
+    A line of JSON names the vehicles and the values. Little-endian 64-bit floats follow, tick by tick: for each vehicle
+    one number for each value.
     """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
-        """Create the file, or the next one beside it where it is there: its vehicles stand in the order of this run.
+        """Create the file or, if it exists, the next one beside it, since each run has its own order of vehicles.
 
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
@@ -108,7 +108,7 @@ class TickSpool:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is waiting."""
+        """Write the buffer."""
         if self._count:
             self._file.write(self._waiting.getvalue())
             self._waiting.truncate(0)
@@ -116,7 +116,7 @@ class TickSpool:
             self._file.flush()
 
     def close(self) -> None:
-        """Write what is waiting and close the file."""
+        """Write the buffer and close the file."""
         try:
             self.flush()
         finally:
@@ -136,20 +136,20 @@ def _suffix(resumed: int) -> str:
 
 
 class Spool:
-    """What a spool's files have, each up to its last whole tick, read block by block."""
+    """Reads a spool's files block by block, each up to its last complete tick."""
 
     def __init__(self, path: Path) -> None:
-        """Read what vehicles they have.
+        """Read the headers.
 
         Raises:
-            RecordError: another version wrote them, with other values.
+            RecordError: another version wrote the files, with other values.
         """
         self._parts = [_Part(each) for each in spools(path) or [path]]
         self.ticks = sum(part.ticks for part in self._parts)
-        """How many they have together."""
+        """Total number of ticks."""
 
     def blocks(self, rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
-        """Yield the columns of so many rows or a tick at once, at least one block: a row for each vehicle and tick."""
+        """Yield columns, in blocks of at most `rows` rows but at least a tick; a row for each vehicle and tick."""
         some = [part for part in self._parts if part.ticks] or self._parts[:1]
         for part in some:
             yield from part.blocks(rows)
@@ -179,7 +179,7 @@ class _Part:
         self.ticks = count // max(1, len(self._vehicles))
 
     def blocks(self, rows: int) -> Iterator[dict[str, Array]]:
-        """Yield the columns of so many rows or a tick at once, at least one block."""
+        """Yield columns in blocks of at most `rows` rows but at least a tick; at least one block."""
         vehicles = len(self._vehicles)
         at_once = max(1, rows // max(1, vehicles))
         for begin in range(0, max(1, self.ticks), at_once):
@@ -191,11 +191,10 @@ class _Part:
 
 
 def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
-    """Write a time series as tables of a spool's columns, of successive ticks, at least one; phases are in words there.
+    """Write a time series from tables of a spool's columns, of successive ticks, at least one; phases become words.
 
-    Columns are (N,), or (T, V) with the vehicles of a tick beside each other.
-
-    A dictionary of measured numbers would cost time and space, and nobody reads their least and greatest.
+    Columns are (N,), or (T, V) with the vehicles of a tick beside each other. Dictionaries and statistics are omitted:
+    for measured numbers they cost time and space without use.
     """
     words: Any = ["phase"]  # pyarrow's stubs know no list here
     phases = pa.array(PHASES, pa.string())
@@ -214,7 +213,7 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
                     use_dictionary=words,
                     write_statistics=False,
                     compression=packed,
-                    store_schema=False,  # a column of words is one, however it was handed over
+                    store_schema=False,  # phases are then read back as text, not as Arrow's dictionary type
                     write_batch_size=ROWS_AT_ONCE,
                 )
                 writer = stack.enter_context(opened)
@@ -222,7 +221,7 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
 
 
 def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
-    """Return how each column is compressed: those of which some ticks hardly get smaller, by noise, are left as is."""
+    """Return each column's compression: none for those whose sample hardly shrinks, because it is noise."""
     t_s = columns["t_s"]
     rows = int(np.count_nonzero(t_s == t_s[:1]))
     ticks = t_s.size // max(1, rows)
@@ -236,14 +235,14 @@ def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
 
 
 def _arrow(column: npt.NDArray[Any], *, flag: bool = False) -> pa.Array[Any]:
-    """Return numbers or flags; `pa.array` would import numpy.ma to ask whether an array is one of its own."""
+    """Return an Arrow array of numbers or flags; `pa.array` would import numpy.ma."""
     data = np.packbits(column > 0, bitorder="little") if flag else np.ascontiguousarray(column)
     kind: Any = pa.bool_() if flag else pa.from_numpy_dtype(column.dtype)
     return pa.Array.from_buffers(kind, column.size, [None, pa.py_buffer(data.data)])
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
-    """Return the columns of a time series; phases by their place in `PHASES`."""
+    """Return the columns of a time series, with phases as indices into `PHASES`."""
     table = pq.read_table(path)
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
     if "phase" in columns:
@@ -253,7 +252,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
 
 
 def flying(columns: Mapping[str, Array]) -> Mask:
-    """Return the rows between the start of the path and the flight's end, those that are scored."""
+    """Return which rows are between the start of the path and the end of the flight; these are scored."""
     return columns["phase"] == PHASES.index("flying")
 
 
@@ -279,7 +278,7 @@ def _write(to: BytesWriter, tick: Tick, column: int) -> None:
 
 
 def _write_leader(to: BytesWriter, leader: FlightState | None) -> None:
-    """Write the values of `VIRTUAL_LEADER`, NaN before it has a place."""
+    """Write the values of `VIRTUAL_LEADER`, NaN before it has a position."""
     _write_three(to, UNKNOWN if leader is None else (leader.north_m, leader.east_m, leader.height_m))
     write_f64_le(to, math.nan if leader is None else leader.heading_rad)
 
@@ -308,20 +307,20 @@ def _write_three(to: BytesWriter, values: Triple) -> None:
 
 
 def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
-    """Return the vehicles' true columns (T, V) at times (T,): places by cubic interpolation, the rest linearly."""
+    """Return the vehicles' true columns (T, V) at times (T,): positions by cubic interpolation, the rest linearly."""
     moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
     place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
     rest = (moments.linear(truth[name.removeprefix("true_")], angle=name == "true_heading_rad") for name in TRUTH[3:])
     columns = dict(zip(TRUTH, (*place, *rest), strict=True))
-    # A place between one in flight and one on the ground is neither.
+    # Between a sample in flight and one on the ground a vehicle doesn't count as airborne.
     return columns | {AIRBORNE: (moments.linear(truth["airborne"]) >= 1.0).astype(np.float64)}
 
 
 class _Moments:
-    """Times (T,) between those (K,) at which V vehicles' values are known, for interpolation: constant beyond them."""
+    """Interpolation of V vehicles' values from times (K,) to times (T,): constant outside."""
 
     def __init__(self, known_s: Array, wanted_s: Array, vehicles: int) -> None:
-        """Find where they are, and the weights of the cubics."""
+        """Find the intervals and the weights of the cubics."""
         self._before = np.clip(np.searchsorted(known_s, wanted_s, side="right") - 1, 0, len(known_s) - 2)
         begin_s = known_s[self._before]
         step_s, since_s = known_s[self._before + 1] - begin_s, wanted_s - begin_s
@@ -331,22 +330,22 @@ class _Moments:
         self._weights = ((1 + 2 * u, (1 - u) ** 2), (u, (1 - u) ** 2), (u**2, 3 - 2 * u), (u**2, u - 1))
 
     def _ends(self, value: Array) -> tuple[Array, Array]:
-        """Return what is known before and after each time, (T, V)."""
+        """Return the values before and after each time, (T, V)."""
         value = np.ascontiguousarray(value)
         return value.take(self._before, axis=0), value.take(self._before + 1, axis=0)
 
     def linear(self, value: Array, *, angle: bool = False) -> Array:
-        """Return the values (T, V) on straight lines: those of `np.interp`, of angles the shorter way round."""
+        """Return values (T, V) interpolated as by `np.interp`; angles go the shorter way round."""
         before, after = self._ends(value)
         change = after - before
-        if angle and (np.abs(change) >= np.pi).any():  # as few do
+        if angle and (np.abs(change) >= np.pi).any():  # rarely
             change = wrap(change)
         found = change / self._step_s * self._since_s + before
         found[self._beyond] = value[-1]
         return found
 
     def cubic(self, value: Array, rate: Array) -> Array:
-        """Return (T, V) the cubics through values and rates (K, V)."""
+        """Return (T, V) cubic Hermite interpolation of values and rates (K, V)."""
         (before, after), (slope_before, slope_after) = self._ends(value), self._ends(rate)
         ends = before, slope_before * self._step_s, after, slope_after * self._step_s
         first, second, third, fourth = (

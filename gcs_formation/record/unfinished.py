@@ -1,4 +1,4 @@
-"""Reads an unfinished record to go on with its flight."""
+"""Reads an unfinished record in order to resume its flight."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from gcs_formation.record.timeseries import PHASES, SLOT, Spool
 
 ACCEPTED = ": accepted"
 EVERY_S = 1.0
-"""Interval of the places along which the leader's way is followed."""
+"""Interval between positions used to follow the leader's way."""
 GAP_S, REACH = 3.0, 2.0
-"""A longer gap is one in which nobody was there; in it the leader came this many times as far as planned at most."""
+"""A longer gap means an interruption, in which the leader flew at most this multiple of the planned distance."""
 AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
 Events = Sequence[Mapping[str, Any]]
 
@@ -38,7 +38,7 @@ def epoch_us(directory: Path) -> int:
     """Return when the clock of an unfinished record began, microseconds since 1970.
 
     Raises:
-        RecordError: it isn't the directory of an unfinished run, or its run didn't come to record anything.
+        RecordError: it isn't the directory of an unfinished run, or its run recorded nothing.
     """
     if not (directory / SCENARIO).is_file():
         raise RecordError(f"found no {SCENARIO} in {directory}; allowed: the directory of an unfinished run")
@@ -52,23 +52,23 @@ def epoch_us(directory: Path) -> int:
 
 
 def from_ports(directory: Path) -> dict[str, int]:
-    """Return the ports that the flight sent from to each `udpout` endpoint: a PX4 answers no other."""
+    """Return the local ports that the flight used for each `udpout` endpoint: a PX4 answers no other port."""
     those = (event for event in recorded_events(directory)[0] if event.get("kind") == PORT)
     return {str(event["endpoint"]): int(event["port"]) for event in those}
 
 
 def recorded_speedup(directory: Path) -> float:
-    """Return how many times faster than real time an unfinished record began."""
+    """Return how many times faster than real time an unfinished record ran at its beginning."""
     events = recorded_events(directory)[0]
     known = (event["speedup"] for event in events if event["kind"] == RECORDING and "speedup" in event)
     return float(next(known, 1.0))
 
 
 def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:
-    """Return where the flight of an unfinished record stands; where `now` isn't after it, at the record's end.
+    """Return the state of an unfinished record's flight at `now`, or at the record's end if that is later.
 
     Raises:
-        RecordError: the record can't be read, or nobody had taken off.
+        RecordError: the record can't be read, or no vehicle had been heard.
     """
     events, _ = recorded_events(directory)
     try:
@@ -100,9 +100,9 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
 
 
 def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
-    """Return `now`, or when the record may have ended at the latest if that is in the future.
+    """Return `now`, or the latest possible end of the record if that is later.
 
-    A machine whose clock runs without a battery goes back when its power fails.
+    A machine's clock without a battery falls behind when its power fails.
     """
     times_s = [*(float(event["t_s"]) for event in events if "t_s" in event), *ticks_s[-1:].tolist()]
     last = Instant(nanoseconds(max(times_s, default=0.0)))
@@ -110,7 +110,7 @@ def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
 
 
 def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:
-    """Return where a flight stands of which no tick was recorded: the last second before the end isn't on the disk."""
+    """Return the state of a flight without recorded ticks: at most the last second before its end isn't on disk."""
     order = [identity for identity in column_ids(scenario) if identity is not None]
     known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
@@ -133,7 +133,7 @@ def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: I
 
 
 def _last(events: Events, identity: VehicleId, kind: str) -> str | None:
-    """Return the last words of a kind about a vehicle."""
+    """Return the text of the last event of a kind about a vehicle."""
     own = (event for event in reversed(events) if event["kind"] == kind and event.get("vehicle") == str(identity))
     return next((str(event["text"]) for event in own), None)
 
@@ -158,7 +158,7 @@ def _phases(events: Events) -> list[str]:
 
 
 def _began(events: Events) -> Instant | None:
-    """Return when the leader passed the path's start."""
+    """Return when the leader passed the start of the path."""
     begun = (event for event in events if event["kind"] == "phase" and event["text"] == Phase.FLYING.value)
     at_s = next((float(event["t_s"]) for event in begun), None)
     return None if at_s is None else Instant(round(at_s * NANOSECONDS))
@@ -174,7 +174,7 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Reco
 
 
 def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:
-    """Return the arrangement, the speed and where it faces standing that changes and accepted orders had led to."""
+    """Return arrangement, speed and hover heading after the changes and accepted orders so far."""
     begun = _began(events)
     zero_s = math.inf if begun is None else begun / NANOSECONDS
     planned = [(change.at_s, Order("", change)) for change in scenario.formation.changes if change.at_s <= mission_s]
@@ -193,13 +193,13 @@ def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[
 
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
-    """Return how far along the path the leader had come: its way, followed from the path's start."""
+    """Return the leader's distance along the path, by following its way from the path's start."""
     path, distance_m, last_s = scenario.leader_path, 0.0, math.inf
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
     places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
     for t_s, north_m, east_m in places:
         unseen_s = t_s - last_s
-        if unseen_s > GAP_S:  # resumed before
+        if unseen_s > GAP_S:  # an earlier interruption
             reach_m = REACH * scenario.path.speed_mps * unseen_s
             distance_m = nearest(path, north_m, east_m, distance_m, distance_m + reach_m)
         elif not 0.0 <= unseen_s < EVERY_S:
@@ -211,14 +211,14 @@ def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
 
 
 def _slots_m(last: Mapping[str, Any], order: Sequence[VehicleId | None]) -> Array:
-    """Return the slots (C, 3) of all columns, 0 for who led; `order` names the columns' vehicles."""
+    """Return the slots (C, 3) of all columns, 0 for the leader; `order` names the columns' vehicles."""
     own = {_identity(last, row): row for row in range(len(last["t_s"]))}
     table = np.nan_to_num(np.stack([last[name] for name in SLOT], axis=1))
     return np.array([np.zeros(3) if each is None else table[own[each]] for each in order])
 
 
 def nearest_to(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, ...]:
-    """Return who flew, the leader first and then by their distance from it to a metre."""
+    """Return the recorded vehicles, the leader first, then by their distance from it to a metre."""
     places = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
     each = [_identity(last, row) for row in range(len(places))]
     away_m: Array = np.linalg.norm(places - places[each.index(leading)], axis=1)

@@ -1,12 +1,12 @@
-"""ArduPilot's families, ArduPlane and ArduCopter: how each is commanded, and the parameters on which a flight depends.
+"""ArduPlane and ArduCopter: how each is commanded, and the parameters on which a flight depends.
 
-An ArduPlane flies in GUIDED by commands of airspeed, altitude and heading, each of which it acknowledges. An ArduCopter
-flies in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw: it flies the velocity over ground
-that it is told, whatever the wind, so the wind that the station estimates for it is none.
+An ArduPlane flies in GUIDED by commands of airspeed, altitude and heading, and acknowledges each. An ArduCopter flies
+in GUIDED by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw. It holds the commanded ground velocity in
+any wind, so the station's wind estimate for it is zero.
 
 Sources: ArduPilot documentation, "Plane: GUIDED mode", "AUTOLAND Mode", "Plane Failsafe Function", "Copter Commands in
 Guided Mode", "GCS Failsafe", "Get and set message intervals" and "Complete Parameter List" (names since 4.6); what each
-accepts and refuses, as ArduPilot's simulator showed it.
+accepts and refuses was observed in ArduPilot's simulator.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
 
 HEARTBEATS_S: Final = 3.0
-"""A failsafe that waits less takes a few lost heartbeats for the end of the link."""
+"""Least timeout of a GCS failsafe: a shorter one would trigger on a few lost heartbeats."""
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 STANDBY: Final = m.MAV_STATE_STANDBY
 
@@ -51,7 +51,7 @@ OUR_HEARTBEATS = Check(
 LEAST_TAKE_OFF_M = 50
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 PLANE_LEADS_AWAY = (1, 4, 5)
-"""FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 flies on, 2 glides, 3 releases a parachute."""
+"""FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 continues the flight, 2 glides, 3 releases a parachute."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
 SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
@@ -59,24 +59,24 @@ HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
 ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
 RESOLUTION: Final = 0.005
-"""In m/s, m, degrees and m/s2: ArduPlane keeps speeds and heights in centimetres, and rounds them."""
+"""In m/s, m, degrees and m/s²: ArduPlane rounds speeds and heights to centimetres."""
 OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
 DEGREES: Final = 180.0 / math.pi
 ALL_ROUND_DEG: Final = 360.0 - 2.0**-16
-"""The first heading that is 360 degrees as a 32-bit float."""
+"""The least heading that rounds to 360 degrees as a 32-bit float."""
 AUTOPILOTS = frozenset({m.MAV_AUTOPILOT_GENERIC, m.MAV_AUTOPILOT_ARDUPILOTMEGA})
 PLANE_TYPES = frozenset(
     {m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)}
 )
-"""MAV_TYPE of ArduPlane's aircraft, and the one that says nothing."""
+"""MAV_TYPE of ArduPlane's aircraft, and GENERIC."""
 COPTER_LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
-"""FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 stands where setpoints stopped."""
+"""FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 hovers where setpoints stopped."""
 TAKE_OFF_TO_M = 20.0
 CM = 0.01
 
 
 def heartbeat_timeout(name: str) -> Check:
-    """Return the check of the parameter that says how long a failsafe waits for heartbeats."""
+    """Return the check of a GCS failsafe's timeout parameter."""
     return Check(
         (name,),
         f"{HEARTBEATS_S:g} s or more; our heartbeats come once a second, and some are lost",
@@ -85,21 +85,21 @@ def heartbeat_timeout(name: str) -> Check:
 
 
 class ArduPilot(Autopilot, ABC):
-    """An autopilot of ArduPilot's."""
+    """What ArduPilot's vehicles have in common."""
 
     slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed, and in flight by its heartbeats or above the ground."""
+        """Return whether it is armed, and its heartbeats (ACTIVE) or its height above home show flight."""
         aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
         return telemetry.armed and (aloft or telemetry.flight_status == ACTIVE)
 
     def says_grounded(self, telemetry: Telemetry) -> bool:
-        """Return whether its heartbeats say so; STANDBY is also that of one that has just restarted in flight."""
+        """Return whether its heartbeats show STANDBY, which is also shown after a restart in flight."""
         return telemetry.flight_status == STANDBY
 
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
-        """Return the first two steps: streams, ready."""
+        """Return the first two steps: telemetry streams, ready to arm."""
         return (
             StartUpStep(
                 "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
@@ -125,7 +125,7 @@ class ArduPlane(ArduPilot):
     family = "ArduPlane"
     loop_s = 0.02
     take_off_m = 45.0
-    """TKOFF_ALT is 50 m, and the climb ends softly."""
+    """Below TKOFF_ALT (50 m), which the climb approaches slowly."""
     guided_mode = m.PLANE_MODE_GUIDED
     setpoint_commands = (SPEED, HEADING, ALTITUDE)
     take_off_mode = m.PLANE_MODE_TAKEOFF
@@ -133,7 +133,7 @@ class ArduPlane(ArduPilot):
     circling_mode = m.PLANE_MODE_LOITER
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
-    """AUTOLAND_WP_ALT's default."""
+    """Default of AUTOLAND_WP_ALT."""
     mode_names: ClassVar = {
         m.PLANE_MODE_MANUAL: "MANUAL",
         m.PLANE_MODE_AUTO: "AUTO",
@@ -146,11 +146,11 @@ class ArduPlane(ArduPilot):
     }
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is that of an ArduPilot fixed wing or VTOL, or leaves it open."""
+        """Return whether a heartbeat is from an ArduPilot fixed wing or VTOL, or of generic type."""
         return heartbeat.autopilot in AUTOPILOTS and heartbeat.type in PLANE_TYPES
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
-        """Return the steps: streams, ready, take-off, GUIDED. In the air, unnecessary ones are done at once."""
+        """Return the steps: streams, ready, take-off, GUIDED. In the air, those already done are skipped."""
         return (
             *self._asked_and_ready(rates_hz),
             StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
@@ -160,7 +160,7 @@ class ArduPlane(ArduPilot):
         )
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
-        """Return failsafes, limits and whose heartbeats count."""
+        """Return the checks of failsafes, limits and the ground station's system id."""
         return (
             OUR_HEARTBEATS,
             Check(
@@ -195,17 +195,17 @@ class ArduPlane(ArduPilot):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return speed, altitude above sea level and heading, in this order.
 
-        The altitude's own rate and the speed's acceleration are left to the autopilot (0). The heading's
-        lateral acceleration is what the model's turn rate needs at this speed: 0 would hardly turn.
+        The rates of altitude and speed are left to the autopilot (0). The heading's lateral acceleration is what the
+        model's turn rate needs at this speed; with 0 the plane would hardly turn.
         """
-        return tuple(self.news(setpoint, where, [None, None, None]))
+        return tuple(self.changed(setpoint, where, [None, None, None]))
 
-    def news(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - of no place
-        """Return those of `setpoint` that differ by more than the autopilot's resolution from what it knows."""
+    def changed(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - none depends on it
+        """Return the messages of `setpoint` whose values differ from the known ones by more than `RESOLUTION`."""
         speed, heading, altitude = known
         speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m
         if abs(above_sea_m) < RESOLUTION or abs(above_sea_m + 1.0) < RESOLUTION:
-            above_sea_m += 2.0 * RESOLUTION  # ArduPlane takes 0 and -1 for no altitude, and denies them
+            above_sea_m += 2.0 * RESOLUTION  # ArduPlane takes 0 and -1 to mean no altitude, and refuses them
         heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), setpoint.speed_mps * self.turn_rate_max_rps
         found = list[Message]()
         if speed is None or abs(speed_mps - speed.param2) > RESOLUTION:
@@ -222,15 +222,15 @@ class ArduPlane(ArduPilot):
         return (self.set_mode(self.loiter_mode), self._altitude(height_m))
 
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it knows its home
-        """Return RTL, which circles over home, then a height to replace RTL_ALTITUDE, which is the same for all.
+        """Return RTL, which circles over home, then the height to replace RTL_ALTITUDE, which is the same for all.
 
-        The height goes before it too, where it changes nothing: whoever refuses it isn't sent home.
+        The height is also sent first, where it has no effect: a vehicle that refuses it isn't sent home.
         """
         altitude = self._altitude(height_m)
         return (altitude, self.set_mode(m.PLANE_MODE_RTL), altitude)
 
     def land(self) -> tuple[Command, ...]:
-        """Return AUTOLAND, of version 4.7 on: at home, in the direction of the take-off."""
+        """Return AUTOLAND, available from version 4.7: it lands at home, in the direction of the take-off."""
         return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
 
     def _altitude(self, height_m: float) -> Command:
@@ -249,21 +249,21 @@ class ArduPlane(ArduPilot):
 
 
 def _compass(heading_rad: float) -> float:
-    """Return degrees in [0, 360) that stay there as a 32-bit float: 360 is refused."""
+    """Return a heading in degrees, below 360 also as a 32-bit float: 360 is refused."""
     degrees = heading_rad * DEGREES % 360.0
     return degrees if degrees < ALL_ROUND_DEG else 0.0
 
 
 class ArduCopter(ArduPilot):
-    """A multirotor or helicopter of ArduPilot's, commanded in GUIDED by velocities."""
+    """An ArduPilot multirotor or helicopter, commanded in GUIDED by velocity setpoints."""
 
     family = "ArduCopter"
     loop_s = 0.0025
     take_off_m = 18.0
-    """`TAKE_OFF_TO_M`, whose climb ends softly."""
+    """Below `TAKE_OFF_TO_M`, which the climb approaches slowly."""
     guided_mode = m.COPTER_MODE_GUIDED
     loiter_mode = m.COPTER_MODE_BRAKE
-    """It stands there; in LOITER a transmitter's throttle, or the lack of one, moves it."""
+    """BRAKE holds position; in LOITER a transmitter's throttle, or the lack of a transmitter, would move it."""
     home_mode = m.COPTER_MODE_RTL
     setpoint_commands = ()
     stands_after_s = 3.0
@@ -284,20 +284,20 @@ class ArduCopter(ArduPilot):
     def __init__(
         self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
     ) -> None:
-        """Address `system`; `lead` is for what its model leaves to its integrator, and has its limits."""
+        """Address `system`; `lead` compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps)
         self._lead = lead or VelocityLead()
 
     def forget_setpoints(self) -> None:
-        """Begin the lead again."""
+        """Restart the lead compensation."""
         self._lead.forget()
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is that of a multirotor or helicopter of ArduPilot's."""
+        """Return whether a heartbeat is from an ArduPilot multirotor or helicopter."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type in MULTIROTOR_TYPES
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
-        """Return the steps: streams, ready, GUIDED, take-off. In the air, unnecessary ones are done at once."""
+        """Return the steps: streams, ready, GUIDED, take-off. In the air, those already done are skipped."""
         return (
             *self._asked_and_ready(rates_hz),
             self._guided_step(),
@@ -307,7 +307,7 @@ class ArduCopter(ArduPilot):
         )
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
-        """Return failsafe, limits and whose heartbeats count."""
+        """Return the checks of failsafe, limits and the ground station's system id."""
         fastest, speed = model.speed_max_mps, path.speed_mps
         return (
             OUR_HEARTBEATS,
@@ -337,9 +337,9 @@ class ArduCopter(ArduPilot):
         )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
-        """Return one message: velocity over ground, and the course as yaw where it moves.
+        """Return one message: velocity over ground, and the course as yaw while it moves.
 
-        It is repeated at every tick: ArduCopter stands 3 s (GUID_TIMEOUT) after the last one.
+        It is repeated at every tick: ArduCopter stops 3 s (GUID_TIMEOUT) after the last one.
         """
         nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
         return (velocity_setpoint(self.system, setpoint, where, self._lead, nose_rad),)

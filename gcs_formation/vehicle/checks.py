@@ -1,4 +1,4 @@
-"""What a flight depends on, judged before anybody is commanded: a vehicle's place, and parameters read from it.
+"""Checks before the first command: a vehicle's position, and the parameters on which the flight depends.
 
 Source: MAVLink guide, "Parameter Protocol".
 """
@@ -24,42 +24,42 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 
 RETRY_S = 0.7
 TRIES = 24
-"""Requests for one parameter; a name that an autopilot doesn't know gets no answer. With half of all datagrams lost
-either way one in a thousand isn't read."""
+"""Attempts for each parameter name; a name unknown to the autopilot gets no answer. With half of all datagrams lost
+each way, one parameter in a thousand isn't read."""
 TRIM_OFF_MPS = 1.0
-"""By how much the trim airspeed may differ from the path's."""
+"""Largest difference between the trim airspeed and the path's speed, m/s."""
 SAME_MPS = 0.05
-"""Differences of airspeeds below which nobody is told of the air's density."""
+"""Differences of airspeeds below which messages don't mention the air density."""
 AT_ONCE = 4
-"""Requests sent in one go: autopilots answer them from a short queue."""
+"""Number of requests sent at once: autopilots have a short queue for them."""
 HOME_OFF_M = 30.0
-"""By how much a home may be above or below the scenario's ground: the errors of both heights above sea level."""
+"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level."""
 FAR_M = 10_000.0
-"""How much farther from the path's start a vehicle may be than the path gets."""
+"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m."""
 
 
 class Finding(NamedTuple):
-    """A parameter or a place that isn't as it should be."""
+    """A parameter or position that isn't as it should be."""
 
     text: str
-    """What was found, and what is allowed or what follows."""
+    """What was found, and what is allowed or what will happen."""
     refuses: bool = False
-    """Whether nobody takes off with it."""
+    """Whether it prevents the take-off of all vehicles."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One parameter, by its names in several versions, the newest first."""
+    """The check of one parameter, whose names in different versions are listed newest first."""
 
     names: tuple[str, ...]
     allowed: str
-    """In words, with what happens otherwise."""
+    """The allowed values in words, and the effect of others."""
     holds: Callable[[float], bool]
     refuses: Callable[[float], bool] = lambda _: False
-    """Whether a value that isn't allowed keeps everybody on the ground."""
+    """Whether a value that isn't allowed prevents the take-off of all vehicles."""
 
     def judge(self, values: Mapping[str, float]) -> Finding | None:
-        """Return what is wrong with the parameter among `values`; None if it is as it should be, or unknown."""
+        """Return the finding on the parameter among `values`; None if it is allowed, or unknown."""
         found = next(((name, values[name]) for name in self.names if name in values), None)
         if found is None or self.holds(found[1]):
             return None
@@ -81,17 +81,17 @@ def envelope_checks(
     bank: str,
     beyond: tuple[str, str],
 ) -> list[Check]:
-    """Return the checks that a fixed wing can fly at the speeds and turn as fast as is asked of it.
+    """Return the checks that a fixed wing can fly the speeds and turns of its setpoints.
 
     Args:
-        model: whose limits its setpoints keep.
-        path: what the formation flies.
-        told_mps: what one is told for the path's true airspeed, m/s: it and parameters are of the sensor's readings.
-        least: name of the parameter with the lowest airspeed, m/s.
-        most: with the highest one.
-        trim: with the airspeed of level flight.
-        bank: with the largest angle of bank, degrees.
-        beyond: what becomes of setpoints below the lowest and above the highest airspeed.
+        model: limits of its setpoints.
+        path: the formation's path.
+        told_mps: airspeed commanded for the path's true airspeed, m/s; it and the parameters are sensor readings.
+        least: name of the parameter for the lowest airspeed, m/s.
+        most: for the highest airspeed, m/s.
+        trim: for the airspeed of level flight, m/s.
+        bank: for the largest bank angle, degrees.
+        beyond: how it treats setpoints below the lowest and above the highest airspeed.
     """
     slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.speed_mps
     cruises = f"{told_mps:.3g} m/s, what a calibrated sensor reads at path.speed_mps in the field's air"
@@ -125,9 +125,9 @@ def envelope_checks(
 
 
 def place_findings(seen: ReportedMotion, scenario: Scenario, *, flies: bool) -> list[Finding]:
-    """Return what is wrong with where a vehicle is: not at the scenario's path, or its home not on the ground there.
+    """Return the findings on a vehicle's position: far from the path, or a home that isn't on the scenario's ground.
 
-    One that flies may have its home elsewhere: that is no more than a warning.
+    A vehicle that flies may have its home elsewhere: this is only a warning.
     """
     points_m = np.array(scenario.path.waypoints_m)[:, :2]
     away_m = math.hypot(seen.north_m - points_m[0, 0], seen.east_m - points_m[0, 1])
@@ -146,12 +146,12 @@ def place_findings(seen: ReportedMotion, scenario: Scenario, *, flies: bool) -> 
 
 
 class ParameterReader:
-    """Reads from one vehicle what its checks need."""
+    """Reads the parameters of one vehicle that its checks need."""
 
     def __init__(
         self, system: int, checks: Sequence[Check], value_of: Callable[[ParamValue], float] = attrgetter("param_value")
     ) -> None:
-        """Ask `system`; nothing is asked before `requests` is called. `value_of` reads an answer."""
+        """Prepare requests to `system`; `value_of` decodes an answer."""
         self._system, self._checks, self._value_of = system, checks, value_of
         self._tries = {name: 0 for check in checks for name in check.names}
         self._values: dict[str, float] = {}
@@ -159,11 +159,11 @@ class ParameterReader:
 
     @property
     def complete(self) -> bool:
-        """Whether every parameter has been told, or asked for in vain."""
+        """Whether every parameter has been read, or all attempts have failed."""
         return not self._missing()
 
     def requests(self, now: Instant) -> list[ParamRequestRead]:
-        """Return the requests to send now: those of the fewest tries first."""
+        """Return the requests to send now: those with the fewest attempts first."""
         missing = sorted(self._missing(), key=self._tries.__getitem__)[:AT_ONCE]
         if not missing or now < self._next:
             return []
@@ -173,14 +173,14 @@ class ParameterReader:
         return [ParamRequestRead(self._system, m.MAV_COMP_ID_AUTOPILOT1, name) for name in missing]
 
     def take(self, message: ParamValue, now: Instant) -> None:
-        """Take a parameter; those that weren't asked for are ignored. What is missing still is asked for at once."""
+        """Take a parameter; ones not requested are ignored. Names not yet tried are requested at once."""
         if message.param_id in self._tries:
             self._values[message.param_id] = self._value_of(message)
             if not any(self._tries[name] for name in self._missing()):
                 self._next = now
 
     def findings(self) -> list[Finding]:
-        """Return what isn't as it should be, and what could not be read."""
+        """Return what isn't allowed, and what could not be read."""
         found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
         unread = [" or ".join(check.names) for check in self._checks if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]

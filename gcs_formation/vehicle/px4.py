@@ -1,13 +1,14 @@
-"""PX4, fixed wing and multirotor: how each is commanded, and the parameters on which a flight depends.
+"""PX4 fixed wings and multirotors: how each is commanded, and the parameters on which a flight depends.
 
-A fixed wing is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION: outside of the circle around the
-place it is sent to it flies straight there, so a place far ahead is a course. In OFFBOARD it takes no airspeed.
+A fixed wing is commanded in AUTO.LOITER ("Hold") by a stream of MAV_CMD_DO_REPOSITION. Outside the loiter circle around
+the commanded position it flies straight there, so a position far ahead commands a course. In OFFBOARD it takes no
+airspeed.
 
 A multirotor is commanded in OFFBOARD by a stream of SET_POSITION_TARGET_LOCAL_NED with velocity and yaw, which must
-come before the mode is set and never stop for longer than COM_OF_LOSS_T.
+start before the mode is set and never pause for longer than COM_OF_LOSS_T.
 
 Sources: PX4 user guide, "Flight Modes" ("Hold" and "Takeoff" of fixed wings, "Offboard", "Return"), "Parameter
-Reference" and "Safety Configuration (Failsafes)"; its acceptance and refusals as its simulator (SIH) showed them.
+Reference" and "Safety Configuration (Failsafes)"; what it accepts and refuses was observed in its simulator (SIH).
 """
 
 from __future__ import annotations
@@ -43,31 +44,31 @@ LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
 MAIN_AUTO = 4
 CHANGES_HZ = 50.0
-"""CURRENT_MODE is sent at this rate while there are changes: a mode must be seen before a setpoint undoes it."""
+"""Rate of CURRENT_MODE, sent on changes: a pilot's mode must be seen before the next setpoint overrides it."""
 OFF_THE_GROUND = (m.MAV_LANDED_STATE_IN_AIR, m.MAV_LANDED_STATE_TAKEOFF, m.MAV_LANDED_STATE_LANDING)
-"""Below 10 m a PX4 says for seconds that it takes off, and that it lands."""
+"""Below 10 m PX4 reports for seconds that it takes off or lands."""
 UNCHANGED = math.nan
 LARGEST_CIRCLE_M = 100.0
-"""Radius for which circles at the end are kept apart, and beyond which a place 400 m ahead is no course."""
+"""Loiter radius for which circles at the end are separated, and up to which a position 400 m ahead is a course, m."""
 AIM_M = 400.0
-"""Distance of the place ahead that a setpoint names. Nearer than the circle's radius (NAV_LOITER_RAD, 80 m) and 7 s of
-flight (NPFG_PERIOD 10 s, damping 0.7), PX4 bends towards the circle; when setpoints stop it flies there and circles."""
+"""Distance to the position ahead that commands a course, m. Within the loiter radius (NAV_LOITER_RAD, 80 m) plus 7 s of
+flight (NPFG_PERIOD 10 s, damping 0.7) PX4 would turn onto the circle. It circles there when setpoints stop."""
 REFERENCE_CLIMB_MPS = 3.0
-"""After boot the height controller's reference begins at sea level and rises this fast (FW_T_CLMB_R_SP); who takes off
-before it has come to the field's altitude dives into the ground. Seen in version 1.17 (development)."""
+"""After boot the height controller's reference starts at sea level and rises at this rate (FW_T_CLMB_R_SP). A vehicle
+that takes off before it reaches the field's altitude dives into the ground. Observed in version 1.17 (development)."""
 DEFAULT_SPEED = -1.0
 PATIENCE_S = 0.5
-"""A shorter time-out takes a few lost setpoints for their end."""
+"""Least COM_OF_LOSS_T: a shorter timeout would trigger on a few lost setpoints."""
 CUTS_MOTORS = (6, 7)
 """COM_OBL_RC_ACT: terminate, disarm."""
 WITHOUT_STICKS = (0, 3, 4, 5)
-"""COM_OBL_RC_ACT: position (return, where no transmitter is heard), return, land, hold."""
+"""COM_OBL_RC_ACT: position (return, without a transmitter), return, land, hold."""
 STAND = Setpoint(0.0, 0.0, 0.0)
 ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def mode_number(main: int, sub: int = 0) -> int:
-    """Return custom_mode of a main and a sub mode."""
+    """Return the custom_mode of a main mode and a sub mode."""
     return main << 16 | sub << 24
 
 
@@ -76,7 +77,7 @@ OFFBOARD = mode_number(6)
 
 
 def heartbeats_lost(otherwise: str) -> Check:
-    """Return the check of what happens when our heartbeats stop; `otherwise`: what does with nothing set."""
+    """Return the check of the action on lost heartbeats; `otherwise`: what the vehicle does if none is set."""
     return Check(
         ("NAV_DLL_ACT",),
         f"1 (hold), 2 (return) or 3 (land) when our heartbeats stop; with 0 it {otherwise}",
@@ -85,21 +86,21 @@ def heartbeats_lost(otherwise: str) -> Check:
 
 
 class Px4(Autopilot, ABC):
-    """An autopilot of PX4's."""
+    """What PX4's vehicles have in common."""
 
     loop_s = 0.0
-    """It answers TIMESYNC and commands as they come."""
+    """It answers TIMESYNC and commands on arrival."""
     take_off_mode = TAKEOFF
     taken_off_mode = LOITER
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
     failsafe_words = ("failsafe", "lost")
-    """As in "Offboard control signal lost", "GCS connection lost"."""
+    """As in "Offboard control signal lost" and "GCS connection lost"."""
     types: ClassVar[frozenset[int]]
-    """MAV_TYPE of what flies by its commands."""
+    """MAV_TYPEs of the vehicles flown by these commands."""
     take_off_to_m: ClassVar[float]
-    """Height above home that it is told to take off to."""
+    """Commanded take-off height above home, m."""
     mode_names: ClassVar = {
         mode_number(1): "MANUAL",
         mode_number(2): "ALTITUDE",
@@ -115,17 +116,17 @@ class Px4(Autopilot, ABC):
     }
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
-        """Return whether a heartbeat is that of a PX4 which flies by these commands."""
+        """Return whether a heartbeat is from a PX4 of one of these `types`."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
 
     def parameter(self, reported: ParamValue) -> float:
-        """Return a parameter's value: PX4 sends the bytes of an integer in the place of a float's."""
+        """Return a parameter's value: PX4 sends an integer's bytes in the float field."""
         if reported.param_type != m.MAV_PARAM_TYPE_INT32:
             return reported.param_value
         return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
-        """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; what is done is left out."""
+        """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; those done are skipped."""
         guided, named = self.guided_mode, self.mode_names[self.guided_mode]
         return (
             StartUpStep(
@@ -140,36 +141,36 @@ class Px4(Autopilot, ABC):
         )
 
     def _waits(self) -> tuple[StartUpStep, ...]:
-        """Return what else it waits for before it takes off."""
+        """Return the family's further waits before take-off."""
         return ()
 
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed and says that it flies, takes off or lands, or is well above home."""
+        """Return whether it is armed, and reports flight, take-off or landing, or is well above home."""
         aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
         return telemetry.armed and (aloft or telemetry.landed_state in OFF_THE_GROUND)
 
     def says_grounded(self, telemetry: Telemetry) -> bool:
-        """Return whether it says so; as long as it hasn't told where it is, it may fly."""
+        """Return whether it reports ON_GROUND."""
         return telemetry.landed_state == m.MAV_LANDED_STATE_ON_GROUND
 
     def mode_asked(self, command: Command) -> int | None:
-        """Return the main and sub mode that a command asks for, as one number."""
+        """Return the main and sub mode that a command sets, as one number."""
         if command.command != m.MAV_CMD_DO_SET_MODE:
             return None
         return mode_number(int(command.param2), int(command.param3))
 
     def set_mode(self, mode: int) -> Command:
-        """Return MAV_CMD_DO_SET_MODE: the main mode and the sub mode in fields of their own."""
+        """Return MAV_CMD_DO_SET_MODE, with main mode and sub mode in separate fields."""
         own = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         return self._command(m.MAV_CMD_DO_SET_MODE, own, mode >> 16 & 0xFF, mode >> 24)
 
     def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        """Return the requests, with that for each change of mode: a heartbeat comes once a second."""
+        """Return the requests, and one for CURRENT_MODE: heartbeats, once a second, show modes too late."""
         changes = self.set_message_interval(m.MAVLINK_MSG_ID_CURRENT_MODE, CHANGES_HZ)
         return (*self.requests(rates_hz), changes)
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
-        """Return NAV_TAKEOFF from where it stands; its altitude is above sea level."""
+        """Return NAV_TAKEOFF at its position; the altitude is above sea level."""
         place = (UNCHANGED, UNCHANGED, UNCHANGED, self._home_above_sea_m(seen) + self.take_off_to_m)
         return (self._command(m.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, *place),)
 
@@ -196,7 +197,7 @@ class Px4Plane(Px4):
     guided_mode = LOITER
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
-    """DO_REPOSITION without that (its second parameter) is UNSUPPORTED."""
+    """DO_REPOSITION without the flag for this (its second parameter) is UNSUPPORTED."""
     flies_courses = True
 
     def __init__(
@@ -207,17 +208,17 @@ class Px4Plane(Px4):
         airspeed_scale: AirspeedScale | None = None,
         lead: SpeedLead | None = None,
     ) -> None:
-        """Address `system`; `lead`, of what its sensor reads, is for what its model leaves to its integrator."""
+        """Address `system`; `lead`, in airspeed readings, compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps, airspeed_scale)
         self._lead = lead
 
     def forget_setpoints(self) -> None:
-        """Begin the lead again."""
+        """Restart the lead compensation."""
         if self._lead is not None:
             self._lead.forget()
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
-        """Return failsafe and limits."""
+        """Return the checks of failsafe and limits."""
         ways = "raised to it", "lowered to it"
         return (
             heartbeats_lost("circles where the last setpoint led"),
@@ -240,7 +241,7 @@ class Px4Plane(Px4):
 
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
-        """What is left of a change to its integrator is flown in a minute, not now."""
+        """The part of a change left to its integrator takes a minute, so these are what the lead can reach now."""
         limits_mps, lead = super().speeds_mps, self._lead
         if lead is None:
             return limits_mps
@@ -250,9 +251,9 @@ class Px4Plane(Px4):
         return max(slowest_mps, limits_mps[0]), min(fastest_mps, limits_mps[1])
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Command, ...]:
-        """Return one command: airspeed, altitude above sea level, and a place ahead.
+        """Return one command: airspeed, altitude above sea level, and a position ahead.
 
-        PX4 flies a course over ground: that of the airspeed along the heading, plus the wind as the station knows it.
+        PX4 flies a course over ground: the direction of airspeed along the heading plus the station's wind estimate.
         """
         north_mps = setpoint.speed_mps * math.cos(setpoint.heading_rad) + where.wind_north_mps
         east_mps = setpoint.speed_mps * math.sin(setpoint.heading_rad) + where.wind_east_mps
@@ -265,10 +266,10 @@ class Px4Plane(Px4):
         return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-        """Return HOLD, then the place and height if it has told where it is.
+        """Return HOLD, then position and height if its position is known.
 
-        When the mode is acknowledged no acknowledgement of an earlier setpoint, which is the same command as the
-        place, is on its way any more.
+        Setpoints use the same command as the position. Once the mode is acknowledged, no acknowledgement of an earlier
+        setpoint is still on its way.
         """
         place = seen.motion
         if place is None:
@@ -276,7 +277,7 @@ class Px4Plane(Px4):
         return (*self.hold(), self._reposition(place.north_m, place.east_m, height_m))
 
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-        """Return HOLD over its home; RTL, whose height is the same for all, if it hasn't told where that is."""
+        """Return HOLD over its home, or if that is unknown RTL, whose height is the same for all."""
         if seen.home_m is None:
             return (self.set_mode(RTL),)
         return (self.set_mode(LOITER), self._reposition(*seen.home_m, height_m))
@@ -307,7 +308,7 @@ class Px4Plane(Px4):
 
 
 class Px4Copter(Px4):
-    """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocities."""
+    """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocity setpoints."""
 
     family = "PX4 multirotor"
     types = MULTIROTOR_TYPES
@@ -316,9 +317,9 @@ class Px4Copter(Px4):
     guided_mode = OFFBOARD
     setpoint_commands = ()
     stands_after_s = 1.0
-    """COM_OF_LOSS_T; then it stops, and goes home or lands (COM_OBL_RC_ACT)."""
+    """COM_OF_LOSS_T; then it stops, and returns or lands (COM_OBL_RC_ACT)."""
     returns_after_s = 6.0
-    """COM_OF_LOSS_T and COM_FAIL_ACT_T, for which some versions hold first."""
+    """COM_OF_LOSS_T plus COM_FAIL_ACT_T, during which some versions hold first."""
     stands = True
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
@@ -326,20 +327,20 @@ class Px4Copter(Px4):
     def __init__(
         self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
     ) -> None:
-        """Address `system`; `lead` is for what its model leaves to its integrator, and has its limits."""
+        """Address `system`; `lead` compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps)
         self._nose_rad, self._lead = math.nan, lead or VelocityLead()
 
     def forget_setpoints(self) -> None:
-        """Begin the lead again."""
+        """Restart the lead compensation."""
         self._lead.forget()
 
     def stand_in(self) -> tuple[Message, ...]:
-        """Return a setpoint that has it stand."""
+        """Return a setpoint of zero velocity."""
         return (velocity_setpoint(self.system, STAND, ANYWHERE, self._lead, self._nose_rad),)
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
-        """Return failsafes and limits."""
+        """Return the checks of failsafes and limits."""
         fastest, speed = model.speed_max_mps, path.speed_mps
         return (
             heartbeats_lost("flies on as long as setpoints come"),
@@ -369,11 +370,10 @@ class Px4Copter(Px4):
         )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
-        """Return one message: velocity over ground, and the course as yaw where it moves.
+        """Return one message: velocity over ground, and the course as yaw while it moves.
 
-        Standing it is told where its nose was told to be last: with a yaw rate of 0 alone it drifts by tens of degrees.
-        A setpoint is repeated at every tick: COM_OF_LOSS_T after the last one PX4 leaves OFFBOARD by its failsafe; when
-        they come again, it returns by itself.
+        In hover the last yaw is repeated: with a yaw rate of 0 alone the heading drifts by tens of degrees. Setpoints
+        are sent at every tick: COM_OF_LOSS_T after the last one the failsafe leaves OFFBOARD, until they resume.
         """
         if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
             self._nose_rad = setpoint.heading_rad

@@ -1,4 +1,4 @@
-"""What a vehicle tells, as samples of its state: once each, mapped to the station's clock, as far as it is believed."""
+"""Turns a vehicle's telemetry into samples of its state: each once, on the station's clock, if plausible."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 CARRIED_ON_S: Final = 2.0
-"""A place that was told longer ago than this isn't carried on: nobody knows where its vehicle is."""
+"""Largest age of a position that is extrapolated to now, s; an older one tells nothing of the present position."""
 
 
 class Sampler:
-    """Makes samples of one vehicle's telemetry."""
+    """Makes samples from one vehicle's telemetry."""
 
     def __init__(
         self,
@@ -30,20 +30,20 @@ class Sampler:
         source_binding: SourceBinding,
         airspeed_check: AirspeedCheck | None,
     ) -> None:
-        """Begin with none; `airspeed_check`: a fixed wing's, by which its airspeeds are believed."""
+        """Start without samples; `airspeed_check`: decides whether a fixed wing's airspeeds are plausible."""
         self._telemetry, self._autopilot, self._round_trips = telemetry, autopilot, round_trips
         self._source_binding, self.airspeed_check = source_binding, airspeed_check
         self._sampled: ReportedMotion | None = None
         self._by_course = autopilot.flies_courses
         self.refused = False
-        """Whether the newest position wasn't taken for a state: by its stamp it isn't of now."""
+        """Whether the newest position was rejected: it isn't recent, or attitude and airspeed are of another time."""
 
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
-        """Return the newest sample, once; None before the vehicle's clock is known.
+        """Return the newest sample, once; None while the vehicle's clock is unknown.
 
-        The heading is carried over from its own message's stamp to the position's. A multirotor's airspeed and heading
-        are how it moves over ground. What a sensor reads on the ground, of one that hasn't flown yet, teaches nothing.
-        `flew`: it flies, or did when it was last heard; `leads`: others' slots go by its motion.
+        The heading is extrapolated from its own stamp to the position's. A multirotor's airspeed and heading are those
+        of its ground velocity. `flew`: it flies, or did when last heard; readings on the ground before that aren't
+        learned from. `leads`: other vehicles' slots depend on its motion.
         """
         seen = self._telemetry
         if seen.motion is None or seen.attitude is None or not seen.complete or not self._round_trips.clock.samples:
@@ -76,10 +76,10 @@ class Sampler:
         )
 
     def carried_on(self, now: Instant) -> tuple[FlightState, float] | None:
-        """Return where it is by its newest position, and how old that is, s; None before it or its clock is known.
+        """Return the state extrapolated from its newest position to `now`, and the position's age, s.
 
-        Its velocity is taken to last, and an aircraft's turn. The place is NaN where that would be for over
-        `CARRIED_ON_S`; the wind is NaN.
+        Velocity and, for a fixed wing, turn rate are held constant. The place is NaN if the age exceeds `CARRIED_ON_S`;
+        the wind is always NaN. None before the first position, or while the vehicle's clock is unknown.
         """
         motion, attitude = self._telemetry.motion, self._telemetry.attitude
         if motion is None or not self._round_trips.clock.samples:
@@ -89,7 +89,7 @@ class Sampler:
         turn_radps = attitude.yawspeed_radps if attitude is not None else 0.0
         heading_rad = attitude.yaw_rad + turn_radps * for_s if attitude is not None else math.nan
         half_rad = 0.0 if self._telemetry.stands else turn_radps * for_s / 2.0
-        # The chord of an arc lies half of its turn aside, and is shorter by the half turn's sine over the half turn.
+        # An arc's chord is turned by half of the arc's angle, and is shorter by sin(half)/half.
         cos, sin = math.cos(half_rad), math.sin(half_rad)
         chord_s = for_s * sin / half_rad if half_rad else for_s
         state = FlightState(
@@ -105,7 +105,7 @@ class Sampler:
         return state, age_s
 
     def why_unknown(self, now: Instant) -> str | None:
-        """Return why nothing that it tells becomes a state of now, in words; None if it does, or nothing has come."""
+        """Return in words why its telemetry gives no present state; None if it does, or before the first message."""
         if not self._round_trips.clock.samples:
             return "it answers no TIMESYNC: its delay and clock aren't known"
         seen, stamp_s = self._telemetry, self._source_binding.refused_stamp_s
@@ -123,11 +123,11 @@ class Sampler:
 
     @property
     def airspeed_mps(self) -> float:
-        """Its newest true airspeed; NaN before it has told one."""
+        """Newest true airspeed; NaN before the first."""
         return self._autopilot.true_airspeed(self._telemetry.airspeed_mps)
 
     def _airspeed(self, motion: ReportedMotion, heading_rad: float, *, flew: bool) -> float:
-        """Return its true airspeed, m/s, as far as what it reads is believed; in the air, learn from it."""
+        """Return the true airspeed, m/s, synthetic if the sensor fails its check; in the air, update the scale."""
         scale, check, reading_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
         if check is not None and flew:
             ratio = self._autopilot.true_airspeed(1.0)
@@ -141,5 +141,5 @@ class Sampler:
 
 
 def _is_of(now: Instant, stamp: Instant) -> bool:
-    """Return whether what was stamped at an instant can have come just now."""
+    """Return whether a message stamped at an instant can have just arrived."""
     return -EARLY_S <= seconds_between(stamp, now) <= LONGEST_DELAY_S

@@ -1,4 +1,4 @@
-"""One vehicle's start-up in steps, its take-off, and what its pilot chose meanwhile."""
+"""One vehicle's start-up steps, its take-off, and the mode that its pilot chose meanwhile."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ UP_M: Final = 5.0
 
 
 class PilotsChoice:
-    """Remembers a mode that was seen between setpoints, until the vehicle has it again.
+    """Remembers a pilot's choice of mode made between setpoints that command the guided mode.
 
-    Setpoints stop, and the mode is commanded once more: it arrives after the last of them. Two heartbeats after it is
-    acknowledged the vehicle's mode is the pilot's again, or the pilot has given the vehicle back.
+    Setpoints then stop, and the pilot's mode is commanded once more, so that it arrives after the last setpoint. Two
+    heartbeats after its acknowledgement the vehicle is in that mode, or the pilot has handed the vehicle back.
     """
 
     def __init__(self) -> None:
         """Start with no choice."""
         self.mode: int | None = None
-        """While there is one, the guided mode that heartbeats show may be the setpoints' doing."""
+        """The pilot's mode; while it is set, a guided mode in heartbeats may be due to our setpoints."""
         self._heartbeats = 0
 
     def see(self, mode: int, guided_mode: int, seen: Telemetry) -> None:
-        """Take the mode of a vehicle that gets setpoints."""
+        """Record the mode of a vehicle that is being sent setpoints."""
         if mode != guided_mode:
             self.mode, self._heartbeats = mode, seen.heartbeats
 
     def watch(self, seen: Telemetry, *, waiting: bool) -> None:
-        """Forget the mode once heartbeats show what came of commanding it; `waiting`: that isn't acknowledged yet."""
+        """Forget the mode once heartbeats show the result of commanding it; `waiting`: not acknowledged yet."""
         if self.mode is not None and waiting:
             self._heartbeats = seen.heartbeats
         elif seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
@@ -42,14 +42,14 @@ class PilotsChoice:
 
 @dataclass
 class TakeOff:
-    """What was seen of a take-off; nothing if the vehicle was in the air before."""
+    """What was observed of a take-off; empty if the vehicle was in the air from the beginning."""
 
     stood: ReportedMotion | None = None
-    """Where it was before it was armed."""
+    """Last position while disarmed."""
     course_rad: float | None = None
 
     def watch(self, seen: Telemetry) -> None:
-        """Look at a new position."""
+        """Update with a new position."""
         motion = seen.motion
         if motion is None or seen.heartbeat is None:
             return
@@ -61,22 +61,22 @@ class TakeOff:
 
 @dataclass
 class StartUp:
-    """Goes through the steps; a step that is already done sends nothing."""
+    """Executes the steps in order; a step that is already done sends no commands."""
 
     steps: tuple[StartUpStep, ...]
     modes: frozenset[int] = frozenset()
-    """Those in which its steps lead the vehicle."""
+    """The modes that its steps lead through."""
     index: int = -1
     abandoned: bool = False
-    """Whether we have given up getting it ready."""
+    """Whether preparing the vehicle has been given up."""
     left: bool = False
-    """Whether nothing is asked of it but that its pilot gives it back."""
+    """Whether the station only waits for the pilot to hand the vehicle back."""
     acted: bool = False
-    """Whether a step has begun that changes what it does."""
+    """Whether a step has begun that changes what the vehicle does."""
     held: bool = False
-    """Whether it is ready for its first command, and that may not be given yet."""
+    """Whether the next step acts, and must wait for permission."""
     _led: bool = False
-    """Whether the vehicle has been in one of its modes since it acts."""
+    """Whether the vehicle has been in one of `modes` since `acted`."""
     _began: Instant = Instant(0)
 
     @property
@@ -86,34 +86,34 @@ class StartUp:
 
     @property
     def doing(self) -> str:
-        """The step under way, in words."""
+        """The current step, in words."""
         if self.held:
             return "waited for leave to begin"
         return self.steps[self.index].name if 0 <= self.index < len(self.steps) else "waited"
 
     @property
     def takes_off(self) -> bool:
-        """Whether the step under way brings the vehicle off the ground."""
+        """Whether the current step makes the vehicle leave the ground."""
         return 0 <= self.index < len(self.steps) and self.steps[self.index].takes_off
 
     @property
     def asks_for_telemetry(self) -> bool:
-        """Whether the step under way asks the vehicle for what it is to send, and waits for it."""
+        """Whether the current step requests telemetry."""
         return 0 <= self.index < len(self.steps) and self.steps[self.index].every_command_acknowledged
 
     @property
     def asked_for_telemetry(self) -> bool:
-        """Whether the vehicle has acknowledged what it is to send."""
+        """Whether the vehicle has acknowledged the telemetry requests."""
         return any(step.every_command_acknowledged for step in self.steps[: max(self.index, 0)])
 
     def taken_over(self, seen: Telemetry) -> bool:
-        """Return whether somebody else has led the vehicle into another mode since."""
+        """Return whether somebody else has changed the vehicle's mode during start-up."""
         return self._led and not self.finished and seen.custom_mode not in self.modes
 
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant, *, may_act: bool = True) -> None:
-        """Begin the next step when the one under way is done; several at once when they need nothing.
+        """Begin the next step when the current one is done; steps already done are passed at once.
 
-        Before `may_act` no step begins that changes what the vehicle does.
+        Without `may_act` no step begins that changes what the vehicle does.
         """
         self.held = False
         self._led = self._led or (self.acted and telemetry.custom_mode in self.modes)
@@ -132,7 +132,7 @@ class StartUp:
                 commands.begin(step.commands(telemetry) if needed else (), now)
 
     def failure(self, commands: CommandQueue, now: Instant) -> str | None:
-        """Return why it can't go on, None while it can."""
+        """Return why the start-up can't continue, None while it can."""
         if self.finished or self.index < 0:
             return None
         if commands.outcome is Outcome.REFUSED:

@@ -28,7 +28,7 @@ FLIGHT_STATUSES: Final = (m.MAV_STATE_STANDBY, ACTIVE)
 BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
 KEPT_TEXTS: Final = 8
 TEXT_BYTES: Final = 50
-"""Length of STATUSTEXT's field: a text that fills it goes on in another message with its id."""
+"""Length of STATUSTEXT's field: a text that fills it is continued in another message with its id."""
 SPEED_LIMIT_MPS: Final = 400.0
 ANGLE_LIMIT_RAD: Final = 2 * math.pi
 HALF_TURN_RAD: Final = math.pi
@@ -36,14 +36,14 @@ QUARTER_RAD: Final = math.pi / 2
 INFINITE: Final = math.inf
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
-"""Limits beyond which a state isn't an aircraft's, even if it is finite."""
+"""Limits of plausible values for an aircraft."""
 APART_LIMIT_S: Final = 2.0
-"""Largest difference of stamps between a position and the attitude and airspeed that are paired with it."""
+"""Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
 
 
 @mypyc_attr(acyclic=True)
 class ReportedMotion:
-    """Position and motion at one stamp of the vehicle's clock: NED from the origin, height upwards."""
+    """Position and velocity at one time of the vehicle's clock: NED from the origin, height upwards."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class ReportedMotion:
         climb_mps: float,
         above_home_m: float,
     ) -> None:
-        """Take the stamp, the place, how it changes, and the height above where it took off."""
+        """Take the stamp, position, velocity and height above home."""
         self.stamp_s = stamp_s
         self.north_m = north_m
         self.east_m = east_m
@@ -69,16 +69,16 @@ class ReportedMotion:
 
 @dataclass
 class Telemetry:
-    """The newest of each message."""
+    """The newest value of each message."""
 
     origin: GeodeticOrigin
     stands: bool = False
-    """Whether it is a multirotor's, which flies by its velocity over ground."""
+    """Whether the vehicle is a multirotor."""
     motion: ReportedMotion | None = None
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
     airspeed_stamp_s: float = math.nan
-    """Stamp of the newest position when the airspeed came: its own message has none."""
+    """Stamp of the newest position when the airspeed arrived: VFR_HUD has no stamp."""
     heartbeat: Heartbeat | None = None
     heartbeats: int = 0
     armed: bool = False
@@ -86,22 +86,22 @@ class Telemetry:
     custom_mode: int | None = None
     """The autopilot's own mode number, None before the first heartbeat."""
     flight_status: int = m.MAV_STATE_UNINIT
-    """Its last MAV_STATE of those two that an ArduPilot tells by whether it flies; CRITICAL and EMERGENCY don't say."""
+    """Last STANDBY or ACTIVE, by which ArduPilot reports whether it flies; CRITICAL and EMERGENCY don't tell."""
     ekf_flags: int = 0
     sensors_healthy: int = 0
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
     home_m: tuple[float, float] | None = None
-    """Its home, north and east of the origin, if it has told."""
+    """Its home north and east of the origin, m; None while unknown."""
     implausible: int = 0
-    """Messages that were dropped because they can't be an aircraft's."""
+    """Messages dropped because an aircraft can't have sent such values."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
-    """Counts the texts that have come to their end."""
+    """Number of complete texts received."""
     _chunks: tuple[int, str] = (0, "")
-    """Id and beginning of a text whose end is still to come."""
+    """Id and beginning of an incomplete text."""
 
     def take(self, message: Message) -> None:
-        """Store the state in `message`; values that aren't finite or plausible are dropped and counted."""
+        """Store the state in `message`; values that are infinite or implausible are dropped and counted."""
         if isinstance(message, Attitude):
             self.take_attitude(message)
         elif isinstance(message, VfrHud):
@@ -122,7 +122,7 @@ class Telemetry:
             self.take_text(message)
 
     def take_heartbeat(self, message: Heartbeat) -> None:
-        """Store whether it is armed, and in which mode."""
+        """Store whether the vehicle is armed, and its mode."""
         self.heartbeat = message
         self.heartbeats += 1
         self.armed = bool(message.base_mode & m.MAV_MODE_FLAG_SAFETY_ARMED)
@@ -131,7 +131,7 @@ class Telemetry:
             self.flight_status = message.system_status
 
     def take_position(self, message: GlobalPositionInt) -> None:
-        """Store a position; an autopilot that has had no fix yet says latitude and longitude 0."""
+        """Store a position; an autopilot without a fix reports latitude and longitude 0."""
         if not _is_position(message):
             no_fix_yet = message.lat_rad == message.lon_rad == 0.0 and self.motion is None
             self.implausible += not no_fix_yet
@@ -152,7 +152,7 @@ class Telemetry:
             self.implausible += 1
 
     def take_airspeed(self, message: VfrHud) -> None:
-        """Store an airspeed; a multirotor that measures none has its ground speed for it."""
+        """Store an airspeed; a multirotor without a sensor gets its ground speed instead."""
         unmeasured = self.stands and math.isnan(message.airspeed_mps)
         speed_mps = message.groundspeed_mps if unmeasured else message.airspeed_mps
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
@@ -162,7 +162,7 @@ class Telemetry:
             self.implausible += 1
 
     def take_text(self, message: Statustext) -> None:
-        """Store a text once its last chunk has come: the one that doesn't fill its field."""
+        """Store a text once its last chunk has arrived: the one that doesn't fill its field."""
         number, begun = self._chunks
         text = (begun if message.id and message.id == number else "") + message.text
         if message.id and len(message.text.encode()) >= TEXT_BYTES:
@@ -173,7 +173,7 @@ class Telemetry:
         self.texts_reported += 1
 
     def forget(self) -> None:
-        """Forget everything that a restart makes untrue."""
+        """Forget everything that a restart invalidates."""
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = math.nan
@@ -182,23 +182,23 @@ class Telemetry:
 
     @property
     def boots(self) -> bool:
-        """Whether its last heartbeat says that its autopilot is still starting: no mode of it is a pilot's choice."""
+        """Whether its last heartbeat shows an autopilot still starting, whose mode is no pilot's choice."""
         status = ACTIVE if self.heartbeat is None else self.heartbeat.system_status
         return status in BOOTING or (status == m.MAV_STATE_UNINIT and not self.armed)
 
     @property
     def last_words(self) -> str:
-        """Its last text, as the end of a sentence; nothing if there is none."""
+        """Its last text as the end of a sentence; empty if there is none."""
         return f"; it said: '{self.texts[-1]}'" if self.texts else ""
 
     @property
     def complete(self) -> bool:
-        """Whether all that the law needs has come."""
+        """Whether everything that the control law needs has arrived."""
         return self.motion is not None and self.attitude is not None and abs(self.airspeed_mps) < INFINITE
 
     @property
     def of_one_time(self) -> bool:
-        """Whether attitude and airspeed are of the position's time; an airspeed of no known time passes."""
+        """Whether attitude and airspeed were taken near the position's time; an airspeed of unknown time passes."""
         motion, attitude = self.motion, self.attitude
         if motion is None or attitude is None or abs(motion.stamp_s - attitude.time_boot_s) > APART_LIMIT_S:
             return False
@@ -206,7 +206,7 @@ class Telemetry:
 
 
 def _is_position(message: GlobalPositionInt) -> bool:
-    """Whether it's a place on Earth, or in its air; the heading may be unknown."""
+    """Return whether values are in their ranges, and latitude and longitude aren't both 0."""
     lat_rad, lon_rad, alt_m, above_m = message.lat_rad, message.lon_rad, message.alt_m, message.relative_alt_m
     return (
         (lat_rad != 0.0 or lon_rad != 0.0)

@@ -1,4 +1,4 @@
-"""One vehicle as the station knows it: its link, telemetry, commands and start-up."""
+"""One vehicle's state in the station: its link, telemetry, commands and start-up."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from gcs_formation.vehicle.telemetry import Telemetry
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
 UNANSWERED_S: Final = 1.5
-"""For how long answers may be missing from a vehicle that hears the ground station."""
+"""Longest time without an answer from a vehicle that hears the ground station."""
 LOSSY_S: Final = 10.0
-"""For how long after a loss a link counts as one that loses."""
+"""Time after a loss for which a link counts as lossy."""
 JITTERS: Final = 10.0
-"""So many times its jitter a link without loss is never silent."""
+"""A link without loss is never silent for longer than this multiple of its jitter."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
 
 
@@ -57,11 +57,11 @@ class Member(Enum):
 
 
 CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
-"""Memberships of vehicles that may loiter as they were told."""
+"""Memberships in which a vehicle may be loitering as commanded."""
 
 
 class Vehicle:
-    """All state of one vehicle. It takes and creates frames; the station moves them."""
+    """All state of one vehicle. It takes frames and encodes messages; the station transports them."""
 
     def __init__(
         self,
@@ -75,53 +75,53 @@ class Vehicle:
         airspeed_check: AirspeedCheck | None = None,
         setpoint_gap_s: float = GAP_S,
     ) -> None:
-        """Start with a vehicle that hasn't been heard; `by_utc`: its stamps are mapped by UTC where that is known.
+        """Start with a vehicle not heard yet; `by_utc`: its stamps are mapped by UTC once that is known.
 
-        With an `airspeed_check`, a fixed wing's, its airspeeds are believed as far as that says so.
-        Acknowledgements of setpoints may come `setpoint_gap_s` late.
+        An `airspeed_check` decides whether a fixed wing's airspeeds are plausible. Acknowledgements of setpoints may
+        come `setpoint_gap_s` late.
         """
         self.identity, self.column = identity, column
-        """Who it is, and its place in every list of a tick."""
+        """Its id, and its index in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
         self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
-        """Its autopilot's."""
+        """Defaults of its autopilot family."""
         self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
         self.source_binding = SourceBinding(connection, self.clock)
-        """Judges which sender with its system id is the vehicle."""
+        """Decides which of several senders with its system id is the vehicle."""
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
-        """What it tells, as states of now."""
+        """Turns its telemetry into samples of its present state."""
         self.jitter, self.sequence, self.commands = JitterMeter(), SequenceTracker(), CommandQueue()
         self.messages_in = vec[i64]([0] * len(KINDS))
-        """How many messages of each kind have come, at the kind's place."""
+        """Number of messages received of each kind, indexed by `kind.place`."""
         self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
         self._at_last: tuple[StartUpStep, ...] = ()
-        """What ends each of its start-ups, besides its autopilot's own steps."""
+        """Steps after those of its autopilot in each start-up."""
         self.start_up = self._started_afresh()
-        # The height is the one at which it was last told to loiter while the others fly on.
+        # holds_at_m: the height at which it was last commanded to loiter while the others fly on
         self.member, self.holds_at_m, self.frames_out = Member.STARTING, math.nan, 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         channels = {command: SetpointChannel(command, setpoint_gap_s) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
-        """Those of airspeed, heading and height, or one for all; none where nobody acknowledges setpoints."""
+        """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
         self.restarts, self._flew_before = 0, False
-        """How often its clock has begun anew; whether it may have flown when it last did."""
+        """Number of restarts of its clock; whether it may have been flying at the last one."""
         self._lost_at, self.alone_at = Instant(0), LONG_AGO
-        """When a frame was last found to be missing, or an answer; when its failsafe last had reason to act: it was
-        without setpoints, heartbeats or a link."""
+        """When a frame or an answer was last missing; when its failsafe last had reason to act, by the lack of
+        setpoints, heartbeats or a link."""
         self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
 
     @property
     def follows_setpoints(self) -> bool:
-        """Whether it is ready and in the mode in which it follows setpoints, and no pilot has chosen another."""
+        """Whether it is ready, in the mode in which it follows setpoints, and no pilot has chosen another mode."""
         ready = self.start_up.finished and self.pilots_choice.mode is None
         return ready and self.autopilot.takes_setpoints(self.telemetry)
 
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
-        """Take a frame of this vehicle's autopilot, read now; return whether the link's state changed.
+        """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
-        `timed`: it also arrived now; a frame that waited for us says nothing about the link's delay.
+        `timed`: it was read on arrival; a frame that waited in our queue doesn't tell the link's delay.
         """
         message, sequence = frame.message, self.sequence
         if message is not None:
@@ -150,33 +150,33 @@ class Vehicle:
 
     @property
     def frames_in(self) -> int:
-        """Frames that have come from it."""
+        """Number of frames received from it."""
         return self.sequence.received + self.sequence.repeated
 
     def leave_to_pilot(self, now: Instant) -> None:
-        """Send nothing more until the vehicle flies in the guided mode, as set by its pilot."""
+        """Send nothing more until its pilot has put it into the guided mode."""
         self.commands.begin((), now)
         wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True, left=True)
 
     @property
     def is_left(self) -> bool:
-        """Whether it was left to its pilot, who hasn't given it back yet."""
+        """Whether it was left to its pilot, who hasn't handed it back yet."""
         return self.start_up.left and not self.start_up.finished
 
     @property
     def unanswered_s(self) -> float:
-        """For how long frames have come from it since its newest answer, s."""
+        """Time from its newest answer to its last frame, s."""
         return self.round_trips.unanswered_s(self.connection.last_heard)
 
     def left_alone(self, now: Instant) -> None:
-        """Note that it is without setpoints, heartbeats or a link, on which its failsafe may act."""
+        """Record that setpoints, heartbeats or the link are missing, on which its failsafe may act."""
         self.alone_at = now
 
     def end_silence(self, at: Instant) -> None:
-        """Count as lost what hasn't come by an instant, after which nothing will: if it flew, beyond jitter's silences.
+        """Count the frames missing since it was last heard as lost, if it flew and was silent beyond its jitter.
 
-        One that was on the ground may have been switched off.
+        A vehicle on the ground isn't counted: it may have been switched off. `at`: the end of the flight.
         """
         heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
         usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
@@ -185,20 +185,20 @@ class Vehicle:
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies, by its last telemetry; False once its link is lost."""
+        """Whether it flies, by its last telemetry; False after its link is lost."""
         return self.connection.state is not LinkState.LOST and self.flew
 
     @property
     def flew(self) -> bool:
-        """Whether it flew when it was last heard."""
+        """Whether it was flying when last heard."""
         return self.autopilot.is_airborne(self.telemetry)
 
     @property
     def may_fly(self) -> bool:
-        """Whether it isn't known to stand on the ground.
+        """Whether it isn't known to be on the ground.
 
-        It flies, or did before it restarted and hasn't told yet that it stands; it is armed and doesn't tell whether it
-        flies; or it is above the ground without a heartbeat.
+        It flies; or it flew before a restart and hasn't reported since that it is grounded; or it is armed and doesn't
+        report whether it flies; or it is above the ground without a heartbeat.
         """
         seen, autopilot = self.telemetry, self.autopilot
         if autopilot.is_airborne(seen) or autopilot.is_grounded(seen):
@@ -208,7 +208,7 @@ class Vehicle:
 
     @property
     def refusal(self) -> str:
-        """The command that it refuses though it is insisted on, with its answer; nothing if there is none."""
+        """The command under insistence that it refuses, with its answer; empty if there is none."""
         asked, answer = self.commands.under_way, self.commands.refused_with
         if asked is None or answer is None:
             return ""
@@ -218,36 +218,36 @@ class Vehicle:
 
     @property
     def circles(self) -> bool:
-        """Whether its mode is one in which it circles where it is, or may be by what it was told last."""
+        """Whether its mode is one in which it circles, or may be by its last command."""
         if self.telemetry.custom_mode == self.autopilot.circling_mode:
             return True
         return self.autopilot.circling_mode >= 0 and (self.member in CIRCLING or self.may_loiter)
 
     @property
     def may_loiter(self) -> bool:
-        """Whether one that flies in the formation may obey an earlier command to loiter.
+        """Whether a vehicle that flies in the formation may still obey an earlier command to loiter.
 
-        That is so until it acknowledges the mode in which it follows setpoints.
+        This holds until it acknowledges the mode in which it follows setpoints.
         """
         waiting = self.commands.insists and self.commands.outcome is Outcome.WAITING
         return waiting and self.member is Member.FLYING
 
     @property
     def flies_home_m(self) -> tuple[float, float] | None:
-        """North and east of its home, if its mode is one in which it flies there; None if not, or if it's unknown."""
+        """North and east of its home, m, if it is in the mode in which it flies there; None if not, or if unknown."""
         return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
-        """Return which messages of a setpoint must be sent at an instant: those that the vehicle doesn't know yet.
+        """Return the messages of a setpoint to send at an instant: those that changed, or are due again.
 
-        All of them after a loss: an acknowledgement doesn't say which of several it answers. When the setpoint acts the
-        vehicle is `where`.
+        After a loss these are all of them, because an acknowledgement doesn't tell which of several it answers. `where`
+        is the vehicle's state when the setpoint takes effect.
         """
         for each in self.setpoint_channels:
             if each.overdue(at):
                 self._lost_at = at
         loses = seconds_between(self._lost_at, at) < LOSSY_S
-        messages = self.autopilot.news(
+        messages = self.autopilot.changed(
             setpoint, where, [None if loses else each.known(at) for each in self.setpoint_channels]
         )
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
@@ -266,7 +266,7 @@ class Vehicle:
         return None
 
     def forget_setpoints(self) -> None:
-        """Repeat all setpoints: the vehicle may have others meanwhile."""
+        """Send all setpoints anew: the vehicle may have received others meanwhile."""
         self.autopilot.forget_setpoints()
         for channel in self.setpoint_channels:
             channel.forget()
@@ -277,17 +277,17 @@ class Vehicle:
         return self._writer.encode(message)
 
     @property
-    def hides_home(self) -> bool:
-        """Whether it has been armed for our flight and hasn't told where its home is."""
+    def home_unreported(self) -> bool:
+        """Whether it has been armed for this flight but hasn't reported its home."""
         return self.member is not Member.STARTING and self.telemetry.armed and self.telemetry.home_m is None
 
     def ask(self, request: Command) -> Command:
-        """Return a request that nobody waits for; it counts among what it is to answer."""
+        """Return a request whose answer isn't awaited, and count it."""
         self.sequence.asked += 1
         return request
 
     def probe(self, now: Instant) -> Message:
-        """Return a TIMESYNC request, which counts among what it is to answer."""
+        """Return a TIMESYNC request, and count it."""
         self.sequence.asked += 1
         return self.round_trips.request(now)
 
@@ -312,7 +312,7 @@ class Vehicle:
         effect = None if command is None else autopilot.effect(command)
         if command is not None and effect is not None:
             shown = effect.shown(self.telemetry) == effect.expected
-            commands.look(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
+            commands.take_heartbeat(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
 
     def _take_mode(self, message: CurrentMode) -> None:
         if not self.autopilot.setpoints_set_mode:
@@ -321,7 +321,7 @@ class Vehicle:
             self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
 
     def _mode_is_missing(self) -> bool:
-        """Return whether a mode is awaited that an early acknowledgement may promise in vain."""
+        """Return whether an awaited change of mode hasn't happened, although it may have been acknowledged early."""
         command = self.commands.under_way
         if command is None or not self.autopilot.acknowledges_early:
             return False
@@ -329,7 +329,7 @@ class Vehicle:
         return asked is not None and asked != self.telemetry.custom_mode
 
     def _take_probe(self, answer: Timesync, now: Instant, timed: bool) -> None:
-        """Take the answer to one of our probes; ignore requests, and answers to others."""
+        """Take the answer to one of our TIMESYNC requests; ignore requests, and answers to others."""
         if not answer.tc1_ns:
             return
         self.sequence.answers += 1
@@ -343,10 +343,10 @@ class Vehicle:
         elif self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._restart()
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
-            self.jitter = JitterMeter()  # stamps weren't known to have turned before
+            self.jitter = JitterMeter()  # the first answer shows that earlier stamps had wrapped
 
     def _restart(self) -> None:
-        """Start afresh with a vehicle whose clock has restarted: nothing known of it still holds."""
+        """Start afresh after the vehicle's clock has restarted: earlier knowledge of it is void."""
         self.restarts += 1
         self._flew_before = self.may_fly
         self.telemetry.forget()
@@ -359,7 +359,7 @@ class Vehicle:
         self.start_up = self._started_afresh()
 
     def end_start_up_with(self, step: StartUpStep) -> None:
-        """Let its start-up, and each after a restart, end with another step than its autopilot's own."""
+        """Add a last step to its start-up, and to that after each restart."""
         self._at_last = (step,)
         self.start_up.steps = (*self.start_up.steps, step)
 

@@ -1,13 +1,13 @@
-"""What all multirotors are commanded, whoever flies them: velocities over ground, and where the nose points.
+"""Setpoints of all multirotors: velocity over ground and yaw.
 
-What the law calls airspeed and heading are ground speed and course here. Heights are held by the station: the vertical
-velocity is the error of height by `HEIGHT_S`, for in the stream of velocities a height is taken only with a place.
+For them the law's airspeed and heading are ground speed and course. The station holds their heights: the vertical
+velocity is the height error divided by `HEIGHT_S`, because a height setpoint in this message requires a position too.
 
-Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as the simulators of ArduCopter and PX4 showed it.
+Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as observed in ArduCopter's and PX4's simulators.
 
-A lead makes up for an autopilot's slow integrator: it tells more than is wanted, so that the speed flown lags as (7)
-says. Of a speed w told it flies prompt_share w + (1 - prompt_share) m with its lag, and m follows w with the time
-constant rest_s; so it flies u with that lag when it is told w = (u - (1 - prompt_share) m) / prompt_share.
+A lead compensates an autopilot's slow integrator, so that the speed flown lags as in (7). Commanded w, the autopilot
+flies prompt_share w + (1 - prompt_share) m with its lag, where m follows w with the time constant rest_s. So it flies u
+with that lag if it is commanded w = (u - (1 - prompt_share) m) / prompt_share.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ MULTIROTOR_TYPES: Final = frozenset(
     }
 )
 HEIGHT_S: Final = 1.5
-"""Time in which an error of height would be flown off: (7)'s two lags of height add up to it."""
+"""Time constant of height errors: the sum of the two height lags of (7)."""
 TURNS_FROM_MPS: Final = 1.0
-"""Ground speed from which the nose turns to where it flies; slower, and standing, it keeps its heading."""
+"""Ground speed from which the nose turns to the course; below it, and in hover, the heading is kept."""
 NO_POSITION: Final = (
     m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
 )
@@ -44,60 +44,60 @@ NO_ACCELERATION: Final = (
 )
 VELOCITY_AND_YAW: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 VELOCITY_ALONE: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_IGNORE
-"""With a yaw rate of 0: where both are to be ignored, ArduCopter's nose turns by WP_YAW_BEHAVIOR."""
+"""With a yaw rate of 0: if both were ignored, ArduCopter would turn its nose by WP_YAW_BEHAVIOR."""
 
 
-class _Rest:
-    """What an autopilot's integrator has come to, of one component of a speed."""
+class _Integrator:
+    """State of an autopilot's integrator for one component of velocity."""
 
     def __init__(self, prompt_share: float, rest_s: float, period_s: float) -> None:
-        """Begin at rest; a speed is told every `period_s`."""
+        """Start at 0; a speed is commanded every `period_s`."""
         self._prompt = prompt_share
         self._filled = -math.expm1(-period_s / rest_s)
         self.integrated_mps: float = 0.0
 
-    def led(self, speed_mps: float) -> float:
-        """Return what to tell for a speed to be flown."""
+    def command_for(self, speed_mps: float) -> float:
+        """Return the command that makes the vehicle fly a speed."""
         return (speed_mps - (1.0 - self._prompt) * self.integrated_mps) / self._prompt
 
-    def flown(self, told_mps: float) -> float:
-        """Return the speed that is flown for one that is told: `led` the other way round."""
+    def response_to(self, told_mps: float) -> float:
+        """Return the speed flown on a command: the inverse of `command_for`."""
         return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
 
     def take(self, told_mps: float) -> None:
-        """Take note of what is told for a period."""
+        """Update the integrator with a command held for one period."""
         self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
 
 
 class SpeedLead:
-    """Leads the airspeeds that a fixed wing is told."""
+    """Lead compensation of a fixed wing's airspeed commands."""
 
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
-        """Begin with the airspeed that it has; one between the limits is told every `period_s`."""
-        self._rest, self._limits_mps, self._begun = _Rest(prompt_share, rest_s, period_s), limits_mps, False
+        """Start at the present airspeed; an airspeed within the limits is commanded every `period_s`."""
+        self._integrator, self._limits_mps, self._begun = _Integrator(prompt_share, rest_s, period_s), limits_mps, False
 
     @property
     def within_reach_mps(self) -> tuple[float, float]:
-        """The least and the highest airspeed that it can be had to fly now; its integrator does the rest in time."""
+        """Lowest and highest airspeed within immediate reach; the integrator reaches the rest in time."""
         if not self._begun:
             return self._limits_mps
-        return self._rest.flown(self._limits_mps[0]), self._rest.flown(self._limits_mps[1])
+        return self._integrator.response_to(self._limits_mps[0]), self._integrator.response_to(self._limits_mps[1])
 
     def forget(self) -> None:
-        """Begin again with the airspeed that it then has: something else was told meanwhile."""
+        """Restart from the present airspeed: others have commanded the vehicle meanwhile."""
         self._begun = False
 
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
-        """Return the airspeed to tell now for one to be flown; `airspeed_mps` is what it flies."""
+        """Return the airspeed to command in order to fly `speed_mps`; `airspeed_mps` is the present one."""
         if not self._begun:
-            self._rest.integrated_mps, self._begun = airspeed_mps, True
-        told_mps = within(self._rest.led(speed_mps), self._limits_mps[0], self._limits_mps[1])
-        self._rest.take(told_mps)
+            self._integrator.integrated_mps, self._begun = airspeed_mps, True
+        told_mps = within(self._integrator.command_for(speed_mps), self._limits_mps[0], self._limits_mps[1])
+        self._integrator.take(told_mps)
         return told_mps
 
 
 class VelocityLead:
-    """Leads and limits the velocities over ground that a multirotor is told; by default it does neither."""
+    """Lead compensation and limits of a multirotor's ground velocity commands; by default it does neither."""
 
     def __init__(
         self,
@@ -107,20 +107,20 @@ class VelocityLead:
         period_s: float = 1.0,
         climb_max_mps: float = math.inf,
     ) -> None:
-        """Begin with the velocity that it has; one is told every `period_s`, none faster than the limits."""
-        self._north, self._east = (_Rest(prompt_share, rest_s, period_s) for _ in range(2))
+        """Start at the present velocity; one within the limits is commanded every `period_s`."""
+        self._north, self._east = (_Integrator(prompt_share, rest_s, period_s) for _ in range(2))
         self._most_mps, self._begun = most_mps, False
         self.climb_max_mps = climb_max_mps
 
     def forget(self) -> None:
-        """Begin again with the velocity that it then has: something else was told meanwhile."""
+        """Restart from the present velocity: others have commanded the vehicle meanwhile."""
         self._begun = False
 
     def lead(self, velocity_mps: tuple[float, float], flown_mps: tuple[float, float]) -> tuple[float, float]:
-        """Return the velocity to tell now, north and east, for one to be flown; `flown_mps` is what it flies."""
+        """Return the velocity to command, north and east, to fly `velocity_mps`; `flown_mps` is the present one."""
         if not self._begun:
             (self._north.integrated_mps, self._east.integrated_mps), self._begun = flown_mps, True
-        north, east = self._north.led(velocity_mps[0]), self._east.led(velocity_mps[1])
+        north, east = self._north.command_for(velocity_mps[0]), self._east.command_for(velocity_mps[1])
         share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
         told = share * north, share * east
         self._north.take(told[0])
@@ -129,7 +129,7 @@ class VelocityLead:
 
 
 def stands(setpoint: Setpoint) -> bool:
-    """Return whether it is to stand: a leader, whose heading is then its nose's."""
+    """Return whether the setpoint is to hover, as of a leader; its heading is then the yaw."""
     return setpoint.speed_mps == 0.0
 
 
@@ -140,9 +140,9 @@ def velocity_setpoint(
     lead: VelocityLead,
     nose_rad: float,
 ) -> SetPositionTargetLocalNed:
-    """Return a setpoint of the law as a velocity over ground, and the course as yaw where it moves.
+    """Return a setpoint of the law as a velocity over ground, with the course as yaw while it moves.
 
-    Where it stands its nose is told to be at `nose_rad`, NaN: to turn no further.
+    In hover the yaw is `nose_rad`; NaN commands a yaw rate of 0.
     """
     yaw_rad = setpoint.heading_rad if setpoint.speed_mps >= TURNS_FROM_MPS else nose_rad
     turns = math.isfinite(yaw_rad)
@@ -166,7 +166,7 @@ def velocity_setpoint(
 
 
 def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: bool) -> tuple[float, float]:
-    """Return ground speed and course; of a leader, its slots' axis and its speed along that, backwards negative."""
+    """Return ground speed and course; for a leader, the speed along its slots' axis (signed) and that axis."""
     if not leads:
         return math.hypot(north_mps, east_mps), hovering_course(yaw_rad, north_mps, east_mps)
     axis_rad = slot_axis(yaw_rad, north_mps, east_mps)

@@ -1,4 +1,4 @@
-"""One vehicle's body: where it is, what carries it, by equation (7) or under total-energy control."""
+"""Motion of one vehicle, by equation (7) or under total-energy control."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
 
 LEAST_SHARE = 0.2
-"""A drawn parameter is at least this share of its mean."""
+"""Lower bound of a drawn parameter, as a share of its mean."""
 BLOCK = 256
 STANDING_MPS: Final = 1e-3
-"""Airspeed below which a vehicle whose throttle is at 0 stands."""
+"""Airspeed below which a vehicle with throttle 0 is at rest."""
 THROTTLE_WAITS_S: Final = 0.3
-"""From arming in TAKEOFF until the throttle opens and the propeller pulls."""
+"""Time from arming in TAKEOFF until the propeller pulls."""
 
 
 class EnergyFlight:
-    """Flies one aircraft; its parameters are drawn about its kind's."""
+    """Flight of one aircraft under total-energy control; its parameters are drawn about its type's."""
 
     def __init__(
         self, keys: EnergyAirframe, parameters: AirframeParameters, state: FlightState, random: np.random.Generator
     ) -> None:
-        """Trim it; `random` gives its sensor's errors."""
+        """Trim the aircraft; `random` gives its airspeed sensor's errors."""
         self._keys, self._parameters, self._random = keys, parameters, random
         self._aircraft = energy.Aircraft(state.height_m, state.climb_mps, state.airspeed_mps, state.heading_rad)
         energy.trim(self._aircraft, parameters)
         self._cycle = 0
         self._ran = 0
-        """Cycles of the present take-off, in which the airspeed is 0 at first."""
+        """Number of cycles of the present take-off."""
         self._noise_mps: list[float] = []
         self._period = max(1, round(1.0 / (keys.airspeed_rate_hz * LOOP_S)))
         level = energy.Commanded(state.airspeed_mps, math.inf, state.heading_rad, math.inf, state.height_m)
         wait = 1 + round(parameters.dead_time_s / LOOP_S)
         self._commanded: deque[energy.Commanded] = deque([level] * wait, maxlen=wait)
-        """Commands of the dead time, the oldest first."""
+        """Commands within the dead time, oldest first."""
         self.shown_mps = state.airspeed_mps
-        """Airspeed as telemetry tells it."""
+        """Airspeed in telemetry."""
 
     def fly(
         self,
@@ -58,7 +58,7 @@ class EnergyFlight:
         accel_max_mps2: float,
         turn_rate_max_rps: float,
     ) -> None:
-        """Move `state` on by a cycle of the main loop."""
+        """Advance `state` by a cycle of the main loop."""
         aircraft = self._aircraft
         self._load(state)
         if self._ran:
@@ -75,7 +75,7 @@ class EnergyFlight:
     def take_off(
         self, state: FlightState, speed_mps: float, heading_rad: float, height_m: float, *, airborne: bool
     ) -> None:
-        """Roll, or once in the air climb, for a cycle with full throttle, by no setpoint but the heading."""
+        """Roll, or once airborne climb, for a cycle with full throttle; only the heading is commanded."""
         aircraft, parameters, begins = self._aircraft, self._parameters, self._ran == 0
         self._load(state)
         self._ran += 1
@@ -93,7 +93,7 @@ class EnergyFlight:
         self._store(state)
 
     def _store(self, state: FlightState) -> None:
-        """Take the aircraft's motion of a cycle over into `state`."""
+        """Store the aircraft's motion in a cycle in `state`."""
         aircraft = self._aircraft
         north_mps, east_mps = _along(state)
         state.height_m, state.climb_mps = aircraft.height_m, aircraft.climb_mps
@@ -104,11 +104,11 @@ class EnergyFlight:
         self._show()
 
     def roll(self, state: FlightState, speed_mps: float, heading_rad: float, height_m: float) -> None:
-        """Take note of a cycle on the ground, where it rolls as the model does."""
+        """Update for a cycle on the ground, where the vehicle rolls by equation (7)."""
         self._load(state)
         self._ran = 0
         energy.trim(self._aircraft, self._parameters)
-        self._noise()  # the sensor's, which nothing reads here
+        self._noise()  # keeps the noise sequence in step with cycles
         self._commanded.append(energy.Commanded(speed_mps, math.inf, heading_rad, math.inf, height_m))
         self._show()
 
@@ -118,13 +118,13 @@ class EnergyFlight:
         aircraft.speed_mps, aircraft.heading_rad = state.airspeed_mps, state.heading_rad
 
     def _noise(self) -> float:
-        """Return the next of the sensor's white errors, m/s."""
+        """Return the next white error of the sensor, m/s."""
         if not self._noise_mps:
             self._noise_mps = self._random.standard_normal(BLOCK)[::-1].tolist()
         return self._keys.airspeed_noise_mps * self._noise_mps.pop()
 
     def _show(self) -> None:
-        """Take the sensor's airspeed into telemetry where a new one is due."""
+        """Sample the sensor's airspeed for telemetry when due."""
         self._cycle += 1
         if self._cycle % self._period == 0:
             step_mps, sensed_mps = self._keys.airspeed_step_mps, self._aircraft.sensed
@@ -132,7 +132,7 @@ class EnergyFlight:
 
 
 def energy_flight(config: VehicleConfig, state: FlightState, seed: int) -> EnergyFlight | None:
-    """Return the flight of a vehicle that has an airframe, None for one that flies by equation (7)."""
+    """Return the total-energy flight of a vehicle with an airframe, None for one that flies by equation (7)."""
     keys = config.model.airframe
     if keys is None:
         return None
@@ -144,12 +144,12 @@ def energy_flight(config: VehicleConfig, state: FlightState, seed: int) -> Energ
 
 
 def _along(state: FlightState) -> tuple[float, float]:
-    """Return the airspeed's components north and east."""
+    """Return the components of airspeed north and east."""
     return state.airspeed_mps * math.cos(state.heading_rad), state.airspeed_mps * math.sin(state.heading_rad)
 
 
 class Body:
-    """A vehicle that flies by equation (7), or under total-energy control where its model has an airframe."""
+    """A vehicle that flies by equation (7), or under total-energy control if its model has an airframe."""
 
     def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
         """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
@@ -161,9 +161,9 @@ class Body:
         self.steering = Steering()
         self.air_north_mps, self.air_east_mps, self.air_down_mps = wind_mps
         self.disturbance_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        """What of the air's velocity is no wind: north, east, down."""
+        """Velocity of the air besides the wind: north, east, down."""
         self.drift_down_mps: float = 0.0
-        """What carries it, with `state.wind_*`: 0 on the ground."""
+        """Vertical velocity of the air at the vehicle, as `state.wind_*` horizontally; 0 on the ground."""
         self.speed_commanded_mps: float = 0.0
         self.heading_commanded_rad: float = start.heading_rad
         self.height_commanded_m: float = start.height_m
@@ -174,24 +174,24 @@ class Body:
         self._prompt: float = config.model.prompt_share
         self._filled: float = LOOP_S / config.model.rest_s
         self._rest_mps: float = start.airspeed_mps
-        """The airspeed that its integrator has come to, where that has a share."""
+        """State of its airspeed integrator, if its model has one."""
         self._motion: Motion | None = None
 
     @property
     def motion(self) -> Motion:
-        """How it moves; made on first use, since in most cycles a vehicle sends nothing."""
+        """Its motion; computed on demand, since in most cycles a vehicle sends nothing."""
         motion = self._motion
         if motion is None:
-            motion = self._motion = self._made()
+            motion = self._motion = self._build_motion()
         return motion
 
     @property
     def shown_mps(self) -> float | None:
-        """Airspeed as its own sensor last told it; None where that is exact."""
+        """Airspeed as last measured by its sensor; None if that is exact."""
         return None if self._energy is None else self._energy.shown_mps
 
     def shown(self) -> Motion:
-        """Return its motion as its own sensors show it."""
+        """Return its motion with the airspeed that its sensor shows."""
         shown_mps = self.shown_mps
         if shown_mps is None:
             return self.motion
@@ -200,7 +200,7 @@ class Body:
         return shown
 
     def ground_velocity(self) -> tuple[float, float, float]:
-        """Return north, east and down, m/s: through the air, and what carries it."""
+        """Return ground velocity north, east and down, m/s."""
         state = self.state
         return (
             state.wind_north_mps + state.airspeed_mps * math.cos(state.heading_rad),
@@ -209,7 +209,7 @@ class Body:
         )
 
     def write_truth(self, row: BytesWriter) -> None:
-        """Append `sim_vehicles.truth.QUANTITIES`, in their order."""
+        """Append the values of `sim_vehicles.truth.QUANTITIES`, in their order."""
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
         airborne = 1.0 if self.steering.airborne else 0.0
@@ -228,12 +228,12 @@ class Body:
         write_f64_le(row, airborne)
 
     def ground(self) -> None:
-        """Put it on the ground, at rest."""
+        """Put the vehicle on the ground, at rest."""
         self.state.height_m = self.state.climb_mps = self.state.airspeed_mps = self._rest_mps = 0.0
         self._motion = None
 
     def fly(self) -> None:
-        """Move on by a cycle of the main loop; what stands on the ground stays there."""
+        """Advance by a cycle of the main loop; a vehicle at rest on the ground stays there."""
         state, steering = self.state, self.steering
         self._drift()
         if steering.stopped and state.airspeed_mps < STANDING_MPS:
@@ -250,7 +250,7 @@ class Body:
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
             if self._prompt < 1.0:
-                speed_mps = self._aimed(speed_mps)
+                speed_mps = self._speed_reference(speed_mps)
             if steering.takes_off and self._full_throttle is not None:
                 self._climb_out(self._full_throttle)
             else:
@@ -264,14 +264,14 @@ class Body:
         self.turn_rate_radps = (state.heading_rad - before_rad) / LOOP_S
 
     def _climb_out(self, model: AutopilotModel) -> None:
-        """Roll, or once in the air climb, for a cycle with full throttle; it doesn't level off yet."""
+        """Roll, or once airborne climb, for a cycle with full throttle, without levelling off."""
         height_m = self.height_commanded_m
         if self.steering.airborne:
             height_m += model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         advance(self.state, model, model.speed_max_mps, self.heading_commanded_rad, height_m, LOOP_S)
 
-    def _aimed(self, speed_mps: float) -> float:
-        """Return the airspeed that it comes to for now: the prompt share of the one told, and what is integrated."""
+    def _speed_reference(self, speed_mps: float) -> float:
+        """Return the airspeed approached at present: prompt share of the command plus integrator."""
         if self.steering.takes_off or not self.steering.airborne:
             self._rest_mps = speed_mps
             return speed_mps
@@ -280,7 +280,7 @@ class Body:
         return self._prompt * speed_mps + (1.0 - self._prompt) * rest_mps
 
     def _drift(self) -> None:
-        """Let the air carry it while it is in the air."""
+        """Apply the air's velocity while airborne."""
         state = self.state
         if self.steering.airborne:
             state.wind_north_mps, state.wind_east_mps = self.air_north_mps, self.air_east_mps
@@ -289,7 +289,7 @@ class Body:
             state.wind_north_mps = state.wind_east_mps = self.drift_down_mps = 0.0
 
     def _take_setpoints(self) -> None:
-        """Take this cycle's setpoints from the steering; on the ground height stays, at rest heading too."""
+        """Take this cycle's setpoints from the steering; on the ground the height is kept, at rest also the heading."""
         state, steering, model = self.state, self.steering, self.model
         if steering.stopped:
             self.speed_commanded_mps, self.heading_commanded_rad = 0.0, state.heading_rad
@@ -300,7 +300,7 @@ class Body:
             self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
         self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 
-    def _made(self) -> Motion:
+    def _build_motion(self) -> Motion:
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
         return Motion(

@@ -1,7 +1,7 @@
 """Wind, disturbances and faults, scheduled by mission time.
 
-Source of Dryden's turbulence: MIL-F-8785C (1980), section 3.7.1.2. There u points along the horizontal motion through
-the air and w downwards; v completes the axes.
+Source of Dryden's turbulence: MIL-F-8785C (1980), section 3.7.1.2. Its axis u points along the horizontal motion
+through the air and w downwards; v completes the axes.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 
 LEAST_AIRSPEED_MPS = 1.0
-"""Lower bound of the airspeed: for a vehicle at rest a gust would last for ever."""
+"""Lower bound of airspeed in gust filters: for a vehicle at rest a gust would never end."""
 DRAWS_EACH = 5
 BLOCK = 256
 SQRT3 = math.sqrt(3.0)
 Due = tuple[float, bool, Fault, frozenset[VehicleId]]
-"""The mission time at which a fault begins or ends, s; whether it ends then; the fault; who has it."""
+"""Mission time at which a fault begins or ends, s; whether it ends; the fault; the vehicles concerned."""
 
 
 class Environment:
-    """The velocity that the air adds to each vehicle besides the wind, and the faults that are due.
+    """The velocity that the air has at each vehicle besides the wind, and the faults that are due.
 
-    Vehicles don't know the path, so mission time is what a ground station sends.
+    Vehicles don't know the path, so mission time is received from a ground station.
     """
 
     def __init__(self, config: FleetConfig, bodies: Sequence[Body]) -> None:
-        """Take disturbances and faults from the configuration; `bodies` are the vehicles' in its order."""
+        """Take disturbances and faults from the configuration; `bodies` are its vehicles' in the same order."""
         self.mission_zero: Instant | None = None
         self._bodies = bodies
         self._wind_mps = config.wind_mps
@@ -45,15 +45,15 @@ class Environment:
         due = [(at_s, ends, fault, hit) for fault, hit in config.faults for at_s, ends in fault.moments()]
         self._faults: list[Due] = sorted(due, key=itemgetter(0))
         self._acting: list[tuple[_Steady | DrydenGusts, float]] = []
-        """What acts now, with the share of it."""
+        """The disturbances active at present, with their shares."""
 
     def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
-        """Take a mission time from a ground station; only the first one that isn't negative is used."""
+        """Take a mission time from a ground station; only the first non-negative one is used."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
 
     def advance(self, now: Instant) -> list[Due]:
-        """Let the air carry the vehicles as it does at `now`; return the faults that have become due."""
+        """Update the air at every vehicle for `now`; return the faults that have become due."""
         if self.mission_zero is None or not (self._disturbances or self._faults):
             return []
         mission_s = seconds_between(self.mission_zero, now)
@@ -87,7 +87,7 @@ class _Steady:
         self.keys, self._hit = keys, hit
 
     def share(self, mission_s: float) -> float:
-        """Return the share of the velocity that acts: of a sine, -1 to 1."""
+        """Return the share of the velocity that acts, -1 to 1."""
         keys, age_s = self.keys, mission_s - self.keys.at_s
         if isinstance(keys, RampDisturbance):
             return min(age_s / keys.duration_s, 1.0)
@@ -104,8 +104,9 @@ class _Steady:
 def discretised(duration: Array) -> tuple[Array, Array]:
     """Return transition (..., 2, 2) and noise factor (..., 2, 2) of the lateral filter over `duration` times V / L.
 
-    (1 + sqrt(3) T s) / (1 + T s)^2 as p' = (n - p) / T, q' = (p - q) / T with white noise n; the factor is the Cholesky
-    one of the covariance that the noise adds meanwhile: both are exact. Stationary E p^2 = 1/2, E p q = E q^2 = 1/4.
+    The filter (1 + sqrt(3) T s) / (1 + T s)^2 is p' = (n - p) / T, q' = (p - q) / T with white noise n. The factor is
+    the Cholesky factor of the covariance of the integrated noise. Both are exact; in the stationary state E p^2 = 1/2,
+    E p q = E q^2 = 1/4.
     """
     d = np.asarray(duration, dtype=np.float64)
     kept, lost = np.exp(-d), -np.expm1(-2 * d)
@@ -123,7 +124,7 @@ def discretised(duration: Array) -> tuple[Array, Array]:
 
 
 class DrydenGusts:
-    """The gusts that N vehicles meet, by each one's own flight through the air and from its own random numbers.
+    """Gusts of N vehicles, each along its own flight through the air and from its own random numbers.
 
     The filters' states are normalised to unit variance, so that the gusts have the right rms velocities while airspeed
     and height change. They start in the stationary state.
@@ -138,8 +139,8 @@ class DrydenGusts:
     ) -> None:
         """Draw the gusts of `hit[i]` from `streams[i]`, with the intensity of `keys`.
 
-        Those of a multirotor lie along the wind and across it: its course, which a wing's lie along, may turn as it
-        likes where it hardly flies.
+        A multirotor's gusts are along and across the wind, a fixed wing's along and across its heading: a multirotor's
+        course is arbitrary when it hardly moves.
         """
         self.keys, self._hit = keys, hit
         self._along_wind_rad = math.atan2(wind_mps[1], wind_mps[0])
@@ -152,11 +153,11 @@ class DrydenGusts:
         self._across: Array = np.stack((p, p / 2 + first[3:5] * math.sqrt(1 / 8)))
 
     def share(self, mission_s: float) -> float:
-        """Return the time: each instant has gusts of its own."""
+        """Return the time instead of a share, so that gusts are updated at each instant."""
         return mission_s
 
-    def add(self, share: float) -> None:  # noqa: ARG002 - all of them act
-        """Add the gusts of the next cycle of the main loop to what the vehicles meet."""
+    def add(self, share: float) -> None:  # noqa: ARG002 - gusts act in full
+        """Advance the gusts by a cycle of the main loop, and add them to the vehicles' disturbances."""
         states = [body.state for body in self._hit]
         airspeed_mps, height_m = np.array([(each.airspeed_mps, each.height_m) for each in states]).T
         gusts_mps = self.advance(airspeed_mps, height_m, LOOP_S).T.tolist()
@@ -179,7 +180,7 @@ class DrydenGusts:
         return sigma_mps * np.concatenate((self._along[None], right_down))
 
     def _draw(self) -> Array:
-        """Return a step's normal variates, (5, N)."""
+        """Return one step's standard normal variates, (5, N)."""
         if self._next == len(self._drawn):
             self._drawn = np.stack([each.standard_normal((BLOCK, DRAWS_EACH)) for each in self._random], axis=-1)
             self._next = 0

@@ -1,8 +1,8 @@
-"""How a multirotor moves: it obeys velocities over ground with a lag and limited acceleration and jerk.
+"""Motion of multirotors: they follow commanded ground velocities with a lag and limited acceleration and jerk.
 
-Part of a change of velocity may come only as its integrator makes up for drag. Fitted to steps of ArduCopter's and
-PX4's simulators (docs/real-autopilots.md). Wind doesn't carry a multirotor away, since what it holds is its velocity
-over ground: a change of the wind pushes it at once, and it corrects that.
+Part of a velocity change may be left to an integrator that compensates drag. Fitted to steps of ArduCopter's and PX4's
+simulators (docs/real-autopilots.md). A multirotor holds its ground velocity, so wind doesn't carry it away: a change of
+wind displaces its velocity at once, and it corrects that.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from sim_vehicles.autopilot.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
 DEAD_CYCLES: Final = {"ardupilot": 5, "px4": 1}
-"""Cycles of the main loop from a velocity's arrival until it acts, of 0.02 s, by firmware."""
+"""Cycles of the main loop, 0.02 s, from a velocity setpoint's arrival until it acts, by firmware."""
 JERKS_MPS3: Final = {"ardupilot": 5.0, "px4": 15.0}
-"""PSC_JERK_XY; as flown, by a PX4."""
+"""PSC_JERK_XY of ArduCopter; PX4's as observed."""
 CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
-"""WPNAV_ACCEL_Z, 1.0, as flown."""
+"""WPNAV_ACCEL_Z, nominally 1.0, as observed."""
 CLIMB_LAG_S: Final = 0.15
-"""Of the vertical speed behind one that accelerates so."""
+"""Lag of the vertical speed behind a reference with that acceleration."""
 YAW_DEAD_CYCLES: Final = 10
 YAW_LAG_S: Final = 0.12
-"""Each of two, of the nose behind a direction that comes round at `YAW_RATE_RPS`."""
+"""Each of two lags of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
 YAW_RATE_RPS: Final = 1.1
-"""ATC_SLEW_YAW, 60 degrees/s, as flown."""
+"""ATC_SLEW_YAW, nominally 60 degrees/s, as observed."""
 LEAST_LAG_S: Final = 0.05
 Velocity = tuple[float, float, float]
-"""Over ground: north, east, down, m/s."""
+"""Ground velocity: north, east, down, m/s."""
 AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 
 class HoveringBody(Body):
-    """A multirotor; its state's airspeed is that over ground, its heading the axis of slots behind it."""
+    """A multirotor; its state's airspeed is its ground speed, its heading the axis of slots behind it."""
 
     def __init__(self, config: VehicleConfig, wind_mps: Velocity, seed: int) -> None:
         """Start as configured."""
@@ -56,7 +56,7 @@ class HoveringBody(Body):
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = wind_mps
-        """The air's velocity that it holds out against already."""
+        """The air's velocity whose effect has already been applied."""
         self._commanded: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
         self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
         self._sink_aimed_mps: float = 0.0
@@ -65,25 +65,25 @@ class HoveringBody(Body):
         self._nose_between_rad: float = start.heading_rad
 
     def ground_velocity(self) -> Velocity:
-        """Return north, east and down, m/s."""
+        """Return ground velocity north, east and down, m/s."""
         return self.velocity_mps
 
     def ground(self) -> None:
-        """Put it on the ground, at rest."""
+        """Put the vehicle on the ground, at rest."""
         super().ground()
         self.velocity_mps, self._accel, self._sink_aimed_mps = AT_REST, (0.0, 0.0), 0.0
         self._integrated_mps = 0.0, 0.0
         self._air_mps = self.air_north_mps, self.air_east_mps, self.air_down_mps
 
     def shown(self) -> Motion:
-        """Return its motion as its sensors show it: no airspeed but its own speed, and where its nose points."""
+        """Return its motion as sensed: ground speed in place of airspeed, yaw in place of the slots' axis."""
         shown, (north_mps, east_mps, down_mps) = self.motion.copy(), self.velocity_mps
         shown.airspeed_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps + down_mps * down_mps)
         shown.heading_rad = self.yaw_rad
         return shown
 
     def fly(self) -> None:
-        """Move on by a cycle of the main loop; what stands on the ground stays there."""
+        """Advance by a cycle of the main loop; a vehicle on the ground stays there."""
         self._motion = None
         self._commanded.append(self.steering.velocity_mps)
         self._sinks.append(self.steering.velocity_mps[2])
@@ -113,13 +113,13 @@ class HoveringBody(Body):
         self.height_commanded_m = state.height_m
 
     def _accelerate(self, commanded: Velocity, sink_mps: float) -> None:
-        """Change the velocity by a cycle: towards the one commanded, and by what the air pushes."""
+        """Change the velocity in a cycle, towards the setpoint and by a change of wind."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
-        north_mps, east_mps = self._aimed_at(commanded)
-        wanted = _no_longer(
+        north_mps, east_mps = self._velocity_reference(commanded)
+        wanted = _limited(
             (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
         )
-        change = _no_longer(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
+        change = _limited(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
         sink = within((sink_mps - self._sink_aimed_mps) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
         self._sink_aimed_mps += sink * LOOP_S
@@ -129,14 +129,14 @@ class HoveringBody(Body):
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
 
-    def _aimed_at(self, commanded: Velocity) -> tuple[float, float]:
-        """Return the velocity that it comes to for now: the prompt share of the one commanded, and the integrated."""
+    def _velocity_reference(self, commanded: Velocity) -> tuple[float, float]:
+        """Return the velocity approached at present: prompt share of the command plus integrator."""
         prompt, share, done = self._prompt, self._filled, self._integrated_mps
         self._integrated_mps = done[0] + share * (commanded[0] - done[0]), done[1] + share * (commanded[1] - done[1])
         return prompt * commanded[0] + (1.0 - prompt) * done[0], prompt * commanded[1] + (1.0 - prompt) * done[1]
 
     def _turn_nose(self, commanded_rad: float) -> None:
-        """Turn the nose behind a direction that comes round to the one commanded at a constant rate."""
+        """Turn the yaw behind a reference that approaches the setpoint at a constant rate."""
         if not math.isnan(commanded_rad):
             most_rad = YAW_RATE_RPS * LOOP_S
             self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -most_rad, most_rad)
@@ -145,7 +145,7 @@ class HoveringBody(Body):
         self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
 
 
-def _no_longer(north: float, east: float, most: float) -> tuple[float, float]:
-    """Return a vector, shortened to `most` if it is longer."""
+def _limited(north: float, east: float, most: float) -> tuple[float, float]:
+    """Return a vector, shortened to length `most` if it is longer."""
     share = min(1.0, most / max(math.hypot(north, east), 1e-9))
     return share * north, share * east

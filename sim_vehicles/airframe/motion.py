@@ -1,7 +1,7 @@
-"""One vehicle's motion as telemetry reports it, its autopilot's targets, and how planes take off and land.
+"""One vehicle's motion in telemetry, its autopilot's targets, and take-off and landing of planes.
 
-Source of take-offs: ArduPlane 4.7's and PX4 1.17's simulated planes (docs/real-autopilots.md). One whose scenario names
-no aircraft rolls and climbs by equation (7) and its limits.
+Source of take-offs: simulated planes of ArduPlane 4.7 and PX4 1.17 (docs/real-autopilots.md). A vehicle without an
+aircraft in the scenario rolls and climbs by equation (7) and its limits.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ HEADING: Final = 0
 COURSE: Final = 1
 CIRCLE: Final = 2
 CAPTURE: Final = 2.0
-"""Steepness of the approach to a circle: radians off the tangent per radius of distance from it."""
+"""Gain of the approach to a circle: radians off the tangent per radius of distance from it."""
 ON_CIRCLE_RAD: Final = 1.0
-"""Closer to the tangent than this, the heading setpoint leads by the heading's lag in the turn."""
+"""Angle off the tangent below which the heading setpoint leads by the heading's lag in the turn."""
 LEAST_SPEED_MPS: Final = 1.0
-"""Lower bound of airspeeds in divisions, for vehicles that stand still."""
+"""Lower bound of airspeed in divisions, for vehicles at rest."""
 LIFT_OFF_SHARE: Final = 0.7
-"""Share of the lowest airspeed at which a vehicle lifts off."""
+"""Lift-off airspeed as a share of the lowest airspeed."""
 AIRFRAMES_SHARE: Final = 0.88
-"""The same of an airframe's cruising airspeed: an ArduPlane pitches up 3.7 s after arming, at 19 to 20 m/s."""
+"""The same as a share of an airframe's cruising airspeed: ArduPlane pitches up 3.7 s after arming, at 19 to 20 m/s."""
 PX4S_SHARE: Final = 0.8
-"""The same of a PX4's highest airspeed: 16 m/s, 2.4 s after arming."""
+"""The same as a share of PX4's highest airspeed: 16 m/s, 2.4 s after arming."""
 PX4S_CLIMB_SHARE: Final = 0.9
-"""Share of its highest airspeed at which a PX4 climbs with full throttle: 18 m/s."""
+"""Airspeed of PX4's climb with full throttle as a share of its highest airspeed: 18 m/s."""
 LINED_UP_RAD: Final = math.radians(10.0)
 AT_HEIGHT_M: Final = 3.0
 LOOK_AHEAD_M: Final = 60.0
 """Look-ahead distance along the approach line, from abreast of the vehicle."""
 BELOW_GROUND_M: Final = 3.0
-"""How far below the ground the glide slope is continued, because the height lags."""
+"""Depth below the ground to which the glide slope is continued, because the height lags."""
 PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
 class InnovationRatios(NamedTuple):
-    """The newest innovations as shares of what the filter accepts, which EKF_STATUS_REPORT calls variances."""
+    """The newest innovations as shares of the filter's gates, which EKF_STATUS_REPORT calls variances."""
 
     velocity: float = 0.02
     horizontal: float = 0.02
@@ -53,7 +53,7 @@ USUAL = InnovationRatios()
 
 
 class Estimate:
-    """The estimate at one sample."""
+    """The navigation estimate at one sample."""
 
     def __init__(
         self,
@@ -63,9 +63,9 @@ class Estimate:
         unknown: int = 0,
         ratios: InnovationRatios = USUAL,
     ) -> None:
-        """Take the motion by the GNSS receiver (None: without a fix), errors of attitude, and what the filter says.
+        """Take the motion measured by the GNSS receiver (None: no fix), attitude errors, and the filter's status.
 
-        `unknown`: bits of EKF_STATUS_FLAGS, which of its estimates are too uncertain to be called good.
+        `unknown`: bits of EKF_STATUS_FLAGS whose estimates are too uncertain to be valid.
         """
         self.received = received
         self.pitch_error_rad = pitch_error_rad
@@ -97,7 +97,7 @@ class Motion:
         heading_setpoint_rad: float,
         height_setpoint_m: float,
     ) -> None:
-        """Take place, motion through the air and over ground, what carries it, its turn, and its targets."""
+        """Take position, motion through the air and over ground, the air's velocity, turn rate, and targets."""
         self.north_m = north_m
         self.east_m = east_m
         self.height_m = height_m
@@ -116,7 +116,7 @@ class Motion:
         self.height_setpoint_m = height_setpoint_m
 
     def copy(self) -> Motion:
-        """Return the same motion as an object of its own."""
+        """Return a copy."""
         return Motion(
             self.north_m,
             self.east_m,
@@ -138,14 +138,14 @@ class Motion:
 
 
 def with_drift(sensed: Motion) -> Motion:
-    """Return it with the drift as the vehicle estimates it: ground velocity minus airspeed along the heading."""
+    """Return the motion with the drift that the vehicle estimates: ground velocity minus airspeed along the heading."""
     sensed.drift_north_mps = sensed.velocity_north_mps - sensed.airspeed_mps * math.cos(sensed.heading_rad)
     sensed.drift_east_mps = sensed.velocity_east_mps - sensed.airspeed_mps * math.sin(sensed.heading_rad)
     return sensed
 
 
 class Steering:
-    """One vehicle's targets. Its modes write them; every cycle of the main loop reads them."""
+    """One vehicle's targets. Its modes write them, and every cycle of the main loop reads them."""
 
     def __init__(self) -> None:
         """Start at rest."""
@@ -153,32 +153,32 @@ class Steering:
         self.speed_mps: float = 0.0
         self.accel_mps2: float = math.inf
         self.direction_rad: float = 0.0
-        """Heading or course, as `kind` says."""
+        """Heading or course, by `kind`."""
         self.lateral_mps2: float = math.inf
         self.height_m: float = 0.0
         self.centre_north_m: float = 0.0
         self.centre_east_m: float = 0.0
         self.radius_m: float = 1.0
-        """Of the circle; negative: anticlockwise."""
+        """Radius of the circle; negative: anticlockwise."""
         self.stopped: bool = True
-        """Throttle at 0."""
+        """Whether the throttle is 0."""
         self.takes_off: bool = False
-        """Whether it takes off from the ground: it rolls, or climbs to where its take-off ends."""
+        """Whether it takes off: it rolls, or climbs to the end of the take-off."""
         self.airborne: bool = False
         self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        """Over ground, north, east and down: what a multirotor is commanded."""
+        """A multirotor's ground velocity setpoint: north, east and down."""
         self.yaw_rad: float = math.nan
-        """Where its nose shall point; NaN: as it does."""
+        """Yaw setpoint; NaN: keep the present one."""
 
     def heading_rad(self, state: FlightState, tau_psi_s: float) -> float:
-        """Return the heading to fly now, in the air that carries `state`; `tau_psi_s` is the heading's lag."""
+        """Return the heading to fly now in the wind of `state`; `tau_psi_s` is the heading's lag."""
         if self.kind == HEADING:
             return self.direction_rad
-        course_rad = self._round(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
+        course_rad = self._circle_course(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
         return course_rad - crab_rad(state, course_rad)
 
-    def _round(self, state: FlightState, tau_psi_s: float) -> float:
-        """Return the course that leads onto the circle and along it: clockwise, of a negative radius the other way."""
+    def _circle_course(self, state: FlightState, tau_psi_s: float) -> float:
+        """Return the course onto the circle and along it: clockwise, or anticlockwise for a negative radius."""
         north_m, east_m = state.north_m - self.centre_north_m, state.east_m - self.centre_east_m
         side = 1.0 if self.radius_m > 0.0 else -1.0
         off_rad = CAPTURE * (math.hypot(north_m, east_m) / abs(self.radius_m) - 1.0)
@@ -190,7 +190,7 @@ class Steering:
 
 
 class Approach(NamedTuple):
-    """The final approach to home: the touch-down point, the direction, and the length and height at its start."""
+    """The final approach to home: touch-down point, direction, and length and height at its start."""
 
     north_m: float
     east_m: float
@@ -198,18 +198,18 @@ class Approach(NamedTuple):
     length_m: float
     height_m: float
     lead_m: float
-    """Distance by which the height setpoint leads the glide slope, to make up for the height's lag."""
+    """Distance by which the height setpoint leads the glide slope, to compensate the height's lag."""
 
     @property
     def begin_m(self) -> tuple[float, float]:
-        """Where it begins, north and east."""
+        """Its start, north and east."""
         cos, sin = math.cos(self.direction_rad), math.sin(self.direction_rad)
         return self.north_m - self.length_m * cos, self.east_m - self.length_m * sin
 
     def circle(self, radius_m: float) -> tuple[float, float]:
         """Return the centre, north and east, m, of the circle tangent to the approach at its start.
 
-        `radius_m`: negative of an anticlockwise one.
+        A negative `radius_m` means an anticlockwise circle.
         """
         north_m, east_m = self.begin_m
         return north_m - radius_m * math.sin(self.direction_rad), east_m + radius_m * math.cos(self.direction_rad)
@@ -232,13 +232,13 @@ class Approach(NamedTuple):
         return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
 
     def _aside_m(self, motion: Motion) -> float:
-        """Return how far right of the line it is."""
+        """Return the vehicle's distance to the right of the line."""
         north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
         return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
 
 
 def lift_off_mps(model: VehicleModel) -> float:
-    """Return the airspeed at which a fixed wing leaves the ground."""
+    """Return the lift-off airspeed of a fixed wing."""
     if model.airframe is not None:
         return AIRFRAMES_SHARE * model.airframe.airspeed_cruise_mps
     if model.firmware == "px4":
@@ -247,7 +247,7 @@ def lift_off_mps(model: VehicleModel) -> float:
 
 
 def full_throttle_model(model: VehicleModel) -> AutopilotModel | None:
-    """Return by what a PX4 without an airframe takes off, whose highest airspeed it keeps; None for all others."""
+    """Return the model of a take-off with full throttle, for a PX4 without an airframe; None for all others."""
     if model.firmware != "px4" or model.airframe is not None:
         return None
     climbs = model.autopilot()

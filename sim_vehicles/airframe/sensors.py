@@ -1,8 +1,8 @@
-"""What a vehicle measures: sensor errors of position, velocity, airspeed and heading, or inertial navigation.
+"""Measurements of a vehicle: sensor errors of position, velocity, airspeed and heading, or inertial navigation.
 
-With inertial navigation its motion is the true one plus errors by the linear model. The full strap-down computation
-(`inertial.experiment.navigate`) would give the same to first order in the errors. Here the errors themselves are
-propagated, and a filter with their covariance corrects them by the aid's measurements.
+With inertial navigation the measured motion is the true one plus errors of the linear model. The full strap-down
+computation (`inertial.experiment.navigate`) gives the same to first order. Here the errors themselves are propagated,
+and a filter with their covariance corrects them by the aid's measurements.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ SIZES: Final = (3, 3, 1, 1)
 BLOCK = 256
 RATE_HZ: Final = 10
 USEFUL_M: Final = 50.0
-"""Standard deviation of a place beyond which it is no longer called good."""
+"""Standard deviation of position beyond which it isn't reported as valid."""
 ABSOLUTE: Final = m.EKF_POS_HORIZ_ABS | m.EKF_PRED_POS_HORIZ_ABS
 
 
 class Sensors:
-    """One vehicle's sensors. A sample's errors stay the same until the next sample, however often it is read."""
+    """One vehicle's sensors. A sample's errors are constant until the next sample, however often it is read."""
 
     def __init__(self, errors: NoisyNavigation, vehicle: VehicleId, seed: int) -> None:
         """Draw from the vehicle's own random streams."""
@@ -68,7 +68,7 @@ class Sensors:
         """Return the motion with the errors of the newest sample at `now`."""
         while self._number <= now // self._period_ns:
             self._error = self._kept * self._error + math.sqrt(1.0 - self._kept**2) * self._draw()
-            self._off_m = self._stray()
+            self._off_m = self._draw_outlier()
         errors: list[float] = (self._sigmas * self._error).tolist()
         north, east, down, v_north, v_east, v_down, airspeed, heading = errors
         sensed = true.copy()
@@ -84,11 +84,11 @@ class Sensors:
         return with_drift(sensed)
 
     def estimate(self, true: Motion, now: Instant) -> Estimate:
-        """Return the estimate, which takes all from the receiver."""
+        """Return the estimate, which is the receiver's measurement."""
         return Estimate(self.sense(true, now))
 
-    def _stray(self) -> tuple[float, float]:
-        """Return how far off, north and east, the next sample lies: mostly not at all."""
+    def _draw_outlier(self) -> tuple[float, float]:
+        """Return the next sample's outlier, north and east, usually 0."""
         if self._outlier_share == 0.0 or self._outliers.random() >= self._outlier_share:
             return 0.0, 0.0
         side = self._outliers.uniform(0.0, math.tau)
@@ -105,12 +105,12 @@ class Sensors:
 
 
 class InertialNavigator:
-    """One vehicle's navigation errors. They stay the same until the next sample, however often they are read."""
+    """One vehicle's navigation errors. They are constant until the next sample, however often they are read."""
 
     def __init__(
         self, keys: InertialNavigation, origin: GeodeticOrigin, heading_rad: float, vehicle: VehicleId, seed: int
     ) -> None:
-        """Begin at boot with a heading; `origin` is the origin of motions."""
+        """Start at boot with a heading; `origin` is the origin of motions."""
         self._origin, self._aid, sensors = origin, aid(keys), inertial_sensors(keys, seed, vehicle)
         self._random = random_stream(seed, "inertial", *vehicle)
         self._density = noise_density(sensors)
@@ -132,7 +132,7 @@ class InertialNavigator:
         return with_drift(sensed)
 
     def estimate(self, true: Motion, now: Instant) -> Estimate:
-        """Return what the filter says of itself, and the receiver's newest measurement where GNSS aids it."""
+        """Return the filter's status, and the receiver's newest measurement if GNSS is the aid."""
         self._catch_up(true, now)
         about_east, about_north, _ = self._errors[TILT].tolist()
         sin, cos = math.sin(true.heading_rad), math.cos(true.heading_rad)
@@ -145,16 +145,16 @@ class InertialNavigator:
         )
 
     def _unknown(self) -> int:
-        """Return the bits of EKF_STATUS_FLAGS of what drifts beyond use."""
+        """Return the bits of EKF_STATUS_FLAGS whose estimates have become too uncertain."""
         east_m, north_m, up_m = np.sqrt(np.diag(self._filter.covariance)[PLACE]).tolist()
         level = ABSOLUTE if math.hypot(east_m, north_m) > USEFUL_M else 0
         return level | (m.EKF_POS_VERT_ABS if up_m > USEFUL_M else 0)
 
     def _catch_up(self, true: Motion, now: Instant) -> None:
         while self._samples <= now * RATE_HZ // NANOSECONDS:
-            self._go_on(true)
+            self._step(true)
 
-    def _go_on(self, true: Motion) -> None:
+    def _step(self, true: Motion) -> None:
         step_s = 1.0 / RATE_HZ
         model = self._dynamics(true, step_s)
         step = model * step_s
@@ -187,7 +187,7 @@ class InertialNavigator:
 
 
 def _displaced(true: Motion, errors: Array) -> Motion:
-    """Return a motion with errors (6,) or more of place and velocity, east, north and up."""
+    """Return a motion with errors (6,) or more of position and velocity, east, north and up."""
     east, north, up, v_east, v_north, v_up = errors[:6].tolist()
     displaced = true.copy()
     displaced.north_m += north
@@ -222,7 +222,7 @@ def _start(
 
 
 def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sensors | InertialNavigator | None:
-    """Return what measures a vehicle's motion for its telemetry; None where that carries the exact state."""
+    """Return the sensors of a vehicle's telemetry; None if telemetry carries the exact state."""
     keys, own = config.navigation, (config.identity, seed)
     if isinstance(keys, InertialNavigation):
         return InertialNavigator(keys, origin, config.start.heading_rad, *own)

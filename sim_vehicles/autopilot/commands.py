@@ -1,8 +1,8 @@
 """Commands, accepted and refused as by ArduPlane.
 
 Sources: MAVLink guide, "Command Protocol"; ArduPilot documentation, "Plane: GUIDED mode"; answers of ArduPlane 4.7. Two
-differences are deliberate: NaN in a field that is used is denied, where a real one accepts it; and the climb rate of
-MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, as a real one follows it far too slowly.
+differences are deliberate: NaN in a used field is denied, where ArduPlane accepts it; and the climb rate of
+MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, because ArduPlane follows it far too slowly.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ABOVE_HOME: Final = (
 )
 """The ground is level, so heights above terrain are heights above home."""
 LEAST_LATERAL_MPS2: Final = 0.05
-"""What a lateral acceleration of 0 becomes: the vehicle hardly turns."""
+"""Replacement of a lateral acceleration of 0, with which ArduPlane hardly turns."""
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
 AGAIN: Final = m.HEADING_TYPE_DEFAULT
 COURSE: Final = m.HEADING_TYPE_COURSE_OVER_GROUND
@@ -58,12 +58,12 @@ HIGHEST_MESSAGE_ID: Final = 2**16 - 1
 UNAVAILABLE: Final = 0
 """MESSAGE_INTERVAL of a message that can't be sent."""
 AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
-"""`current` of an item to be flown at once instead of being stored: a position, or a height alone."""
+"""Values of `current` for an item to be flown at once instead of stored: a position, or only a height."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class GivenCommand:
-    """A command, whichever message brought it."""
+    """A command, from either kind of message."""
 
     def __init__(
         self,
@@ -76,9 +76,9 @@ class GivenCommand:
         *,
         in_integers: bool,
     ) -> None:
-        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a place, whose `z` is by the frame.
+        """Take MAV_CMD, MAV_FRAME, `param1` to `param4`, and a position, whose `z` refers to the frame.
 
-        `in_integers`: the place came as such, in COMMAND_INT.
+        `in_integers`: the position was sent as integers, in COMMAND_INT.
         """
         self.command = command
         self.frame = frame
@@ -101,7 +101,7 @@ def received(message: CommandInt | CommandLong) -> GivenCommand:
 
 
 def height_of(vehicle: Vehicle, z: float, frame: float) -> float | None:
-    """Return a height above the fleet's origin, None for a frame or a height that isn't accepted."""
+    """Return a height above the fleet's origin, None for a frame or height that isn't accepted."""
     if not abs(z) <= HIGHEST_M:
         return None
     if frame in ABOVE_SEA_LEVEL:
@@ -163,12 +163,12 @@ def _enter(vehicle: Vehicle, number: float) -> int:
 
 
 def to_mode(mode: int, refused: int = FAILED) -> Callable[[Any, GivenCommand], int]:
-    """Return what carries out a command to change to a mode."""
+    """Return the handler of a command that changes the mode."""
     return lambda vehicle, _given: ACCEPTED if vehicle.switch(mode) else refused
 
 
 def reboot(refused: int) -> Callable[[Any, GivenCommand], int]:
-    """Return what restarts a vehicle, once the command is acknowledged; an armed one refuses."""
+    """Return the handler that restarts a vehicle after the acknowledgement; an armed vehicle refuses."""
 
     def carry_out(vehicle: Vehicle, given: GivenCommand) -> int:
         vehicle.reboots = given.params[0] == 1.0 and not vehicle.pilot.condition.armed
@@ -186,9 +186,9 @@ def _arm_disarm(vehicle: Vehicle, given: GivenCommand) -> int:
 
 
 def _legacy_speed(vehicle: Plane, given: GivenCommand) -> int:
-    """Change the airspeed, or raise it to a ground speed, which is the least that it then flies in still air.
+    """Change the airspeed setpoint; a ground speed only raises it, to the airspeed needed in still air.
 
-    A throttle is accepted, and has no effect.
+    A throttle setting is accepted without effect.
     """
     kind, speed_mps, throttle, _ = given.params
     if vehicle.flier.mode not in SPEED_MODES:
@@ -215,7 +215,7 @@ def _legacy_altitude(vehicle: Vehicle, given: GivenCommand) -> int:
 
 
 def reposition(vehicle: Vehicle, given: GivenCommand) -> int:
-    """Fly to a place and stay there; ArduPilot takes one from COMMAND_INT alone."""
+    """Fly to a position and stay there; ArduPilot accepts this only as COMMAND_INT."""
     if not given.in_integers:
         return UNSUPPORTED
     height_m = height_of(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
@@ -233,7 +233,7 @@ def reposition(vehicle: Vehicle, given: GivenCommand) -> int:
 
 
 def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
-    """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
+    """Fly at once to a position or height sent as a mission item; return the MAV_MISSION_RESULT."""
     found = from_message(item)
     if isinstance(found, int):
         return found
@@ -249,7 +249,7 @@ def fly_to(vehicle: Vehicle, item: MissionItem | MissionItemInt) -> int:
 
 
 def _start_mission(vehicle: Vehicle, given: GivenCommand) -> int:
-    """Start or resume the mission; a first and a last item aren't supported."""
+    """Start or resume the mission; first and last item aren't supported."""
     return DENIED if any(given.params[:2]) else _enter(vehicle, Mode.AUTO)
 
 
@@ -268,7 +268,7 @@ def _set_interval(vehicle: Vehicle, given: GivenCommand) -> int:
 
 
 def _get_interval(vehicle: Vehicle, given: GivenCommand) -> int:
-    """Tell a message's interval: of one that it can't send, that there is none."""
+    """Report a message's interval, or that it isn't available."""
     if not 0.0 <= given.params[0] <= HIGHEST_MESSAGE_ID:
         return DENIED
     message_id = int(given.params[0])
@@ -297,7 +297,7 @@ NO_EFFECT = (
     m.MAV_CMD_DO_SET_ROI,
     m.MAV_CMD_DO_DIGICAM_CONTROL,
 )
-"""Commands to a payload, which are accepted; there is none."""
+"""Payload commands, which are accepted; there is no payload."""
 HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     **dict.fromkeys(NO_EFFECT, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_FENCE_ENABLE: lambda _vehicle, _given: FAILED,
@@ -330,4 +330,4 @@ ORDERS = frozenset(HANDLERS) - {
     m.MAV_CMD_GET_HOME_POSITION,
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
 }
-"""Commands that change what the vehicle does, not just what it sends."""
+"""Commands that change what the vehicle does, not only what it sends."""

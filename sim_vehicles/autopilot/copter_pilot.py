@@ -1,4 +1,4 @@
-"""What an emulated multirotor does in each of ArduCopter's modes. It writes the vehicle's `Steering`."""
+"""An emulated multirotor's behaviour in each of ArduCopter's modes. It writes the vehicle's `Steering`."""
 
 from __future__ import annotations
 
@@ -25,56 +25,57 @@ from sim_vehicles.config import VehicleConfig
 CM = 0.01
 TAKEOFF_DONE_M = 0.05
 LOW_M = 10.0
-"""Height below which a landing goes on at LAND_SPEED (LAND_ALT_LOW)."""
+"""Height below which a landing descends at LAND_SPEED (LAND_ALT_LOW)."""
 HOME_M = 0.5
-"""A copter this near its home is over it."""
+"""Distance from home within which a copter counts as above it."""
 CLIMB_PER_S = 0.5
-"""How fast what is left of a climb is flown off."""
+"""Vertical speed per metre of height error."""
 PER_S, BRAKES_MPS2 = 0.7, 2.1
-"""The same of a way, and twice the deceleration of a long one; 30 m are flown at up to 6.4 m/s, 60 m at 9.2."""
+"""Horizontal speed per metre of distance, and twice the braking deceleration: 30 m are flown at up to 6.4 m/s, 60 m at
+9.2."""
 TOUCH_DOWN_M = 0.05
 THROTTLE_DOWN_MPS = 2.5
-"""How fast it sinks with the throttle down (PILOT_SPEED_DN)."""
+"""Descent rate with the throttle down (PILOT_SPEED_DN)."""
 AS_IT_IS = math.nan
 HOMEWARD = frozenset({CopterMode.RTL, CopterMode.SMART_RTL})
 SEEING = BY_THROTTLE | HOMEWARD | {CopterMode.LAND}
-"""Modes in which it has to look where it is."""
+"""Modes in which `progress` depends on the position."""
 Circle = tuple[float, float, float, float, float]
-"""Centre, north, east and above the origin (NaN: as high as it is let), radius, m, and speed, m/s, clockwise."""
+"""Centre north, east and above the origin (NaN: unlimited descent), radius, m, and speed, m/s, clockwise."""
 
 
 class CopterPilot(Pilot):
     """One multirotor's condition and mode, and the resulting velocities."""
 
     def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
-        """Start in the condition of booting."""
+        """Start booting."""
         self._home_over = False
         self._waits_s = 0.0
-        """How much longer it stays over home before it lands."""
+        """Remaining time above home before it lands."""
         self.place_m: Vector | None = None
-        """Where it flies to, or stays: north, east and above the origin."""
+        """Position to fly to and hold: north, east and above the origin."""
         self._circle: Circle | None = None
         self._nose_rad = AS_IT_IS
-        """Where its nose is commanded to point."""
+        """Yaw setpoint."""
         self._turn_rad, self._turn_rps = 0.0, 0.0
-        """How far it still turns, clockwise, and how fast."""
+        """Remaining turn of the yaw, clockwise, and its rate."""
         self._seen_m: tuple[float, float] | None = None
-        """The place that its nose follows, north and east."""
+        """Position that the nose points at, north and east."""
         self.paused = False
         self.told_cmps: dict[str, float] = {}
-        """Speeds that stand in for parameters."""
+        """Commanded speeds that replace parameters, by the parameters' names."""
         super().__init__(config, steering, parameters, CopterMode.STABILIZE)
 
     @property
     def under_way(self) -> bool:
-        """Whether it has to look where it is: it takes off, flies to a place, comes home, lands, sinks or turns."""
+        """Whether it takes off, flies to a position or home, circles, lands, descends or turns, and is airborne."""
         goes = self.takeoff_m is not None or self.place_m is not None or self._circle is not None
         turns = self._turn_rad != 0.0 or self._seen_m is not None
         return (goes or turns or self.mode in SEEING) and self.airborne
 
     @property
     def landed_state(self) -> int:
-        """MAV_LANDED_STATE, take-offs and landings too."""
+        """MAV_LANDED_STATE, including take-off and landing."""
         if self.condition is not Condition.FLYING:
             return m.MAV_LANDED_STATE_ON_GROUND
         if self.takeoff_m is not None:
@@ -83,12 +84,12 @@ class CopterPilot(Pilot):
         lands = self.mode is CopterMode.LAND or over
         return m.MAV_LANDED_STATE_LANDING if lands else m.MAV_LANDED_STATE_IN_AIR
 
-    def arm(self, motion: Motion) -> bool:  # noqa: ARG002 - it stands until it takes off
-        """Arm; return whether the mode and the condition allow it."""
+    def arm(self, motion: Motion) -> bool:  # noqa: ARG002 - it stays until take-off
+        """Arm; return whether mode and condition allow it."""
         return self.mode not in NOT_ARMABLE and self.request(Request.ARM)
 
-    def enter(self, mode: FlightMode, motion: Motion) -> None:  # noqa: ARG002 - it stands where it is
-        """Change the mode; it stands until that has it do something."""
+    def enter(self, mode: FlightMode, motion: Motion) -> None:  # noqa: ARG002 - it hovers where it is
+        """Change the mode; the vehicle hovers until the mode makes it move."""
         self.mode = CopterMode(mode)
         self.takeoff_m, self._home_over = None, False
         self._waits_s = self._parameters["RTL_LOIT_TIME"] / 1000.0 if mode is CopterMode.RTL else 0.0
@@ -97,30 +98,30 @@ class CopterPilot(Pilot):
         self.stop()
 
     def fly_straight(self, motion: Motion) -> None:  # noqa: ARG002 - likewise
-        """Stand: that is what one without setpoints does."""
+        """Hover, as a multirotor without setpoints does."""
         self.stop()
 
     def stop(self) -> None:
-        """Stand where it is."""
+        """Drop all targets and hover."""
         self.silent_at, self.place_m, self._circle = NEVER, None, None
         self._point(AS_IT_IS)
         self.stand()
 
     def stand(self) -> None:
-        """Stand for now."""
+        """Hover, keeping the targets."""
         self._fly(0.0, 0.0, 0.0)
 
     def go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
-        """Fly to a place and stay there; `yaw_rad` None: the nose stays where it is."""
+        """Fly to a position and hold it; `yaw_rad` None: keep the yaw."""
         self.silent_at, self.place_m, self._circle = NEVER, place_m, None
         self._point(AS_IT_IS if yaw_rad is None else yaw_rad)
 
     def go_round(self, circle: Circle) -> None:
-        """Fly round a place, the nose to it."""
+        """Circle a position with the nose towards it."""
         self.silent_at, self.place_m, self._circle = NEVER, None, circle
 
     def obey(self, velocity_mps: Vector, yaw_rad: float | None, now: Instant) -> None:
-        """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: the nose stays where it is."""
+        """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: keep the yaw."""
         self.place_m = self._circle = None
         north, east, down = velocity_mps
         most_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
@@ -130,20 +131,20 @@ class CopterPilot(Pilot):
         self.silent_at = after(now, self._parameters["GUID_TIMEOUT"])
 
     def turn(self, nose_rad: float, by_rad: float, rate_rps: float) -> None:
-        """Turn the nose, from where it is commanded to point, by an angle, clockwise, at a rate."""
+        """Turn from the yaw `nose_rad` by an angle, clockwise, at a rate."""
         self._point(nose_rad)
         self._turn_rad, self._turn_rps = by_rad, rate_rps
 
     def turn_on(self, nose_rad: float, rate_rps: float) -> None:
-        """Turn the nose at a rate, clockwise, until GUID_TIMEOUT."""
+        """Turn the yaw at a rate, clockwise, until GUID_TIMEOUT."""
         self.turn(nose_rad, rate_rps * self._parameters["GUID_TIMEOUT"], abs(rate_rps))
 
     def look_at(self, place_m: tuple[float, float] | None) -> None:
-        """Turn the nose to a place, north and east, m, and keep it there; None: no more."""
+        """Keep the nose pointed at a position, north and east, m; None: stop doing so."""
         self._turn_rad, self._seen_m = 0.0, place_m
 
     def commanded_nose(self, shown_rad: float) -> float:
-        """Return where the nose is commanded to point, where it points, `shown_rad`, if that is nowhere."""
+        """Return the yaw setpoint, or the present yaw `shown_rad` if there is none."""
         return shown_rad if math.isnan(self._nose_rad) else self._nose_rad
 
     def rise(self, height_m: float) -> bool:
@@ -154,7 +155,7 @@ class CopterPilot(Pilot):
         return self.request(Request.LIFT_OFF)
 
     def progress(self, motion: Motion) -> bool:
-        """Go on with what it does; return whether it has just touched the ground."""
+        """Continue the current action; return whether the vehicle has just touched the ground."""
         self._follow_nose(motion)
         if self.takeoff_m is not None:
             self._climb(motion, self.takeoff_m)
@@ -169,7 +170,7 @@ class CopterPilot(Pilot):
         return False
 
     def _follow_nose(self, motion: Motion) -> None:
-        """Turn the nose on by a cycle, or to the place that it follows."""
+        """Turn the yaw setpoint by a cycle, or to the position that the nose points at."""
         if self._seen_m is not None:
             self._nose_rad = math.atan2(self._seen_m[1] - motion.east_m, self._seen_m[0] - motion.north_m)
         elif self._turn_rad != 0.0:
@@ -180,7 +181,7 @@ class CopterPilot(Pilot):
         self._steering.yaw_rad = self._nose_rad
 
     def _sink(self, motion: Motion) -> bool:
-        """Sink, slowly where it lands and is low; return whether it has just touched the ground."""
+        """Descend, slowly in a landing near the ground; return whether it has just touched the ground."""
         if self.mode in BY_THROTTLE:
             sink_mps = THROTTLE_DOWN_MPS
         else:
@@ -200,15 +201,15 @@ class CopterPilot(Pilot):
             self._fly(0.0, 0.0, -min(CLIMB_PER_S * left_m + TAKEOFF_DONE_M, self._climb_most_mps(motion)))
 
     def _climb_most_mps(self, motion: Motion) -> float:  # noqa: ARG002 - the same at every height
-        """Return how fast it climbs in a take-off, at most."""
+        """Return the highest climb rate in a take-off."""
         return CM * self._parameters["WPNAV_SPEED_UP"]
 
     def _cruise_mps(self) -> float:
-        """Return how fast it flies to a place, at most."""
+        """Return the highest speed on the way to a position."""
         return self._most_mps("WPNAV_SPEED")
 
     def _go_home(self, motion: Motion) -> None:
-        """Climb to RTL_ALT, unless it is higher already or SMART_RTL is its mode, fly straight home, and wait there."""
+        """Climb to RTL_ALT, unless it is already higher or in SMART_RTL, fly straight home, and wait there."""
         start, height_m = self._config.start, CM * self._parameters["RTL_ALT"]
         near = math.hypot(start.north_m - motion.north_m, start.east_m - motion.east_m) < HOME_M
         self._home_over = self._home_over or near
@@ -221,7 +222,7 @@ class CopterPilot(Pilot):
             self._fly_towards(motion, start.north_m, start.east_m, motion.height_m)
 
     def _fly_round(self, motion: Motion, circle: Circle) -> None:
-        """Fly round a place and towards the circle, the nose to its centre."""
+        """Circle a position and approach the circle, with the nose towards its centre."""
         north_m, east_m, height_m, radius_m, speed_mps = circle
         from_north_m, from_east_m = motion.north_m - north_m, motion.east_m - east_m
         away_m = max(math.hypot(from_north_m, from_east_m), HOME_M)
@@ -235,7 +236,7 @@ class CopterPilot(Pilot):
         self._fly(out * north - speed_mps * east, out * east + speed_mps * north, sinks_mps)
 
     def _fly_towards(self, motion: Motion, north_m: float, east_m: float, height_m: float) -> None:
-        """Fly straight to a place, and brake before it."""
+        """Fly straight to a position, braking before it."""
         to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
         away_m = math.hypot(to_north_m, to_east_m)
         speed = min(PER_S * away_m, math.sqrt(BRAKES_MPS2 * away_m), self._cruise_mps())
@@ -243,15 +244,15 @@ class CopterPilot(Pilot):
         self._fly(share * to_north_m, share * to_east_m, self._sink_to(height_m - motion.height_m))
 
     def _sink_to(self, below_m: float) -> float:
-        """Return the speed down, m/s, to a height that it is below of."""
+        """Return the descent rate, m/s, towards a height `below_m` above it."""
         return -within(CLIMB_PER_S * below_m, -self._most_mps("WPNAV_SPEED_DN"), self._most_mps("WPNAV_SPEED_UP"))
 
     def _most_mps(self, name: str) -> float:
-        """Return the speed that it was told, or else that of the parameter of that name."""
+        """Return the commanded speed that replaces a parameter, otherwise the parameter."""
         return CM * self.told_cmps.get(name, self._parameters[name])
 
     def _point(self, nose_rad: float) -> None:
-        """Have the nose point somewhere, and turn no further."""
+        """Set the yaw, and stop turning."""
         self._nose_rad, self._turn_rad, self._seen_m = nose_rad, 0.0, None
 
     def _fly(self, north_mps: float, east_mps: float, down_mps: float) -> None:

@@ -1,8 +1,8 @@
-"""The items of a mission as ArduPlane stores them: which commands, and what is kept of each.
+"""The items of a mission as ArduPlane stores them: accepted commands, and what is stored of each.
 
 Source: ArduPilot, AP_Mission::mavlink_int_to_mission_cmd; answers of ArduPlane 4.7. Two differences are deliberate:
-heights above terrain are heights above home (the ground is level), and of commands without a place nothing is kept in
-the place's fields (what DO_DIGICAM_CONTROL and the like have there).
+heights above terrain are heights above home (the ground is level), and the position fields of commands without a
+position aren't stored (DO_DIGICAM_CONTROL and others use them).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from airlink.messages.mission import MissionItem, MissionItemInt
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100
-"""ArduPlane keeps heights of items as 24-bit integers of centimetres."""
+"""ArduPlane stores heights of items as 24-bit integers of centimetres."""
 FRAMES = {
     m.MAV_FRAME_MISSION: m.MAV_FRAME_GLOBAL,
     m.MAV_FRAME_GLOBAL: m.MAV_FRAME_GLOBAL,
@@ -26,17 +26,17 @@ FRAMES = {
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: m.MAV_FRAME_GLOBAL_TERRAIN_ALT,
 }
-"""Accepted frames -> the frame with which an item is read back; items without a place may have any."""
+"""Accepted frames, and the frame with which an item is read back; items without a position may have any."""
 BYTE, WORD = 255, 65535
 
 
 def _turns(turns: float) -> float:
-    """Return how many turns of a circle are kept: whole ones, and less than one in 256ths."""
+    """Return the stored number of turns: whole ones, or 256ths below one."""
     return math.floor(256.0 * turns) / 256.0 if 0.0 < turns < 1.0 else float(min(int(turns), BYTE))
 
 
 def _radius(radius_m: float) -> float:
-    """Return the radius of counted turns, m, that is kept: a byte of metres, and beyond that of tens of metres."""
+    """Return the stored radius of counted turns, m: a byte of metres, above that a byte of tens of metres."""
     size_m = abs(radius_m)
     kept_m = int(size_m) if size_m <= BYTE else 10 * min(int(0.1 * size_m), BYTE)
     return math.copysign(kept_m, radius_m)
@@ -52,7 +52,7 @@ FORMS: dict[str, Callable[[float], float]] = {
     "t": _turns,
     "r": _radius,
 }
-"""What is kept of a parameter: nothing, a float, a whole number, a byte, a sign, a flag, turns, a radius."""
+"""What is stored of a parameter: nothing, a float, an integer, a byte, a sign, a flag, turns, a radius."""
 PLACED = {
     m.MAV_CMD_NAV_WAYPOINT: ".bb.",
     m.MAV_CMD_NAV_LOITER_UNLIM: "..i.",
@@ -72,7 +72,7 @@ PLACED = {
     m.MAV_CMD_DO_SET_ROI_LOCATION: "i...",
     m.MAV_CMD_DO_SET_ROI: "i...",
 }
-"""Accepted commands with a place -> what is kept of their four parameters (`FORMS`)."""
+"""Accepted commands with a position, and the forms in which their four parameters are stored (`FORMS`)."""
 PLACELESS = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: "....",
     m.MAV_CMD_NAV_ALTITUDE_WAIT: "fff.",
@@ -107,7 +107,7 @@ PLACELESS = {
     m.MAV_CMD_VIDEO_START_CAPTURE: "i...",
     m.MAV_CMD_VIDEO_STOP_CAPTURE: "i...",
 }
-"""Those without: they are read back with a place and a frame of 0."""
+"""The same for commands without a position: they are read back with position and frame 0."""
 HELD = PLACED | PLACELESS
 YAW_MAY_BE_NAN = frozenset(
     {

@@ -1,9 +1,9 @@
-"""One vehicle's mission: its items, and the protocol by which ground stations write and read it.
+"""One vehicle's mission: its items, and the protocol with which ground stations write and read it.
 
 Sources: MAVLink guide, "Mission Protocol"; answers of ArduPlane 4.7, which stores items as soon as they arrive.
 
-Item 0 is always home, whatever is written there. There are no fences and no rally points: their lists are always
-empty, as is an emulated PX4's mission, whose items would begin with the first one.
+Item 0 is always home, whatever is written there. Fences and rally points aren't supported: their lists are always
+empty, as is an emulated PX4's mission, whose items would be numbered from the first one.
 """
 
 from __future__ import annotations
@@ -59,14 +59,14 @@ class Upload:
 
     sender: Sender
     seq: int
-    """The item that is being requested."""
+    """Number of the requested item."""
     last: int
     ask_again: Instant
     give_up: Instant
 
 
 def home_of(start: StartState, origin: GeodeticOrigin) -> Item:
-    """Return home, where a vehicle starts, as its mission's first item."""
+    """Return home, the vehicle's starting position, as its mission's first item."""
     lat_rad, lon_rad, alt_m = origin.from_ned(start.north_m, start.east_m, 0.0)
     x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))
     return Item(m.MAV_CMD_NAV_WAYPOINT, m.MAV_FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, alt_m)
@@ -76,13 +76,13 @@ class Missions:
     """The stored items, the number of the current one, and the upload in progress, if any."""
 
     def __init__(self, home: Callable[[], Item], *, stored: bool) -> None:
-        """Start with home alone; `stored`: whether more can be written."""
+        """Start with home only; `stored`: whether items can be written."""
         self._stored = stored
         self.items: list[Item] = [home()]
         self.current: int
-        """Number of the current item, after the mission's end of the last; 0 before it has begun."""
+        """Number of the current item, the last one after the mission's end; 0 before the mission has begun."""
         self.state: int
-        """MISSION_STATE, as long as there are items; of a mission that is left it is NOT_STARTED."""
+        """MISSION_STATE if there are items; an interrupted mission is NOT_STARTED."""
         self.in_mode: bool
         """Whether the vehicle's mode is the one that flies missions."""
         self._home = home
@@ -95,16 +95,16 @@ class Missions:
 
     @property
     def flyable(self) -> bool:
-        """Whether there is more than home."""
+        """Whether there are items besides home."""
         return len(self.items) > 1
 
     def reported(self) -> MissionCurrent:
-        """Return MISSION_CURRENT: the item that it flies to, how many there are, and whether it flies by them."""
+        """Return MISSION_CURRENT: the current item, the number of items, and whether the mission is being flown."""
         state = self.state if self.flyable else m.MISSION_STATE_NO_MISSION
         return MissionCurrent(self.current, max(0, len(self.items) - 1), state, int(self.in_mode))
 
     def choose(self, seq: float) -> bool:
-        """Make an item the current one, the first for 0; return False if there is no item of that number."""
+        """Make an item the current one, for 0 the first; return False if there is no such item."""
         if not 0 <= seq < len(self.items) or not self.flyable:
             return False
         self.current = max(1, int(seq))
@@ -134,7 +134,7 @@ class Missions:
         return NEVER if self._upload is None else min(self._upload.ask_again, self._upload.give_up)
 
     def reminders(self, now: Instant) -> list[tuple[Address, Message]]:
-        """Return the messages to send because an item is missing, each with its receiver."""
+        """Return repeated requests for missing items, each with its receiver."""
         upload = self._upload
         if upload is None or now < self.next_due():
             return []
@@ -182,7 +182,7 @@ class Missions:
         return [_ack(sender, ACCEPTED), *([RECEIVED] if isinstance(message, MissionCount) else [])]
 
     def _refusal(self, message: MissionCount | MissionClearAll | MissionWritePartialList, sender: Sender) -> int | None:
-        """Return why the list can't be changed: somebody uploads one, or it is being flown and can't be cleared."""
+        """Return why the list can't be changed: somebody else uploads, or clears it while it is flown; else None."""
         if self._upload and (isinstance(message, MissionWritePartialList) or self._upload.sender[1:] != sender[1:]):
             return m.MAV_MISSION_DENIED
         flown = self.state == m.MISSION_STATE_ACTIVE and isinstance(message, MissionClearAll)
@@ -223,7 +223,7 @@ def _ack(sender: Sender, result: int, kind: int = PLAN) -> MissionAck:
 
 
 def _answer_of_empty_list(message: Message, kind: int, sender: Sender) -> list[Message]:
-    """Return the answers about a list that nothing is written to."""
+    """Return the answers about a list that can't be written to."""
     match message:
         case MissionRequestList() if kind in EMPTY_LISTS:
             return [MissionCount(sender.system, sender.component, 0, kind)]

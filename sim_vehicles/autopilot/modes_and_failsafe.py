@@ -1,4 +1,4 @@
-"""An emulated vehicle's conditions and modes with a table of all transitions, and the failsafe that changes them.
+"""An emulated vehicle's conditions and modes with a table of all transitions, and the failsafe that changes modes.
 
 Source: ArduPilot documentation, "Flight Modes" of Plane and Copter, "Plane Failsafe Function" and "GCS Failsafe".
 """
@@ -15,7 +15,7 @@ from sim_vehicles.autopilot.parameters import ParameterServer
 
 
 class Mode(IntEnum):
-    """The ArduPlane modes that are emulated, by ArduPlane's numbers."""
+    """The emulated ArduPlane modes, with ArduPlane's numbers."""
 
     MANUAL = 0
     STABILIZE = 2
@@ -32,7 +32,7 @@ class Mode(IntEnum):
 
 
 class CopterMode(IntEnum):
-    """The ArduCopter modes that are emulated, by ArduCopter's numbers."""
+    """The emulated ArduCopter modes, with ArduCopter's numbers."""
 
     STABILIZE = 0
     ACRO = 1
@@ -52,7 +52,7 @@ class CopterMode(IntEnum):
 
 
 class Px4Mode(IntEnum):
-    """The PX4 modes that are emulated, by HEARTBEAT's custom_mode: the main mode's number, above it the sub mode's."""
+    """The emulated PX4 modes, as HEARTBEAT's custom_mode: the main mode's number, above it the sub mode's."""
 
     MANUAL = 0x00010000
     ALTITUDE = 0x00020000
@@ -87,7 +87,7 @@ class Condition(Enum):
 
     @property
     def booting(self) -> bool:
-        """Whether the autopilot isn't up yet."""
+        """Whether the autopilot is still booting."""
         return self in (Condition.BOOTING, Condition.BOOTING_IN_AIR)
 
 
@@ -130,11 +130,11 @@ SELECTABLE = frozenset(Mode) - {Mode.INITIALISING}
 """Modes that can be selected, in any condition but booting."""
 
 STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
-"""Modes flown by a pilot's sticks, which nobody touches: the vehicle flies straight and level."""
+"""Modes flown by sticks; as nobody moves these, the vehicle flies straight and level."""
 
 
 def select(condition: Condition, mode: float, selectable: frozenset[int] = SELECTABLE) -> int | None:
-    """Return the number of the mode that asking for one leads to, None when it's refused."""
+    """Return the number of the mode to which a request leads, None if it's refused."""
     return None if condition.booting or mode not in selectable else int(mode)
 
 
@@ -144,7 +144,7 @@ STANDBY: Final = m.MAV_STATE_STANDBY
 
 
 def system_status(condition: Condition) -> int:
-    """Return the MAV_STATE that a condition is told as."""
+    """Return the MAV_STATE of a condition."""
     if condition.booting:
         return CALIBRATING
     return ACTIVE if condition is Condition.FLYING else STANDBY
@@ -162,7 +162,7 @@ BY_THROTTLE = frozenset(
         CopterMode.ZIGZAG,
     }
 )
-"""ArduCopter's modes in which a transmitter's throttle sets the climb; there is none, and without it they sink."""
+"""ArduCopter's modes in which a transmitter's throttle sets the climb; as there is no transmitter, they descend."""
 NOT_ARMABLE = frozenset(
     {CopterMode.AUTO, CopterMode.RTL, CopterMode.CIRCLE, CopterMode.LAND, CopterMode.BRAKE, CopterMode.SMART_RTL}
 )
@@ -177,9 +177,9 @@ PX4_AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.HOLD: Mode.LOITER,
     Px4Mode.RTL: Mode.RTL,
 }
-"""A fixed wing's modes, and ArduPlane's that are flown alike. Its landings aren't emulated."""
+"""A fixed wing's modes, and ArduPlane's that fly alike. PX4's landing isn't emulated."""
 PX4_BY_STICKS: Final = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.ACRO, Px4Mode.STABILIZED})
-"""Modes that need a transmitter, once it is armed."""
+"""Modes that need a transmitter once the vehicle is armed."""
 PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
     **dict.fromkeys(PX4_BY_STICKS, CopterMode.BRAKE),
     Px4Mode.ORBIT: CopterMode.BRAKE,
@@ -189,16 +189,16 @@ PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.RTL: CopterMode.RTL,
     Px4Mode.LAND: CopterMode.LAND,
 }
-"""A multirotor's modes, and ArduCopter's: sticks that nobody touches have it stand."""
+"""A multirotor's modes, and ArduCopter's that fly alike: with sticks untouched it hovers."""
 PX4_NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT})
 
 
 ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO, 5: Mode.AUTOLAND}
-"""FS_LONG_ACTN: return, glide, AUTO, land; all others fly on."""
+"""FS_LONG_ACTN: RTL, glide, AUTO, land; other values continue the flight."""
 
 
 class FailsafeKeys(NamedTuple):
-    """Names of a family's parameters for the failsafe, and the modes that its actions are."""
+    """Names of a family's failsafe parameters, and the modes of its actions."""
 
     enabled: str
     timeout_s: str
@@ -208,22 +208,22 @@ class FailsafeKeys(NamedTuple):
 
 LONG_FAILSAFE = FailsafeKeys("FS_GCS_ENABL", "FS_LONG_TIMEOUT", "FS_LONG_ACTN", ACTIONS)
 COPTER_ACTIONS = dict.fromkeys((1, 2, 3, 4, 6), CopterMode.RTL) | {5: CopterMode.LAND, 7: CopterMode.BRAKE}
-"""FS_GCS_ENABLE: RTL, also for SmartRTL and AUTO, which have nothing to go by; LAND; BRAKE."""
+"""FS_GCS_ENABLE: RTL, also in place of SmartRTL and AUTO, which lack a recorded way or mission; LAND; BRAKE."""
 COPTER_FAILSAFE = FailsafeKeys("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "FS_GCS_ENABLE", COPTER_ACTIONS)
 STALE: Final = -1
-"""Number of changed parameters for which nothing is known yet."""
+"""Change count for which the deadline hasn't been computed."""
 
 
 class GroundStationFailsafe:
     """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
 
     def __init__(self, parameters: ParameterServer, keys: FailsafeKeys) -> None:
-        """Wait for a first heartbeat."""
+        """Start waiting for a first heartbeat."""
         self._parameters, self._keys = parameters, keys
         self._heard: Instant | None = None
         self.active = False
         self._deadline, self._known = NEVER, STALE
-        """When it triggers, as found when so many of the parameters had been set."""
+        """When it triggers, and the parameters' change count for which this was computed."""
 
     def heartbeat(self, system: int, now: Instant) -> None:
         """Take a heartbeat."""

@@ -1,4 +1,4 @@
-"""Parameters, and how ground stations read and write them.
+"""Parameters, and the protocols with which ground stations read and write them.
 
 Source: MAVLink guide, "Parameter Protocol" and "File Transfer Protocol (FTP)"; ArduPilot documentation, "Complete
 Parameter List"; AP_Filesystem's notes on @PARAM/param.pck.
@@ -42,13 +42,13 @@ PACKED: dict[int, tuple[int, str]] = {
 }
 """MAV_PARAM_TYPE -> the type's number in the file and its `struct` format."""
 BITS = {m.MAV_PARAM_TYPE_INT8: 8, m.MAV_PARAM_TYPE_INT16: 16, m.MAV_PARAM_TYPE_INT32: 32}
-"""Widths of the integers."""
+"""Widths of the integer types."""
 
 
 class ParameterKind(NamedTuple):
-    """A parameter's type, the range of what is used, and its initial value.
+    """A parameter's type, range and initial value.
 
-    A value outside of the range is stored and told as it was sent, and used as the nearest bound.
+    A value outside the range is stored and reported as sent, but the nearest bound is used.
     """
 
     type: int
@@ -58,12 +58,12 @@ class ParameterKind(NamedTuple):
 
 
 def floating(least: float, most: float, initial: float) -> ParameterKind:
-    """Return a parameter that is a float."""
+    """Return a parameter of type float."""
     return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
 def _stored(kind: int, value: float) -> float:
-    """Return a value as a parameter of a type holds it: integers are cut off, and saturate at their width alone."""
+    """Return a value as stored for a type: integers are truncated, and limited only by their width."""
     if kind not in BITS:
         return value
     beyond = 1 << (BITS[kind] - 1)
@@ -71,7 +71,7 @@ def _stored(kind: int, value: float) -> float:
 
 
 def _within(kind: ParameterKind, value: float) -> float:
-    """Return a value as it is used: within the range of a kind."""
+    """Return the value in use: limited to the range of a kind."""
     return min(max(value, kind.least), kind.most)
 
 
@@ -79,17 +79,17 @@ class ParameterServer:
     """One vehicle's parameters, and the answers to requests for them."""
 
     def __init__(self, kinds: Mapping[str, ParameterKind]) -> None:
-        """Start with the initial value of each; their order is that of their indices on the wire."""
+        """Start with initial values; their order is that of their indices in messages."""
         self._kinds, self._names = kinds, tuple(kinds)
         self._values = {name: kind.initial for name, kind in kinds.items()}
         self._used = {name: _within(kind, kind.initial) for name, kind in kinds.items()}
         self.changes = 0
-        """How often a value has been set."""
+        """Number of times that a value has been set."""
         self._to_list: deque[tuple[Address, int]] = deque()
         self._files = Files(self.entries)
 
     def answers(self, message: Message, sender: Sender) -> list[Message]:
-        """Return the answers to a message, none if it doesn't ask for parameters; a list is sent later."""
+        """Return the answers to a message, if it concerns parameters; a list is sent later."""
         match message:
             case ParamRequestList():
                 self.begin_list(sender.peer)
@@ -106,7 +106,7 @@ class ParameterServer:
         return [] if value is None else [value]
 
     def __getitem__(self, name: str) -> float:
-        """Return a value as it is used."""
+        """Return the value in use."""
         return self._used[name]
 
     def entries(self) -> list[tuple[str, int, float]]:
@@ -143,7 +143,7 @@ class ParameterServer:
         return self._reported(request.param_id, UNINDEXED) if request.param_id in self._kinds else None
 
     def set(self, request: ParamSet) -> ParamValue | None:
-        """Change a value, whatever type it is sent as, and return the new one; None if there is no such parameter."""
+        """Change a value, sent as any type, and return the new one; None if there is no such parameter."""
         name, value = request.param_id, request.param_value
         kind = self._kinds.get(name)
         if kind is None or not math.isfinite(value):
@@ -201,7 +201,7 @@ class Packet(NamedTuple):
 
 
 class Files:
-    """Serves the file; a session reads the values as they were when it opened the file."""
+    """Serves the parameter file; a session reads the values as they were when it opened the file."""
 
     def __init__(self, parameters: Callable[[], list[tuple[str, int, float]]]) -> None:
         """Serve `parameters`: name, MAV_PARAM_TYPE and value of each."""

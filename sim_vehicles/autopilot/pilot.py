@@ -1,6 +1,6 @@
-"""What an emulated vehicle does in its modes, and a fixed wing in ArduPlane's. It writes the vehicle's `Steering`.
+"""An emulated vehicle's behaviour in its modes, and a fixed wing's in ArduPlane's. It writes the vehicle's `Steering`.
 
-Source: ArduPilot documentation, "AUTOLAND Mode". Unlike a real one, there is no flare.
+Source: ArduPilot documentation, "AUTOLAND Mode". Unlike ArduPlane's, landings have no flare.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sim_vehicles.config import VehicleConfig
 
 TAKEOFF_DONE_M: Final = 2.0
 NO_WAY_M: Final = 1e-3
-"""A way shorter than this has no direction."""
+"""Length below which a leg has no direction."""
 TOUCH_DOWN_M: Final = 0.1
 AUTOLAND: Final = Mode.AUTOLAND
 BOOTING: Final = Condition.BOOTING
@@ -26,11 +26,11 @@ BOOTING_IN_AIR: Final = Condition.BOOTING_IN_AIR
 FLYING: Final = Condition.FLYING
 CRASHED: Final = Condition.CRASHED
 TIGHTEST_SHARE: Final = 1.05
-"""Smallest radius of a circle, relative to that of the tightest turn."""
+"""Smallest radius of a circle as a multiple of the tightest turn's."""
 
 
 class Target(NamedTuple):
-    """The place that is flown to or circled, and where the way there begins, north and east, m; None: it is circled."""
+    """Position to fly to or circle, and the start of the leg there, north and east, m; None: it is circled."""
 
     north_m: float
     east_m: float
@@ -43,13 +43,13 @@ class Pilot(ABC):
     def __init__(
         self, config: VehicleConfig, steering: Steering, parameters: ParameterServer, mode: FlightMode
     ) -> None:
-        """Start in the condition of booting, in a mode."""
+        """Start booting, in a mode."""
         self.condition = Condition.BOOTING_IN_AIR if config.start.in_air else Condition.BOOTING
         self.mode = mode
         self.takeoff_m: float | None = None
         """Height at which the take-off is complete, from the selection of TAKEOFF until then."""
         self.silent_at: Instant = NEVER
-        """When a setpoint that isn't repeated is over: never, of a plane's."""
+        """When the last setpoint expires without a new one; a plane's never does."""
         self._config = config
         self._steering = steering
         self._parameters = parameters
@@ -67,13 +67,13 @@ class Pilot(ABC):
 
     @property
     def crashed(self) -> bool:
-        """Whether it lies on the ground for good."""
+        """Whether it has crashed."""
         return self.condition is CRASHED
 
     @property
     @abstractmethod
     def under_way(self) -> bool:
-        """Whether `progress` is due in each cycle."""
+        """Whether `progress` must be called in each cycle."""
 
     @property
     @abstractmethod
@@ -82,7 +82,7 @@ class Pilot(ABC):
 
     @abstractmethod
     def arm(self, motion: Motion) -> bool:
-        """Arm, and start what the mode does; return whether arming was allowed."""
+        """Arm, and begin the mode's action; return whether arming was allowed."""
 
     @abstractmethod
     def enter(self, mode: FlightMode, motion: Motion) -> None:
@@ -90,18 +90,18 @@ class Pilot(ABC):
 
     @abstractmethod
     def fly_straight(self, motion: Motion) -> None:
-        """Do what it does without setpoints: fly straight on, or stand."""
+        """Fly on without setpoints: straight, or hovering."""
 
     @abstractmethod
     def progress(self, motion: Motion) -> bool:
-        """Go on with what it does; return whether the vehicle has just left or touched the ground."""
+        """Continue the current action; return whether the vehicle has just left or touched the ground."""
 
     def restart(self, mode: FlightMode) -> None:
-        """Begin anew in a mode: its autopilot has restarted."""
+        """Start afresh in a mode after a restart of the autopilot."""
         self.mode = mode
 
     def to_go(self, motion: Motion) -> tuple[float, float, float]:
-        """Return its target's bearing, rad, and distance, m, and how far left of the way, or off the circle, it is."""
+        """Return the target's bearing, rad, its distance, m, and the cross-track error, m."""
         return motion.heading_setpoint_rad, 0.0, 0.0
 
     def request(self, request: Request) -> bool:
@@ -122,29 +122,29 @@ class Pilot(ABC):
 
 
 class PlanePilot(Pilot):
-    """What flies a fixed wing in ArduPlane's modes."""
+    """Flies a fixed wing in ArduPlane's modes."""
 
     def __init__(self, config: VehicleConfig, steering: Steering, parameters: ParameterServer) -> None:
-        """Start in the condition of booting."""
+        """Start booting."""
         super().__init__(config, steering, parameters, Mode.INITIALISING)
         self.guided_by_setpoints = False
-        """Whether a speed or height setpoint (commands 43000, 43001) has come since GUIDED was entered. From then on,
-        other commands that change speed or height are ignored."""
+        """Whether a speed or height setpoint (commands 43000, 43001) has been received since GUIDED was entered. From
+        then on, other commands that change speed or height are ignored."""
         self.target: Target | None = None
-        """Where it flies to, or circles, or did so last; None: nowhere yet."""
+        """Position that it flies to or circles, or last did; None before the first."""
         self.final: Approach | None = None
-        """The final approach of a mission's landing; None: it flies no such."""
+        """The final approach of a mission's landing; None without one."""
         self._asked_m = 0.0
-        """Radius that the present circle was asked for with, m; 0: WP_LOITER_RAD."""
+        """Radius requested for the present circle, m; 0: WP_LOITER_RAD."""
         self._guided_m = 0.0
-        """Radius that GUIDED was told since it was entered, m, 0 for WP_LOITER_RAD; and whether anticlockwise."""
+        """Radius commanded since GUIDED was entered, m, 0 for WP_LOITER_RAD; and whether circles are anticlockwise."""
         self._guided_left = False
         self.landing_rad: float | None = None
-        """Heading of the take-off, in which AUTOLAND lands; None if there was none."""
+        """Heading of the take-off, in which AUTOLAND lands; None without a take-off."""
 
     @property
     def under_way(self) -> bool:
-        """Whether `progress` is due in each cycle: it takes off, armed, or lands."""
+        """Whether `progress` must be called in each cycle: it takes off, armed, or lands."""
         return (self.takeoff_m is not None and self.condition.armed) or self.landing
 
     @property
@@ -159,16 +159,16 @@ class PlanePilot(Pilot):
 
     @property
     def landing(self) -> bool:
-        """Whether it is in AUTOLAND, or lands by a mission, and hasn't touched down."""
+        """Whether it is in AUTOLAND or in a mission's landing, and hasn't touched down."""
         return self.airborne and (self.mode is AUTOLAND or self.final is not None)
 
     def restart(self, mode: FlightMode) -> None:
-        """Begin anew in a mode, and forget the heading of the take-off."""
+        """Start afresh in a mode, and forget the heading of the take-off."""
         super().restart(mode)
         self.landing_rad = None
 
     def arm(self, motion: Motion) -> bool:
-        """Arm, and start what the mode does; return whether arming was allowed."""
+        """Arm, and begin the mode's action; return whether arming was allowed."""
         if not self.request(Request.ARM):
             return False
         if not self.airborne:
@@ -198,9 +198,9 @@ class PlanePilot(Pilot):
         self.steer(motion.heading_rad, course=False, lateral_mps2=math.inf)
 
     def to_go(self, motion: Motion) -> tuple[float, float, float]:
-        """Return its target's bearing, rad, and distance, m, and how far left of the way, or off the circle, it is, m.
+        """Return the target's bearing, rad, its distance, m, and the cross-track error, m: positive left or outside.
 
-        A circle's outside counts positive. Source: ArduPilot, AP_L1_Control (`crosstrack_error`).
+        Source: ArduPilot, AP_L1_Control (`crosstrack_error`).
         """
         target = self.target
         if target is None:
@@ -214,7 +214,7 @@ class PlanePilot(Pilot):
         return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), NO_WAY_M)
 
     def circle(self, north_m: float, east_m: float, height_m: float, radius_m: float = 0.0) -> None:
-        """Circle a position; `radius_m`: negative of an anticlockwise circle, 0 for WP_LOITER_RAD."""
+        """Circle a position; `radius_m`: negative for an anticlockwise circle, 0 for WP_LOITER_RAD."""
         self._asked_m = radius_m
         self.target = Target(north_m, east_m)
         self._steering.centre_north_m, self._steering.centre_east_m = north_m, east_m
@@ -222,7 +222,7 @@ class PlanePilot(Pilot):
         self.circle_again()
 
     def ask_circle(self, radius_m: float, side: float) -> None:
-        """Take the radius of GUIDED's circles, unless it is 0 or less, and their side: 0 and NaN clockwise.
+        """Set the radius of GUIDED's circles, ignored if 0 or less, and their direction: clockwise for 0 and NaN.
 
         Source: ArduPlane, `handle_command_int_do_reposition`.
         """
@@ -231,7 +231,7 @@ class PlanePilot(Pilot):
         self._guided_left = side != 0.0 and not math.isnan(side)
 
     def circle_guided(self, north_m: float, east_m: float, height_m: float) -> None:
-        """Circle a position with the radius and on the side that GUIDED was told."""
+        """Circle a position with the radius and direction commanded in GUIDED."""
         usual_m = self._parameters["WP_LOITER_RAD"]
         left = self._guided_left or usual_m < 0.0
         self.circle(north_m, east_m, height_m, (self._guided_m or abs(usual_m)) * (-1.0 if left else 1.0))
@@ -266,7 +266,7 @@ class PlanePilot(Pilot):
         self._steering.accel_mps2 = accel_mps2
 
     def change_height(self, height_m: float) -> None:
-        """Climb or sink to a height above the origin."""
+        """Climb or descend to a height above the origin."""
         self._steering.height_m = height_m
 
     def take_off(self, height_m: float, motion: Motion) -> None:
@@ -309,7 +309,7 @@ class PlanePilot(Pilot):
         return motion.height_m < TOUCH_DOWN_M and self.request(Request.TOUCH_DOWN)
 
     def land_at(self, north_m: float, east_m: float, motion: Motion) -> None:
-        """Land straight ahead from here at a place, if it is in the air."""
+        """If airborne, land straight ahead from here at a position."""
         if not self.airborne:
             return
         to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
@@ -319,7 +319,7 @@ class PlanePilot(Pilot):
         self._steering.kind = COURSE
 
     def _approach(self) -> Approach:
-        """Return the final approach, which touches down where braking from there ends at home, or at its place."""
+        """Return the final approach: a mission's, or AUTOLAND's, which touches down so that braking ends at home."""
         if self.final is not None:
             return self.final
         start, length_m = self._config.start, self._parameters["AUTOLAND_WP_DIST"]
@@ -327,7 +327,7 @@ class PlanePilot(Pilot):
         return Approach(start.north_m, start.east_m, direction_rad, length_m, height_m, self._lead_m())
 
     def _lead_m(self) -> float:
-        """Return how far before its end a landing touches down: the way of braking, and of the height's lag."""
+        """Return the distance before its end at which a landing touches down: of braking, and of the height's lag."""
         model, speed_mps = self._config.model, self._parameters["AIRSPEED_MIN"]
         return speed_mps**2 / (2.0 * model.accel_max_mps2) + speed_mps * (model.tau_ha_s + model.tau_hb_s)
 

@@ -1,7 +1,7 @@
-"""Setpoints of place and velocity, whichever message and frame brought them.
+"""Position and velocity setpoints, from either message and in any frame.
 
 Source: MAVLink common message set, "SET_POSITION_TARGET_LOCAL_NED" and "SET_POSITION_TARGET_GLOBAL_INT"; answers of
-ArduCopter 4.7 and PX4 1.17. Of a place with a velocity the place alone is flown to.
+ArduCopter 4.7 and PX4 1.17. If a setpoint has position and velocity, only the position is used.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Vector = tuple[float, float, float]
 
 
 def place_of(vehicle: Vehicle, setpoint: Setpoint) -> Vector | None:
-    """Return where it leads, m north, east and above the fleet's origin; None: it names no place that there is."""
+    """Return the position, m north, east and above the fleet's origin; None without a valid one."""
     if setpoint.type_mask & PLACE:
         return None
     start, origin = vehicle.config.start, vehicle.fleet.origin
@@ -63,7 +63,7 @@ def place_of(vehicle: Vehicle, setpoint: Setpoint) -> Vector | None:
 
 
 def velocity_of(vehicle: Vehicle, setpoint: Setpoint) -> Vector | None:
-    """Return the velocity north, east and down, m/s; None: it has none, or one that isn't finite, or a place too."""
+    """Return the velocity north, east and down, m/s; None without a finite one, or if there is a position too."""
     velocity_mps = setpoint.vx_mps, setpoint.vy_mps, setpoint.vz_mps
     if setpoint.type_mask & VELOCITY or not setpoint.type_mask & PLACE or not all(map(math.isfinite, velocity_mps)):
         return None
@@ -71,13 +71,13 @@ def velocity_of(vehicle: Vehicle, setpoint: Setpoint) -> Vector | None:
 
 
 def yaw_rate_of(setpoint: Setpoint) -> float:
-    """Return how fast the nose shall turn, rad/s, clockwise; 0: it is told where to point, or nothing."""
+    """Return the yaw rate, rad/s, clockwise; 0 if there is none, or a yaw instead."""
     told = setpoint.type_mask & YAW and not setpoint.type_mask & YAW_RATE and math.isfinite(setpoint.yaw_rate_radps)
     return setpoint.yaw_rate_radps if told else 0.0
 
 
 def refusal_of_px4(setpoint: Setpoint) -> str | None:
-    """Return what a PX4 says of a setpoint that it doesn't take; None of one that it takes."""
+    """Return PX4's text on refusing a setpoint, None for an accepted one."""
     name, frame = setpoint.kind().name, setpoint.coordinate_frame
     if isinstance(setpoint, SetPositionTargetLocalNed) and frame not in PX4_LOCAL_FRAMES:
         return f"{name} coordinate frame {frame} unsupported"
@@ -88,7 +88,7 @@ def refusal_of_px4(setpoint: Setpoint) -> str | None:
 
 
 def _turned(vehicle: Vehicle, setpoint: Setpoint, ahead: float, right: float) -> tuple[float, float]:
-    """Return north and east of what is told ahead and to the right of the nose, in frames that go by it."""
+    """Return north and east components of a setpoint that may be relative to the nose."""
     if setpoint.coordinate_frame not in FROM_NOSE:
         return ahead, right
     nose_rad = vehicle.body.shown().heading_rad

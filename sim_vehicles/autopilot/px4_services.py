@@ -1,8 +1,8 @@
-"""What an emulated PX4 tells, does and lets set otherwise than an ArduPlane: messages, commands, parameters, failsafes.
+"""What distinguishes an emulated PX4 from an ArduPlane: messages, commands, parameters and failsafes.
 
 Sources: MAVLink common message set, "HEARTBEAT", "CURRENT_MODE" and "MAV_CMD"; PX4 user guide, "Flight Modes",
-"Parameter Reference" and "Safety Configuration (Failsafes)"; what PX4's simulator (SIH, version 1.17, development)
-answers, refuses and begins with.
+"Parameter Reference" and "Safety Configuration (Failsafes)"; answers, refusals and initial state of PX4's simulator
+(SIH, version 1.17, development).
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ STREAMS: Final = {
     m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: SPEED,
     m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: SPEED,
 }
-"""What a ground station's link carries without a request, and every how many ns."""
+"""Messages streamed to a ground station without a request, and their intervals, ns."""
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
 FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
-"""HEARTBEAT's flags in OFFBOARD and in the modes without a pilot, by which pymavlink and others tell these."""
+"""HEARTBEAT's flags in OFFBOARD and in autonomous modes, by which pymavlink and others recognise these."""
 FLAGS: Final = dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS) | {
     Px4Mode.ACRO: m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED,
     Px4Mode.OFFBOARD: FOLLOWS,
@@ -61,7 +61,7 @@ FLAGS: Final = dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS) | {
 
 
 def heartbeat(v: Px4) -> Message:
-    """Return HEARTBEAT: ACTIVE as soon as it is armed, CRITICAL in a failsafe."""
+    """Return HEARTBEAT: ACTIVE while armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
     flags = FLAGS.get(v.mode, FINDS_ITS_WAY) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
     up = m.MAV_STATE_STANDBY if v.armable else m.MAV_STATE_UNINIT
@@ -70,12 +70,12 @@ def heartbeat(v: Px4) -> Message:
 
 
 def current_mode(v: Px4) -> Message:
-    """Return CURRENT_MODE, with the mode that was asked for last."""
+    """Return CURRENT_MODE, with the mode that was requested last."""
     return CurrentMode(0, int(v.mode), int(v.intended))
 
 
 def gps_raw_int(v: Vehicle) -> Message:
-    """Return GPS_RAW_INT; it has no time stamp."""
+    """Return GPS_RAW_INT, without a time stamp."""
     reported = telemetry.gps_raw_int(v)
     assert isinstance(reported, GpsRawInt)
     return reported.but(time_usec=0)
@@ -112,7 +112,7 @@ BUILDERS: Final[telemetry.Builders] = {
 
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 LEAST_CHANGES_US: Final = 500_000
-"""CURRENT_MODE comes with each change, and this often otherwise, however often it is asked for."""
+"""Least interval of CURRENT_MODE on request; it is also sent on each change."""
 
 
 def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
@@ -143,14 +143,14 @@ def _reposition(vehicle: Px4, given: GivenCommand) -> int:
 
 
 def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
-    """Change the speed; in OFFBOARD that is accepted and has no effect, as is what is no speed."""
+    """Change the speed; in OFFBOARD, and for an invalid speed, this is accepted without effect."""
     if vehicle.mode is Px4Mode.HOLD and 0.0 < given.params[1] < math.inf:
         vehicle.change_speed(given.params[1])
     return ACCEPTED
 
 
 def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
-    """Hold, at an altitude above sea level; at the one that it has where that is none."""
+    """Hold at an altitude above sea level, or at the present one if the altitude isn't finite."""
     if not vehicle.switch(Px4Mode.HOLD):
         return REJECTED
     if math.isfinite(given.params[0]):
@@ -164,9 +164,9 @@ def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
 
 
 def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for what isn't known.
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for unknown messages.
 
-    A shorter one than the main loop's is taken, but in each loop a message is sent once.
+    Intervals below the main loop's period are accepted, but a message is sent at most once per loop.
     """
     message_id, interval_us = given.params[0], given.params[1]
     if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
@@ -179,7 +179,7 @@ def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
 
 
 def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Tell a message's interval: of one that it doesn't know, that it isn't streamed."""
+    """Report a message's interval; unknown messages are reported as not streamed."""
     if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
         return DENIED
     message_id = int(given.params[0])
@@ -188,7 +188,7 @@ def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
 
 
 def _request_message(vehicle: Px4, given: GivenCommand) -> int:
-    """Send a message once; what it doesn't know is DENIED."""
+    """Send a message once; unknown messages are DENIED."""
     return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
@@ -200,7 +200,7 @@ UNHEEDED: Final = (
     m.MAV_CMD_RUN_PREARM_CHECKS,
     m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
 )
-"""Accepted without an effect here: of a camera, a landing's approach, checks, and a version that few ask for."""
+"""Accepted without effect here: they concern a camera, a go-around, checks and the protocol version."""
 HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
@@ -219,13 +219,13 @@ HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
     m.MAV_CMD_MISSION_START: _start_mission,
 }
-"""All others are UNSUPPORTED."""
+"""All other commands are UNSUPPORTED."""
 
 
 LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}
-"""NAV_DLL_ACT, after a while in HOLD; 1 is HOLD, 0 does nothing."""
+"""NAV_DLL_ACT's action after some time in HOLD; 1 is HOLD, 0 does nothing."""
 LOST_STREAM: Final = {0: Px4Mode.RTL, 3: Px4Mode.RTL, 4: Px4Mode.LAND, 5: Px4Mode.HOLD}
-"""COM_OBL_RC_ACT; 0 is POSITION with a transmitter, and there is none."""
+"""COM_OBL_RC_ACT; 0 would be POSITION with a transmitter, but there is none."""
 LINK_LOSS: Final = FailsafeKeys("NAV_DLL_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", LOST_LINK)
 CM: Final = 100.0
 ALSO_NAMED: Final = {
@@ -243,9 +243,9 @@ ALSO_NAMED: Final = {
     "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
     "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
 }
-"""What ArduPilot's pilots, who fly its modes, call a parameter, and what a unit of it is there."""
+"""ArduPilot's names, used by the emulated pilots, of PX4's parameters, and ArduPilot's units in one of PX4's."""
 BY_NAME: Final = -1
-"""Index of a parameter that is asked for by its name."""
+"""Index in a request by name."""
 
 
 def _whole(least: float, most: float, initial: float) -> ParameterKind:
@@ -253,7 +253,7 @@ def _whole(least: float, most: float, initial: float) -> ParameterKind:
 
 
 def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
-    """Return the parameters of a vehicle by their names: PX4's defaults, wide enough for its model."""
+    """Return the parameters of a vehicle by name: PX4's defaults, with limits wide enough for its model."""
     model = config.model
     common = {
         "COM_DISARM_LAND": floating(-1, 20, 2.0),
@@ -287,15 +287,15 @@ def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterK
 
 
 class Px4Parameters(ParameterServer):
-    """Parameters told as PX4 does: an integer's four bytes in the place of a float's."""
+    """Parameters in PX4's encoding: an integer's four bytes in the float field."""
 
     def __getitem__(self, name: str) -> float:
-        """Return a value, also by the name that ArduPilot's pilots have for it."""
+        """Return a value, also by ArduPilot's name and in ArduPilot's unit."""
         own, unit = ALSO_NAMED.get(name, (name, 1.0))
         return unit * self._values[own]
 
     def answers(self, message: Message, sender: Sender) -> list[Message]:
-        """Return the answers to a message; what isn't known is told by PARAM_ERROR."""
+        """Return the answers to a message; a parameter that doesn't exist is answered by PARAM_ERROR."""
         found = super().answers(message, sender)
         if found or not isinstance(message, (ParamRequestRead, ParamSet)):
             return found
@@ -304,7 +304,7 @@ class Px4Parameters(ParameterServer):
         return [ParamError(sender.system, sender.component, message.param_id, index, unknown)]
 
     def set(self, request: ParamSet) -> ParamValue | None:
-        """Change a value that is sent as PX4 takes it, and return the new one."""
+        """Change a value in PX4's encoding, and return the new one."""
         name, value = request.param_id, request.param_value
         kind = self._kinds.get(name)
         if kind is None:
@@ -323,10 +323,10 @@ class Px4Parameters(ParameterServer):
 
 
 class LinkLoss(GroundStationFailsafe):
-    """Acts when the heartbeats of ground stations stop: HOLD, a while later what NAV_DLL_ACT says, if that is more."""
+    """Acts when heartbeats of ground stations stop: HOLD, and some time later NAV_DLL_ACT if that asks for more."""
 
     def __init__(self, parameters: ParameterServer) -> None:
-        """Wait for a first heartbeat."""
+        """Start waiting for a first heartbeat."""
         super().__init__(parameters, LINK_LOSS)
         self._holds = False
 

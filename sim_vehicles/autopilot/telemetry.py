@@ -1,4 +1,4 @@
-"""The messages with which emulated autopilots report their state, and when each is due; PX4's own: px4_services."""
+"""The messages with which emulated autopilots report their state, and their schedule; PX4's own: px4_services."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ DEFAULT, STOP = 0.0, -1.0
 _asin: Final = math.asin
 _atan: Final = math.atan
 _atan2: Final = math.atan2
-"""Names of their own are found without a look into the module."""
+"""Compiled code finds module names faster than attributes of `math`."""
 GROUPS: dict[int, tuple[int, ...]] = {
     m.MAV_DATA_STREAM_EXTENDED_STATUS: (
         m.MAVLINK_MSG_ID_SYS_STATUS,
@@ -93,15 +93,15 @@ GROUPS: dict[int, tuple[int, ...]] = {
         m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     ),
 }
-"""What REQUEST_DATA_STREAM's groups consist of (ArduPilot documentation, "SRn_ parameters")."""
+"""Messages of REQUEST_DATA_STREAM's groups (ArduPilot documentation, "SRn_ parameters")."""
 STREAMED = tuple(message_id for group in GROUPS.values() for message_id in group)
 UNASKED_NS: Final = NANOSECONDS
 UNASKED: Final = dict.fromkeys((m.MAVLINK_MSG_ID_HEARTBEAT, *STREAMED), UNASKED_NS)
-"""Messages that are streamed without a request, and every how many ns."""
+"""Messages streamed without a request, and their intervals, ns."""
 
 
 def heartbeat(v: Vehicle) -> Message:
-    """Return HEARTBEAT: its kind, its mode, whether it is armed."""
+    """Return HEARTBEAT: type, mode, and whether it is armed."""
     flags = MODE_FLAGS if v.pilot.mode in v.by_hand else MODE_FLAGS | STEERS
     return Heartbeat(
         v.mav_type,
@@ -113,7 +113,7 @@ def heartbeat(v: Vehicle) -> Message:
 
 
 def sys_status(v: Vehicle) -> Message:
-    """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, as is the fence that it lacks."""
+    """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, the missing fence always."""
     working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
     healthy = working | FENCE | (PREARM_CHECK if v.ready else 0)
     known = SENSORS | PREARM_CHECK
@@ -121,17 +121,17 @@ def sys_status(v: Vehicle) -> Message:
 
 
 def battery_status(_: Vehicle) -> Message:
-    """Return BATTERY_STATUS of the battery that SYS_STATUS reports; its cells are unknown."""
+    """Return BATTERY_STATUS of the battery in SYS_STATUS; its cells are unknown."""
     return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
 
 
 def system_time(v: Vehicle) -> Message:
-    """Return SYSTEM_TIME: UTC as it knows it, and the time since boot."""
+    """Return SYSTEM_TIME: the vehicle's UTC, and its time since boot."""
     return SystemTime(v.utc_us, v.time_s)
 
 
 def gps_raw_int(v: Vehicle) -> Message:
-    """Return GPS_RAW_INT: the receiver's own 3-D fix, or none where the vehicle has no receiver."""
+    """Return GPS_RAW_INT: the receiver's own 3-D fix, or no fix without a receiver."""
     received = v.estimate.received
     if received is None:
         return GpsRawInt(v.time_ns // 1000, NO_FIX, 0.0, 0.0, 0.0, UNKNOWN_DOP, UNKNOWN_DOP, 0.0, 0.0, 0)
@@ -142,7 +142,7 @@ def gps_raw_int(v: Vehicle) -> Message:
 
 
 def attitude(v: Vehicle) -> Message:
-    """Return ATTITUDE; bank and pitch follow from the turn rate and the climb rate, and are off as the estimate is."""
+    """Return ATTITUDE; bank and pitch follow from turn rate and climb rate, plus the estimate's errors."""
     motion, estimate = v.sensed, v.estimate
     pitch = _asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
     bank = _bank(motion) + estimate.bank_error_rad
@@ -150,7 +150,7 @@ def attitude(v: Vehicle) -> Message:
 
 
 def local_position_ned(v: Vehicle) -> Message:
-    """Return LOCAL_POSITION_NED, from home."""
+    """Return LOCAL_POSITION_NED, relative to home."""
     start, motion = v.config.start, v.sensed
     north, east = motion.north_m - start.north_m, motion.east_m - start.east_m
     return LocalPositionNed(
@@ -165,7 +165,7 @@ def local_position_ned(v: Vehicle) -> Message:
 
 
 def global_position_int(v: Vehicle) -> Message:
-    """Return GLOBAL_POSITION_INT: place, heights above sea level and home, ground velocity, as sensed."""
+    """Return GLOBAL_POSITION_INT: position, heights above sea level and home, ground velocity, as sensed."""
     motion = v.sensed
     lat, lon, alt = v.fleet.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
     return GlobalPositionInt(
@@ -182,7 +182,7 @@ def global_position_int(v: Vehicle) -> Message:
 
 
 def nav_controller_output(v: Vehicle) -> Message:
-    """Return NAV_CONTROLLER_OUTPUT: where its target is, and what it lacks of that."""
+    """Return NAV_CONTROLLER_OUTPUT: the target's bearing and distance; errors of height, airspeed and track."""
     motion = v.sensed
     bearing, distance, aside = v.pilot.to_go(motion)
     bearing = signed(bearing)
@@ -192,13 +192,13 @@ def nav_controller_output(v: Vehicle) -> Message:
 
 
 def _read(v: Vehicle, true_mps: float) -> float:
-    """Return what its sensor reads at an airspeed."""
+    """Return the sensor's reading at an airspeed."""
     pitot = v.body.pitot
     return true_mps if pitot is None else pitot.reading(true_mps, v.sensed.height_m)
 
 
 def vfr_hud(v: Vehicle) -> Message:
-    """Return VFR_HUD, which alone carries the airspeed."""
+    """Return VFR_HUD, the only message with the airspeed."""
     motion = v.sensed
     speed = _length(motion.velocity_north_mps, motion.velocity_east_mps)
     altitude = v.fleet.origin.alt_m + motion.height_m
@@ -215,36 +215,36 @@ def wind(v: Vehicle) -> Message:
 
 
 def ekf_status_report(v: Vehicle) -> Message:
-    """Return EKF_STATUS_REPORT: what its estimate is good for, and how well it agrees with the sensors."""
+    """Return EKF_STATUS_REPORT: which estimates are valid, and their innovation ratios."""
     estimate = v.estimate
     flags, ratios = EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, estimate.ratios
     return EkfStatusReport(flags, ratios.velocity, ratios.horizontal, ratios.height, ratios.compass, 0.0)
 
 
 def home_position(v: Vehicle) -> Message:
-    """Return HOME_POSITION: the ground where it started."""
+    """Return HOME_POSITION: the ground at the starting position."""
     start = v.config.start
     home = v.fleet.origin.from_ned(start.north_m, start.east_m, 0.0)
     return HomePosition(*home, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), time_usec=v.time_ns // 1000)
 
 
 def mission_current(v: Vehicle) -> Message:
-    """Return MISSION_CURRENT, as its missions have it."""
+    """Return MISSION_CURRENT."""
     return v.missions.reported()
 
 
 def extended_sys_state(v: Vehicle) -> Message:
-    """Return EXTENDED_SYS_STATE: whether it is on the ground, in the air or, of a multirotor, in between."""
+    """Return EXTENDED_SYS_STATE: on the ground, in the air or, for a multirotor, taking off or landing."""
     return ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, v.pilot.landed_state)
 
 
 def autopilot_version(v: Vehicle) -> Message:
-    """Return AUTOPILOT_VERSION, by which ground stations tell what it can do."""
+    """Return AUTOPILOT_VERSION, which tells ground stations the vehicle's capabilities."""
     return AutopilotVersion(v.capabilities, v.version)
 
 
 def _length(north: float, east: float) -> float:
-    """Return a vector's length. Compiled, `math.hypot`, which is exact, would be a call of Python's own."""
+    """Return a vector's length. Compiled, this is faster than `math.hypot`, which is a call into Python."""
     return math.sqrt(north * north + east * east)
 
 
@@ -253,7 +253,7 @@ def _bank(motion: Motion) -> float:
 
 
 Builders = Mapping[int, Callable[[Any], Message]]
-"""Messages that a kind of vehicle can send, and what makes each."""
+"""Messages that a kind of vehicle can send, and the functions that build them."""
 BUILDERS: Builders = {
     m.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     m.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
@@ -275,10 +275,10 @@ BUILDERS: Builders = {
 
 
 class Stream:
-    """One message that is sent again and again."""
+    """One periodic message."""
 
     def __init__(self, message_id: int, build: Callable[[Any], Message], interval_ns: int) -> None:
-        """Take its id, what makes it and its interval."""
+        """Take its id, the function that builds it, and its interval."""
         self.message_id = message_id
         self.build = build
         self.interval_ns: i64 = interval_ns
@@ -288,20 +288,20 @@ class Streams:
     """One vehicle's message intervals. A message is sent in the first cycle of the main loop at or after its time."""
 
     def __init__(self, now: Instant, unasked: Mapping[int, int], known: Builders) -> None:
-        """Start with the messages that need no request, of those that are `known`."""
+        """Start with the messages that need no request; `known` are those that can be sent."""
         self._unasked, self._known = unasked, known
         self._streams = [Stream(message_id, known[message_id], unasked[message_id]) for message_id in sorted(unasked)]
-        """In the order of their ids, in which those of a cycle are sent."""
+        """Sorted by id, the order in which the messages of a cycle are sent."""
         self._due = vec[i64]([now] * len(self._streams))
-        """When each is due next, side by side: most cycles look at nothing else."""
+        """When each is due next, in an array of its own, because most cycles read nothing else."""
         self.next_due = now
-        """When the next message is due; `NEVER` when none is."""
+        """When the next message is due; `NEVER` if none is."""
         self._place: i64 = 0
-        """Where to go on looking for those that are due in this cycle."""
+        """Where the search for this cycle's due messages continues."""
         self._plan()
 
     def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
-        """Set an interval, 0 for the default one, -1 for never; return False for one shorter than the main loop's.
+        """Set an interval, 0 for the default, -1 for never; return False for one shorter than the main loop's.
 
         Source: MAVLink, MAV_CMD_SET_MESSAGE_INTERVAL.
         """
@@ -316,7 +316,7 @@ class Streams:
         return True
 
     def set_group(self, group: int, rate_hz: int, now: Instant) -> None:
-        """Set the rate of a group of messages: 0 stops them."""
+        """Set the rate of a group of messages; 0 stops them."""
         members = STREAMED if group == m.MAV_DATA_STREAM_ALL else GROUPS.get(group, ())
         for message_id in members:
             self._set(message_id, NANOSECONDS // min(rate_hz, LOOP_HZ) if rate_hz else None, now)
@@ -334,10 +334,7 @@ class Streams:
         self._plan()
 
     def send_next(self, vehicle: Vehicle, now: Instant) -> bool:
-        """Have their vehicle send the next message that is due, in order; return whether there is another.
-
-        When there is none, the next ones are planned.
-        """
+        """Send the vehicle's next due message, in order of ids; return whether another is due in this cycle."""
         at: i64 = now
         place = self._due_from(self._place, at)
         if place < len(self._due):

@@ -64,9 +64,9 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
 
 
 def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -> Status:
-    """Fly until told to stop, the time is over, or the process that started us ends; `truth`: the file of its record.
+    """Fly until a signal, the end of the time, or the end of the parent process; `truth`: file for the ground truth.
 
-    With a clock's origin, instant 0 on the machine's monotonic clock, instants are those of that process.
+    With a given clock origin (instant 0 on the machine's monotonic clock) instants are those of the parent process.
     """
     clock, signals = RealClock(given["speedup"], given["clock_origin_ns"]), list[int]()
     until_s, parent_pid = given["until_s"], given["parent_pid"]
@@ -94,12 +94,12 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
 def _greet(text: str) -> None:
     try:
         click.echo(text)
-    except BrokenPipeError:  # whoever read this has gone; the vehicles fly for others
+    except BrokenPipeError:  # the reader has gone; the vehicles fly on for others
         drop(sys.__stdout__)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
-    """Return vehicles in a row on the ground, heading north."""
+    """Return the configuration of vehicles in a row on the ground, heading north."""
     last = base_port if one_port else base_port + count - 1
     if last > MAX_PORT:
         fail(f"found ports up to {last}; allowed: up to {MAX_PORT}")

@@ -1,4 +1,4 @@
-"""Alignment: how a vehicle at rest finds its attitude, from gravity and the Earth's rotation, then by a Kalman filter.
+"""Alignment of a vehicle at rest: attitude from gravity and the Earth's rotation, refined by a Kalman filter.
 
 Coarse alignment: the mean specific force gives the vertical, the mean angular rate gives north. Fine alignment: a
 filter of ten states, whose measurement is that the vehicle's velocity is zero. It can't separate a horizontal
@@ -33,13 +33,13 @@ from sim_vehicles.inertial.imu import Increments, InertialSensors, NavigationSta
 from sim_vehicles.inertial.strapdown import Strapdown
 
 COARSE_S: Final = 60.0
-"""Averaging time of the coarse alignment; the fine filter then starts with the same samples again."""
+"""Averaging time of the coarse alignment; the fine filter then processes the same samples from the beginning."""
 UPDATE_S: Final = 1.0
 FIRST_SIGMA: Final = np.radians((1.0, 1.0, 5.0))
 """Standard deviations of the attitude after the coarse alignment, about east, north and up, rad."""
 FIRST_SHARE: Final = 50.0
-"""They are at least this many times the alignment's limits: a narrow prior would make a bias look known, and pull the
-posterior below its limit (by 0.5 % with 10 times)."""
+"""Least ratio of these to the alignment's limits: a narrower prior would make a bias look known, and the posterior fall
+below its limit (by 0.5 % with a ratio of 10)."""
 VELOCITY_SIGMA_MPS: Final = 0.1
 """Standard deviation of the velocity with which a vehicle at rest sways in the wind, east and north."""
 STATES: Final = np.array(
@@ -48,7 +48,7 @@ STATES: Final = np.array(
     + [ACCEL_BIAS.start + EAST, ACCEL_BIAS.start + NORTH]
     + [GYRO_BIAS.start + axis for axis in range(3)]
 )
-"""Which of the fifteen errors are estimated. Biases are along east, north and up: the vehicle doesn't rotate."""
+"""Indices of the estimated ones of the fifteen errors. Biases are along east, north and up: the vehicle is at rest."""
 TILTS: Final = slice(2, 5)
 
 
@@ -57,23 +57,23 @@ class Alignment:
     """The result of an alignment."""
 
     times_s: Array
-    """(K,) of the updates."""
+    """(K,) times of the updates."""
     sigma_rad: Array
-    """(K, 3) of the misalignment about east, north and up, by the filter's covariance."""
+    """(K, 3) standard deviations of the misalignment about east, north and up, from the filter's covariance."""
     error_rad: Array
     """(K, 3) true misalignment."""
     innovations: Array
-    """(K, 2) of the velocity east and north, in their standard deviations."""
+    """(K, 2) innovations of the velocity east and north, normalised by their standard deviations."""
     bias: Array
     """(6,) estimated biases, body components: accelerometers' in m/s², gyroscopes' in rad/s."""
     covariance: Array
-    """(15, 15) of all errors, biases in body components; what the filter doesn't estimate is zero."""
+    """(15, 15) covariance of all errors, biases in body components; zero for those not estimated."""
     coarse_rad: Array
-    """(3,) true misalignment after the coarse part."""
+    """(3,) true misalignment after the coarse alignment."""
 
 
 def coarse(rate_radps: Array, force_mps2: Array) -> Array:
-    """Return the attitude (3, 3) of a vehicle that stands, from its mean rate and force (3,), body components."""
+    """Return the attitude (3, 3) of a vehicle at rest, from its mean rate and force (3,), body components."""
     up = force_mps2 / np.linalg.norm(force_mps2)
     east = np.cross(rate_radps, up)
     east /= np.linalg.norm(east)
@@ -90,7 +90,7 @@ class FineAlignment:
     """The filter of ten states, for a vehicle at rest at a known position."""
 
     def __init__(self, place: GeodeticOrigin, sensors: InertialSensors) -> None:
-        """Begin after a coarse alignment; `sensors` are those that the filter assumes."""
+        """Start after a coarse alignment; `sensors` are those that the filter assumes."""
         self.place = place
         force = np.array((0.0, 0.0, gravity_mps2(place.lat_rad, place.alt_m)))
         model = dynamics(place.lat_rad, place.alt_m, np.zeros(3), force, np.eye(3))
@@ -117,7 +117,7 @@ class FineAlignment:
     def covariance(self, to_body: Array) -> Array:
         """Return the covariance of all errors (15, 15), biases in body components; `to_body` (3, 3) rotates into them.
 
-        The position and the vertical velocity of a vehicle at rest are known.
+        Position and vertical velocity of a vehicle at rest are known.
         """
         whole = np.zeros((SIZE, SIZE))
         whole[np.ix_(STATES, STATES)] = self._filter.covariance
@@ -167,9 +167,9 @@ def align(
 
 
 def _at_rest(navigator: Strapdown, truth: NavigationState, fine: FineAlignment, sway_mps: Array) -> tuple[Array, Array]:
-    """Correct a navigator by its zero velocity; return the innovation (2,) and what was found of its biases (6,).
+    """Correct a navigator by its zero velocity; return the innovation (2,) and the correction of its biases (6,).
 
-    The position and the vertical velocity are known as well.
+    Position and vertical velocity are set to their known values.
     """
     velocity = np.array(navigator.velocity)
     errors, innovation = fine.update(velocity[:2] - sway_mps)

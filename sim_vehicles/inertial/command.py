@@ -34,7 +34,7 @@ CM: Final = 1 / 2.54
 WIDTH_CM: Final = 16.0
 DPI: Final = 200
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#8C8C8C"
-"""Of Okabe and Ito's palette, which colour-blind readers can tell apart."""
+"""From Okabe and Ito's palette, which colour-blind readers can distinguish."""
 STYLE: Final[dict[Any, Any]] = {
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -53,7 +53,7 @@ STYLE: Final[dict[Any, Any]] = {
 LENGTHS: Final = tuple(f"{axis}_{unit}" for unit in ("m", "mps") for axis in AXES)
 ANGLE_LABELS: Final = ("about east, arcsec", "about north, arcsec", "heading, arcmin")
 SHARPEST_LIMIT_RAD = math.radians(5.0)
-"""Beyond it the heading of the alignment is useless, as its error is no small angle any more."""
+"""Above this, the alignment's heading error is no small angle any more and its heading is useless."""
 EXAMPLES = """\b
 Examples:
   sim-vehicles sins configs/sins.yaml                              alignment, then free-inertial flight
@@ -172,9 +172,9 @@ def _flight(done: Experiment) -> dict[str, Array]:
 @click.command(epilog=EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--vehicle", metavar="ID", help="Which vehicle.  [default: the first with source: ins]")
-@click.option("--seed", type=SEED, help="Of the sensors' noise, in place of the scenario's.")
+@click.option("--seed", type=SEED, help="Seed of the sensors' noise, instead of the scenario's.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
-@click.option("--out", type=OUT, help="Where to.  [default: runs/NAME-TIME]")
+@click.option("--out", type=OUT, help="Directory to write to.  [default: runs/NAME-TIME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary alone, as JSON.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")

@@ -1,9 +1,9 @@
-"""The linear model of an inertial navigator's errors, with 15 states, what aids measure of them, and a Kalman filter.
+"""The linear error model of an inertial navigator, with 15 states, its aids' measurements, and a Kalman filter.
 
 The errors are: position, east, north and up in m; velocity likewise in m/s; misalignment phi in rad, where the computed
-attitude is (I - [phi x]) times the true one; the accelerometers' biases and the gyroscopes', body components, in SI
-units. Sources: Titterton and Weston, Strapdown Inertial Navigation Technology (2004), section 12.3; Groves (2013),
-section 14.2.
+attitude is (I - [phi x]) times the true one; the biases of accelerometers and gyroscopes, body components, in SI units.
+Sources: Titterton and Weston, Strapdown Inertial Navigation Technology (2004), section 12.3; Groves (2013), section
+14.2.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def dynamics(lat_rad: float, height_m: float, velocity_mps: Array, force_mps2: A
 
     Args:
         lat_rad: latitude.
-        height_m: above the ellipsoid.
+        height_m: height above the ellipsoid.
         velocity_mps: (3,) east, north and up.
         force_mps2: (3,) specific force, east, north and up.
         attitude: (3, 3) body to navigation.
@@ -87,7 +87,7 @@ class Aid(NamedTuple):
 
     @property
     def has_position(self) -> bool:
-        """Whether it is a receiver: it measures places and velocities east, north and up, in this order."""
+        """Whether it is a GNSS receiver: it measures positions and velocities east, north and up, in this order."""
         return self.sigmas.size == RECEIVED
 
     def test_ratios(self, innovation: Array) -> InnovationRatios:
@@ -106,12 +106,12 @@ def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocit
 
 
 def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
-    """Return a barometric altimeter: the height alone."""
+    """Return a barometric altimeter: only the height."""
     return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))
 
 
 def aid(keys: InertialNavigation) -> Aid | None:
-    """Return what aids the navigator, None for nothing."""
+    """Return the navigator's aid, None if it has none."""
     match keys.aiding:
         case "gnss":
             return gnss(**keys.gnss.model_dump())
@@ -122,7 +122,7 @@ def aid(keys: InertialNavigation) -> Aid | None:
 
 
 class ErrorFilter:
-    """The covariance of N errors."""
+    """A Kalman filter's covariance of N errors."""
 
     def __init__(self, covariance: Array) -> None:
         """Start with a covariance (N, N)."""
@@ -132,7 +132,7 @@ class ErrorFilter:
         """Propagate by `period_s`, short compared with the dynamics (N, N); `noise_density` is the diagonal (N,)."""
         step = dynamics * period_s
         transition = np.eye(len(step)) + step + step @ step / 2.0
-        # Simpson's rule, to include how the dynamics spread the noise within the step.
+        # Simpson's rule, which includes the dynamics' effect on the noise within the step.
         half = np.eye(len(step)) + step / 2.0 + step @ step / 8.0
         middle, end = (half * noise_density) @ half.T, (transition * noise_density) @ transition.T
         noise = (end + 4.0 * middle + np.diag(noise_density)) * period_s / 6.0

@@ -1,4 +1,4 @@
-"""The navigation experiment of a scenario: a vehicle stands and aligns, then navigates, free or aided."""
+"""The navigation experiment of a scenario: a vehicle at rest aligns, then navigates, free-inertial or aided."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ from sim_vehicles.inertial.imu import (
 from sim_vehicles.inertial.strapdown import Strapdown, displaced
 
 STEP_S: Final = 0.1
-"""Step of the covariance propagation, and of the grid on which aids measure."""
+"""Step of the covariance propagation, and of the times at which aids measure."""
 EACH: Final = 10
-"""Steps between two rows of the record."""
+"""Number of steps between two rows of the record."""
 BLOCK_STEPS: Final = 200
 FARTHEST_M: Final = 1e6
-"""Gravity has no meaning at heights beyond."""
+"""Largest computed height; gravity has no meaning beyond."""
 SCHEMA: Final = 1
 LEAST_S: Final = 1.0
 RATE_HZ: Final = 100.0
-"""Increments of the sensors a second."""
+"""Rate of the sensors' increments."""
 AXES: Final = ("east", "north", "up")
 ANGLES: Final = ("east_arcsec", "north_arcsec", "heading_arcmin")
 UNITS: Final = np.radians((1.0 / 3600.0, 1.0 / 3600.0, 1.0 / 60.0))
@@ -57,13 +57,13 @@ UNITS: Final = np.radians((1.0 / 3600.0, 1.0 / 3600.0, 1.0 / 60.0))
 
 @dataclass(frozen=True)
 class Start:
-    """The start of a flight: a state, and what is known of its errors."""
+    """The start of a flight: a state, and the knowledge of its errors."""
 
     state: NavigationState
     bias: Array
     """(6,) estimated biases, accelerometers' and gyroscopes', body components."""
     covariance: Array
-    """(15, 15)"""
+    """(15, 15) covariance of the errors."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,11 @@ class NavigationRecord:
     """Errors of a flight, once a second."""
 
     times_s: Array
-    """(K,)"""
+    """(K,) times."""
     errors: Array
-    """(K, 9) computed minus true: place east, north and up in m, velocity in m/s, misalignment in rad."""
+    """(K, 9) computed minus true: position east, north and up in m, velocity in m/s, misalignment in rad."""
     sigmas: Array
-    """(K, 9) standard deviations by the filter's covariance."""
+    """(K, 9) standard deviations from the filter's covariance."""
     place: Array
     """(K, 3) true latitude and longitude in rad, height in m."""
 
@@ -100,7 +100,7 @@ def navigate(
     The trajectory must last a second or more.
 
     Raises:
-        DivergedError: the computed height is beyond `FARTHEST_M`.
+        DivergedError: the computed height exceeds `FARTHEST_M`.
     """
     steps = math.floor(trajectory.duration_s / STEP_S + 1e-9)
     times_s = STEP_S * np.arange(1, steps + 1, dtype=np.float64)
@@ -109,7 +109,7 @@ def navigate(
     rows: list[Array] = []
     for step, samples in enumerate(_samples(trajectory, sensors, steps, rate_hz, random)):
         now = NavigationState(*(part[step] for part in truth))
-        computer.go_on(samples, 1.0 / rate_hz, now)
+        computer.process(samples, 1.0 / rate_hz, now)
         if (step + 1) % EACH == 0:
             if abs(computer.height_m) > FARTHEST_M:
                 raise DivergedError(float(times_s[step]), computer.height_m)
@@ -170,7 +170,7 @@ class _Computer:
             (place, found.velocity_mps - true.velocity_mps, misalignment(found.attitude, true.attitude))
         )
 
-    def go_on(self, samples: Increments, period_s: float, true: NavigationState) -> None:
+    def process(self, samples: Increments, period_s: float, true: NavigationState) -> None:
         """Process a step's samples, and the aid's measurement at its end if one is due."""
         navigator = self._navigator
         navigator.run(samples, period_s)
@@ -215,7 +215,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     """Align, then fly from t = 0 to the scenario's duration or the path's end, whichever is first, but at least 1 s.
 
     Raises:
-        DivergedError: without aids, the computed height diverged during so long a flight.
+        DivergedError: the computed height diverged, as in a long flight without aids.
     """
     keys = vehicle.navigation
     assert isinstance(keys, InertialNavigation)
@@ -236,7 +236,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
 
 
 def summary(done: Experiment) -> dict[str, Any]:
-    """Return summary.json; every error is an absolute value."""
+    """Return summary.json; all errors are absolute values."""
     alignment, flight = done.alignment, done.flight
     return {
         "schema": SCHEMA,

@@ -1,4 +1,4 @@
-"""Inertial sensors: what ideal ones measure along a true motion, and the errors of real ones.
+"""Inertial sensors: measurements of ideal ones along a true motion, and errors of real ones.
 
 Source: Groves (2013), sections 2.2 and 5.3 to 5.5, inverted: specific force and angular rate from the derivatives of
 position and attitude. Angles: heading clockwise from north, pitch upwards, bank to the right. A matrix rotates body
@@ -23,7 +23,7 @@ from flight_model.path import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 
 KNOT_S = 1.0
-"""Spacing of the splines' knots. They have degree 5, so that rates and forces are smooth enough to integrate."""
+"""Spacing of the splines' knots. Degree 5 makes rates and forces smooth enough to integrate."""
 DEGREE = 5
 GAUSS_POINTS = 4
 DEGREE_PER_HOUR: Final = math.radians(1.0) / 3600.0
@@ -31,7 +31,7 @@ LAT, LON, HEIGHT, HEADING, PITCH, BANK = range(6)
 
 
 class NavigationState(NamedTuple):
-    """Position and motion over the ellipsoid at one instant or several, (...): rad, m, m/s."""
+    """Position and motion over the ellipsoid at one or more instants, (...): rad, m, m/s."""
 
     lat_rad: Array
     lon_rad: Array
@@ -54,7 +54,7 @@ class Increments(NamedTuple):
 
 
 def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
-    """Return body to navigation matrices (..., 3, 3) of angles (...)."""
+    """Return the body to navigation matrices (..., 3, 3) of angles (...)."""
     sin_h, cos_h, sin_p, cos_p = np.sin(heading_rad), np.cos(heading_rad), np.sin(pitch_rad), np.cos(pitch_rad)
     sin_b, cos_b = np.sin(bank_rad), np.cos(bank_rad)
     rows = (
@@ -66,7 +66,7 @@ def attitude(heading_rad: Array, pitch_rad: Array, bank_rad: Array) -> Array:
 
 
 def misalignment(computed: Array, true: Array) -> Array:
-    """Return the small rotation phi (..., 3) by which a computed matrix is off: computed = (I - [phi x]) true."""
+    """Return the small rotation phi (..., 3) of a computed matrix: computed = (I - [phi x]) true."""
     off = computed @ np.swapaxes(true, -1, -2)
     skew = (np.swapaxes(off, -1, -2) - off) / 2.0
     return np.stack((skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]), axis=-1)
@@ -76,12 +76,12 @@ class Trajectory:
     """Latitude, longitude, height, heading, pitch and bank as splines of time."""
 
     def __init__(self, times_s: Array, rows: Array, duration_s: float) -> None:
-        """Take the six values (N, 6) at N >= 6 equidistant times from 0 on, and the duration that is flown."""
+        """Take the six values (N, 6) at N >= 6 equidistant times from 0, and the duration of the flight."""
         import scipy  # noqa: PLC0415 - only navigation by inertia has splines of its motion
 
         self.duration_s = duration_s
         self._first = rows[0].copy()
-        # Differences from the start keep the digits that the Earth's radius would cost.
+        # Differences from the start keep digits that would be lost to the Earth's radius.
         self._spline = cast(
             "Callable[..., Array]", scipy.interpolate.make_interp_spline(times_s, rows - self._first, k=DEGREE)
         )
@@ -95,7 +95,7 @@ class Trajectory:
 
     @classmethod
     def along(cls, path: SplinePath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
-        """Return the flight along a path at a horizontal speed, heading along the path in coordinated turns."""
+        """Return the flight along a path at a horizontal speed, with the heading along it and coordinated turns."""
         times_s = _knots(duration_s)
         points = path.at(speed_mps * times_s)
         lat_rad, lon_rad = origin.places(points.north_m, points.east_m)
@@ -106,7 +106,7 @@ class Trajectory:
         return cls(times_s, np.stack(columns, axis=1), duration_s)
 
     def state(self, times_s: Array) -> NavigationState:
-        """Return the truth at times (...)."""
+        """Return the true state at times (...)."""
         values, rates = self._values(times_s), self._spline(times_s, 1)
         lat_rad, lon_rad, height_m, *angles = np.moveaxis(values, -1, 0)
         return NavigationState(lat_rad, lon_rad, height_m, _velocity(values, rates), attitude(*angles))
@@ -145,7 +145,7 @@ def _apply(matrices: Array, vectors: Array) -> Array:
 
 
 def _metres_per_radian(values: Array) -> tuple[Array, Array, Array]:
-    """Return metres a radian of latitude and of longitude, and the cosine of the latitude."""
+    """Return metres per radian of latitude and of longitude, and the cosine of the latitude."""
     meridian_m, across_m = radii_m(values[..., LAT])
     cosine = np.cos(values[..., LAT])
     return meridian_m + values[..., HEIGHT], (across_m + values[..., HEIGHT]) * cosine, cosine
@@ -177,7 +177,7 @@ def _transport_rate(values: Array, velocity: Array) -> Array:
 
 
 def _body_rate(values: Array, rates: Array) -> Array:
-    """Return the body's rate against east, north and up, body components (..., 3)."""
+    """Return the body's rate against the navigation frame, body components (..., 3)."""
     sin_p, cos_p = np.sin(values[..., PITCH]), np.cos(values[..., PITCH])
     sin_b, cos_b = np.sin(values[..., BANK]), np.cos(values[..., BANK])
     heading, pitch, bank = np.moveaxis(rates[..., HEADING:], -1, 0)
@@ -194,22 +194,22 @@ class InertialSensors:
     accel_noise: float
     """Square root of the white noise's density, (m/s²)/sqrt(Hz): the velocity random walk, m/s per root second."""
     gyro_noise: float
-    """Likewise, (rad/s)/sqrt(Hz): the angle random walk."""
+    """The same, (rad/s)/sqrt(Hz): the angle random walk."""
     drawn_with: tuple[float, float] | None = None
-    """The standard deviations with which random biases were drawn, m/s² and rad/s; None: they are given."""
+    """Standard deviations with which random biases were drawn, m/s² and rad/s; None: biases are given."""
 
     @property
     def accel_bias_sigma(self) -> float:
-        """The standard deviation of a bias that filters assume: the given biases' root mean square, m/s²."""
+        """Standard deviation of a bias that filters assume, m/s²; for given biases their root mean square."""
         return self.drawn_with[0] if self.drawn_with else _root_mean_square(self.accel_bias_mps2)
 
     @property
     def gyro_bias_sigma(self) -> float:
-        """The same of the gyroscopes, rad/s."""
+        """The same for the gyroscopes, rad/s."""
         return self.drawn_with[1] if self.drawn_with else _root_mean_square(self.gyro_bias_radps)
 
     def drawn(self, random: np.random.Generator) -> InertialSensors:
-        """Return such sensors with biases drawn as filters assume them: normal, each axis its own."""
+        """Return such sensors with biases drawn as filters assume them: normal and independent."""
         sigmas = self.accel_bias_sigma, self.gyro_bias_sigma
         (a, b, c), (d, e, f) = (np.array(sigmas)[:, None] * random.standard_normal((2, 3))).tolist()
         return InertialSensors((a, b, c), (d, e, f), self.accel_noise, self.gyro_noise, sigmas)
@@ -220,7 +220,7 @@ def _root_mean_square(biases: tuple[float, float, float]) -> float:
 
 
 def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
-    """Return a vehicle's sensors in SI units; keys of the resolved scenario, none is missing."""
+    """Return a vehicle's sensors in SI units, from complete keys of the resolved scenario."""
     given = _given(keys.sensors)
     return given.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else given
 

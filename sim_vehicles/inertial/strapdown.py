@@ -1,4 +1,4 @@
-"""Strap-down navigation: place, velocity and attitude from increments of angle and velocity.
+"""Strap-down navigation: position, velocity and attitude from increments of angle and velocity.
 
 Sources: Savage, Strapdown Inertial Navigation Integration Algorithm Design, J. Guidance, Control, and Dynamics 21
 (1998): two-sample coning and sculling; Groves (2013), section 5.5.
@@ -25,7 +25,7 @@ class Strapdown:
     """A navigation computer that starts from a state and integrates pairs of increments."""
 
     def __init__(self, lat_rad: float, lon_rad: float, height_m: float, velocity: Vector, attitude: Quaternion) -> None:
-        """Start; `velocity` is east, north and up in m/s."""
+        """Start from a state; `velocity` is east, north and up in m/s."""
         self.lat_rad, self.lon_rad, self.height_m = lat_rad, lon_rad, height_m
         self.velocity, self.attitude = velocity, attitude
         self._accel_bias: Vector = (0.0, 0.0, 0.0)
@@ -34,7 +34,7 @@ class Strapdown:
 
     @classmethod
     def at(cls, state: NavigationState) -> Self:
-        """Return one that starts from a state of a single instant."""
+        """Return a computer that starts from a state at a single instant."""
         east, north, up = state.velocity_mps.tolist()
         place = float(state.lat_rad), float(state.lon_rad), float(state.height_m)
         return cls(*place, (east, north, up), to_quaternion(state.attitude))
@@ -82,7 +82,7 @@ class Strapdown:
         self.attitude = normalised(product(of_vector((x, y, z)), self.attitude))
 
     def set_biases(self, biases: Array) -> None:
-        """Subtract these biases (6,), accelerometers' and gyroscopes', from all later increments."""
+        """Set the biases (6,), accelerometers' and gyroscopes', to subtract from all later increments."""
         a, b, c, x, y, z = biases.tolist()
         self._accel_bias, self._gyro_bias = (a, b, c), (x, y, z)
 
@@ -159,7 +159,7 @@ def of_vector(rotation: Vector) -> Quaternion:
     """Return the quaternion of a rotation vector in rad."""
     x, y, z = rotation
     square = x * x + y * y + z * z
-    if square < 1e-8:  # the series is exact to the last bit there
+    if square < 1e-8:  # here the series is exact to the last bit
         scale, w = 0.5 - square / 48.0, 1.0 - square / 8.0 + square * square / 384.0
     else:
         size = math.sqrt(square)
@@ -200,6 +200,6 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def displaced(true: Array, misalignment_rad: Array) -> Array:
-    """Return the matrix (3, 3) that is off by a misalignment (3,): the inverse of `misalignment`."""
+    """Return the matrix (3, 3) with a misalignment (3,): the inverse of `misalignment`."""
     x, y, z = (-misalignment_rad).tolist()
     return to_matrix(of_vector((x, y, z))) @ true

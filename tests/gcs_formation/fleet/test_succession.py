@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gcs_formation.fleet.membership_and_succession import Candidate, heir
+from gcs_formation.fleet.membership_and_succession import Candidate, best_successor
 
 SPACING_M = 30.0
 GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)
@@ -24,14 +24,14 @@ GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)
     ],
 )
 def test_of_those_near_enough_the_best_link_leads_by_delay_then_loss_then_jitter_then_distance(worse: Candidate):
-    assert heir([worse._replace(column=0), GOOD], SPACING_M) == 1
-    assert heir([GOOD, worse._replace(column=2)], SPACING_M) == 1
+    assert best_successor([worse._replace(column=0), GOOD], SPACING_M) == 1
+    assert best_successor([GOOD, worse._replace(column=2)], SPACING_M) == 1
 
 
 def test_random_differences_between_links_do_not_decide():
     alike = GOOD._replace(column=0, delay_s=0.064, loss=0.024, jitter_s=0.0024)
-    assert heir([GOOD, alike], SPACING_M) == 0
+    assert best_successor([GOOD, alike], SPACING_M) == 0
 
 
 def test_without_candidates_nobody_leads():
-    assert heir([], SPACING_M) is None
+    assert best_successor([], SPACING_M) is None

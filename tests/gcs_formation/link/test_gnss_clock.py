@@ -207,7 +207,7 @@ def test_a_fast_clock_that_has_been_up_for_18_h_is_never_known_well_enough():
     for to_s in (65_003.0, 65_100.0, 65_900.0):
         made.fly(to_s)
         assert "drift isn't known well enough" in str(made.clock.why_not())
-        assert abs(made.utc_error_s()) < made.clock.unsure_s()
+        assert abs(made.utc_error_s()) < made.clock.utc_uncertainty_s()
 
 
 @pytest.mark.parametrize("drift", [40e-6, 5e-6])
@@ -224,9 +224,9 @@ def test_a_fast_clock_that_has_been_up_for_an_hour_is_used_once_its_drift_is_kno
 def test_utc_in_use_is_given_up_at_twice_what_keeps_it_from_being_used():
     made = Made(40e-6, constant(0.1, 0.1), armed_s=0.0)
     made.now_s = 3600.0
-    while made.clock.samples < 8 or made.clock.unsure_s() > 2 * UNKNOWN_DRIFT_S:
+    while made.clock.samples < 8 or made.clock.utc_uncertainty_s() > 2 * UNKNOWN_DRIFT_S:
         made.fly(made.now_s + 1.0)
-    assert made.clock.unsure_s() > UNKNOWN_DRIFT_S
+    assert made.clock.utc_uncertainty_s() > UNKNOWN_DRIFT_S
     assert made.clock.why_not() is not None
     assert made.clock.why_not(used=True) is None
 

@@ -125,14 +125,14 @@ def test_one_that_is_refused_once_and_accepted_then_does_not_count_as_refused(in
 
 @pytest.mark.parametrize("refused", [True, False])
 def test_a_command_whose_effect_two_heartbeats_show_is_done_without_being_accepted(insisting, refused):
-    insisting.look(shown=True, known=False, now=START)  # not sent yet
+    insisting.take_heartbeat(shown=True, known=False, now=START)  # not sent yet
     insisting.due(START)
     if refused:
         insisting.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), START)
     for at_s, shown in ((0.5, False), (1.5, True)):
-        insisting.look(shown=shown, known=False, now=after(START, at_s))
+        insisting.take_heartbeat(shown=shown, known=False, now=after(START, at_s))
         assert insisting.under_way == MODE
-    insisting.look(shown=True, known=False, now=after(START, 2.5))
+    insisting.take_heartbeat(shown=True, known=False, now=after(START, 2.5))
     assert insisting.under_way == ARM
     assert insisting.outcome is Outcome.WAITING
 
@@ -140,10 +140,10 @@ def test_a_command_whose_effect_two_heartbeats_show_is_done_without_being_accept
 def test_what_heartbeats_may_have_shown_before_counts_once_there_is_an_answer(insisting):
     insisting.due(START)
     for at_s in (1.0, 2.0, 3.0, 4.0):
-        insisting.look(shown=True, known=True, now=after(START, at_s))
+        insisting.take_heartbeat(shown=True, known=True, now=after(START, at_s))
     assert insisting.under_way == MODE
     insisting.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), after(START, 4.5))
-    insisting.look(shown=True, known=True, now=after(START, 5.0))
+    insisting.take_heartbeat(shown=True, known=True, now=after(START, 5.0))
     assert insisting.under_way == ARM
 
 
