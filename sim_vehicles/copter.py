@@ -9,19 +9,34 @@ Source: ArduPilot documentation, "Copter Commands in Guided Mode"; answers of Ar
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
-from airlink.frame import Frame
 from flight_model.autopilot_model import finite, wrap
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
-from sim_vehicles.autopilot.commands import ACCEPTED, DEGREE, DENIED, FAILED, FULL_TURN_DEG, GivenCommand, to_mode
+from sim_vehicles.autopilot.commands import (
+    ACCEPTED,
+    DEGREE,
+    DENIED,
+    FAILED,
+    FULL_TURN_DEG,
+    CommandHandlers,
+    GivenCommand,
+    to_mode,
+)
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.modes_and_failsafe import BY_THROTTLE, COPTER_FAILSAFE, CopterMode, FlightMode, select
+from sim_vehicles.autopilot.message_handler import MessageHandler
+from sim_vehicles.autopilot.modes_and_failsafe import (
+    BY_THROTTLE,
+    COPTER_FAILSAFE,
+    CopterMode,
+    FlightMode,
+    GroundStationFailsafe,
+    select,
+)
 from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
@@ -141,7 +156,7 @@ def _choose_item(vehicle: Copter, given: GivenCommand) -> int:
     return commands.HANDLERS[m.MAV_CMD_DO_SET_MISSION_CURRENT](vehicle, given)
 
 
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+HANDLERS: CommandHandlers = {
     **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
@@ -165,14 +180,13 @@ class Copter(Vehicle):
     capabilities = 64495
     unasked = HEARTBEAT_ALONE
     tells_time_at_once = True
-    guided_mode = CopterMode.GUIDED
-    ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
+    ground_mode = CopterMode.STABILIZE
+    air_mode = CopterMode.GUIDED
+    guided_mode = CopterMode.GUIDED
     by_hand = BY_HAND
-    failsafe_keys = COPTER_FAILSAFE
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"
-    handlers = HANDLERS
     flier: CopterPilot
     """Its pilot, typed as a CopterPilot."""
 
@@ -184,6 +198,14 @@ class Copter(Vehicle):
         """Return who flies a multirotor."""
         self.flier = CopterPilot(config, steering, self.parameters)
         return self.flier
+
+    def message_handler(self) -> MessageHandler:
+        """Return what takes its messages, and knows ArduCopter's commands."""
+        return MessageHandler(self, HANDLERS)
+
+    def failsafe_of(self) -> GroundStationFailsafe:
+        """Return its failsafe for the end of the ground station's heartbeats."""
+        return GroundStationFailsafe(self.parameters, COPTER_FAILSAFE)
 
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already, and report it at once; CIRCLE begins ahead of the nose."""
@@ -246,15 +268,6 @@ class Copter(Vehicle):
         """Where its nose is commanded to point, or points."""
         return self.flier.commanded_nose(self.body.shown().heading_rad)
 
-    def take_other(self, frame: Frame) -> bool:
-        """Take a setpoint; return whether the frame is one."""
-        message = frame.message
-        if not isinstance(message, position_targets.MESSAGES):
-            return False
-        if self.pilot.mode is CopterMode.GUIDED and not self.ignores and not self.pilot.takeoff_m:
-            self._take_setpoint(message)
-        return True
-
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Fly to a place and stay there."""
         north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
@@ -275,11 +288,13 @@ class Copter(Vehicle):
             yaw_rad = math.atan2(east_m, north_m)
         self.flier.go_to(place_m, yaw_rad)
 
-    def _take_setpoint(self, message: Setpoint) -> None:
-        """Fly to a place, or a velocity; whatever else is asked stops it, as does what isn't finite."""
-        mask, nose_rad = message.type_mask, self.nose_rad
-        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
-        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(message.yaw_rad) else message.yaw_rad
+    def take_setpoint(self, setpoint: Setpoint) -> None:
+        """Fly to a place, or a velocity, in GUIDED; whatever else is asked stops it, as does what isn't finite."""
+        if self.pilot.mode is not CopterMode.GUIDED or self.pilot.takeoff_m:
+            return
+        mask, nose_rad = setpoint.type_mask, self.nose_rad
+        place_m, velocity_mps = position_targets.place_of(self, setpoint), position_targets.velocity_of(self, setpoint)
+        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(setpoint.yaw_rad) else setpoint.yaw_rad
         if place_m is not None:
             self._go_to(place_m, yaw_rad)
         elif velocity_mps is None:
@@ -289,7 +304,7 @@ class Copter(Vehicle):
             if ahead and math.hypot(velocity_mps[0], velocity_mps[1]) > TURNS_FROM_MPS:
                 yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)
-        rate_rps = position_targets.yaw_rate_of(message)
+        rate_rps = position_targets.yaw_rate_of(setpoint)
         if rate_rps and (place_m is not None or velocity_mps is not None):
             self.flier.turn_on(nose_rad, rate_rps)
 

@@ -7,14 +7,13 @@ and times are those of PX4 1.17's built-in simulator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
+from sim_vehicles.autopilot.commands import ACCEPTED, CommandHandlers, GivenCommand
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
@@ -73,7 +72,7 @@ def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = px4_services.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
+HANDLERS: CommandHandlers = px4_services.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
 
 
 class Px4Copter(Px4):
@@ -82,7 +81,10 @@ class Px4Copter(Px4):
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
     flown = PX4_AS_COPTER
-    handlers = HANDLERS
+    boot_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    ground_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    air_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    command_handlers = HANDLERS
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant, after
@@ -19,7 +18,15 @@ from airlink.messages.command import MessageInterval, ParamError, ParamRequestRe
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
+from sim_vehicles.autopilot.commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    UNSUPPORTED,
+    CommandHandlers,
+    GivenCommand,
+    to_mode,
+)
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_BY_STICKS,
@@ -183,7 +190,7 @@ def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
     if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
         return DENIED
     message_id = int(given.params[0])
-    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    vehicle.messages.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
     return ACCEPTED
 
 
@@ -201,7 +208,7 @@ UNHEEDED: Final = (
     m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
 )
 """Accepted without an effect here: of a camera, a landing's approach, checks, and a version that few ask for."""
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+HANDLERS: CommandHandlers = {
     **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
