@@ -18,15 +18,7 @@ from airlink.messages.command import MessageInterval, ParamError, ParamRequestRe
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GpsRawInt, VfrHud
 from sim_vehicles.autopilot import commands, telemetry
-from sim_vehicles.autopilot.commands import (
-    ACCEPTED,
-    DENIED,
-    FAILED,
-    UNSUPPORTED,
-    CommandHandlers,
-    GivenCommand,
-    to_mode,
-)
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_BY_STICKS,
@@ -208,7 +200,7 @@ UNHEEDED: Final = (
     m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
 )
 """Accepted without an effect here: of a camera, a landing's approach, checks, and a version that few ask for."""
-HANDLERS: CommandHandlers = {
+HANDLERS: commands.CommandHandlers = {
     **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
