@@ -1,4 +1,4 @@
-"""What each family of autopilots does in its own way: what a kind of vehicle gives, and may override.
+"""The hooks in which families of emulated autopilots differ: what each must give, and what it may override.
 
 A family may also extend what `vehicle.Vehicle` does alike for all: `arm`, `disarm`, `tell_heartbeat` and `say`.
 """
@@ -49,7 +49,7 @@ class AutopilotFamily(ABC):
     guided_mode: ClassVar[FlightMode]
     """The mode in which it follows a ground station."""
     by_hand: ClassVar[frozenset[int]]
-    """Modes in which it doesn't choose its own way, by HEARTBEAT's flags."""
+    """Modes whose HEARTBEAT lacks the flag GUIDED_ENABLED."""
     armed_text: ClassVar[str] = "Throttle armed"
     disarmed_text: ClassVar[str] = "Throttle disarmed"
 
@@ -91,14 +91,14 @@ class AutopilotFamily(ABC):
 
     @abstractmethod
     def follow_time(self) -> None:
-        """Do what is due by now in its mode."""
+        """Do what is due by now in its mode; called in every cycle."""
 
     @abstractmethod
     def landed(self) -> None:
         """Prepare to disarm: it has touched down."""
 
     def forget(self) -> None:
-        """Forget, at boot, what the family alone keeps."""
+        """Forget, at boot, the state that only the family has."""
         return
 
     @property

@@ -1,4 +1,4 @@
-"""An emulated ArduCopter: what it answers otherwise than an ArduPlane, and the commands that it carries out.
+"""An emulated ArduCopter: its commands, and how it differs from other families.
 
 Unlike a real one it has no transmitter and no battery, its RTL flies at one speed, its SMART_RTL straight home at the
 height that it has, and in modes that leave thrust to the throttle it sinks instead of falling.
@@ -46,9 +46,9 @@ from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
 TURNS_FROM_M = 2.0
 """Its nose turns to a place that is farther than this (WP_YAW_BEHAVIOR)."""
 TURNS_FROM_MPS = 0.5
-"""And into the direction of a velocity from this on (5 % of WPNAV_SPEED)."""
+"""Its nose turns into the direction of a velocity from this speed on (5 % of WPNAV_SPEED)."""
 DISARMS_S = 2.0
-"""From touch-down until it has found that it has landed, and disarms."""
+"""Time from touch-down until it detects that it has landed, and disarms."""
 CIRCLE_M, CIRCLE_RPS = 10.0, math.radians(20.0)
 """CIRCLE_RADIUS, and CIRCLE_RATE, clockwise."""
 ALL_MODES = frozenset(CopterMode)
@@ -64,14 +64,14 @@ BY_HAND = frozenset(
 HEARTBEAT_ALONE = {m.MAVLINK_MSG_ID_HEARTBEAT: UNASKED_NS}
 CM: Final = 100.0
 SLEW_RPS: Final = math.radians(60.0)
-"""Rate at which its nose comes round where none is told, and the highest (ATC_SLEW_YAW)."""
+"""Yaw rate where none is commanded, and the highest (ATC_SLEW_YAW)."""
 SPEEDS: Final = {
     m.SPEED_TYPE_AIRSPEED: "WPNAV_SPEED",
     m.SPEED_TYPE_GROUNDSPEED: "WPNAV_SPEED",
     m.SPEED_TYPE_CLIMB_SPEED: "WPNAV_SPEED_UP",
     m.SPEED_TYPE_DESCENT_SPEED: "WPNAV_SPEED_DN",
 }
-"""SPEED_TYPE -> the parameter that DO_CHANGE_SPEED stands in for."""
+"""SPEED_TYPE -> the parameter whose value DO_CHANGE_SPEED replaces."""
 LIKE_PLANES: Final = (
     m.MAV_CMD_DO_SET_MODE,
     m.MAV_CMD_COMPONENT_ARM_DISARM,
@@ -113,7 +113,7 @@ def _turn_nose(vehicle: Copter, given: GivenCommand) -> int:
 
 
 def _look(vehicle: Copter, given: GivenCommand) -> int:
-    """Turn the nose to a place, and keep it there; likewise."""
+    """Point the nose at a place from now on; in other modes than GUIDED that is accepted and has no effect."""
     if vehicle.guided:
         north_m, east_m, _ = vehicle.fleet.origin.to_ned(given.lat_rad, given.lon_rad, 0.0)
         vehicle.flier.look_at((north_m, east_m))
@@ -126,7 +126,7 @@ def _look_ahead(vehicle: Copter, _given: GivenCommand) -> int:
 
 
 def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
-    """Change the speed to places under way, until it is told velocities or another mode."""
+    """Change the speed of flights to places; it holds until a velocity or another mode is commanded."""
     kind, speed_mps = given.params[0], given.params[1]
     if not 0.0 < speed_mps < math.inf:
         return DENIED
@@ -170,7 +170,7 @@ HANDLERS: CommandHandlers = {
     m.MAV_CMD_DO_PAUSE_CONTINUE: _pause,
     m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
 }
-"""All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
+"""All others are UNSUPPORTED; so are MAV_CMD_GUIDED_CHANGE_SPEED, _HEADING and _ALTITUDE in a real ArduCopter."""
 
 
 class Copter(Vehicle):
@@ -208,7 +208,7 @@ class Copter(Vehicle):
         return GroundStationFailsafe(self.parameters, COPTER_FAILSAFE)
 
     def enter(self, mode: FlightMode) -> None:
-        """Change to a mode, unless it is in it already, and report it at once; CIRCLE begins ahead of the nose."""
+        """Change to a mode, unless it is in it already, and report it at once; CIRCLE's centre is ahead of the nose."""
         if mode is not self.pilot.mode:
             self.pilot.enter(mode, self.body.motion)
             if mode is CopterMode.CIRCLE:
@@ -220,7 +220,7 @@ class Copter(Vehicle):
             self.tell_heartbeat()
 
     def switch(self, number: float) -> bool:
-        """Change to a mode by its number; return whether there is such a mode and it has what it needs."""
+        """Change to a mode by its number; return whether there is such a mode and it can be entered."""
         mode = select(self.pilot.condition, number, ALL_MODES)
         if mode == CopterMode.AUTO:
             self.say(WARNING, "Mode change to AUTO failed: init failed")
@@ -232,7 +232,7 @@ class Copter(Vehicle):
         return True
 
     def arm(self, *, force: bool) -> bool:
-        """Arm, where the mode allows it; one that doesn't take off disarms by itself."""
+        """Arm, if the mode allows it; without a take-off it disarms by itself after DISARM_DELAY."""
         armed = super().arm(force=force)
         if not armed and self.ready:
             self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
@@ -253,7 +253,7 @@ class Copter(Vehicle):
         return CopterMode.__members__.get(name, CopterMode.LOITER)
 
     def landed(self) -> None:
-        """Disarm once it has found that it has landed."""
+        """Disarm once it has detected that it has landed."""
         found = after(self.now, DISARMS_S)
         idles = self.pilot.mode in BY_THROTTLE
         self.disarm_at = delayed(found, self.parameters["DISARM_DELAY"]) if idles else found

@@ -1,4 +1,4 @@
-"""An emulated ArduPlane: what it does otherwise than other families.
+"""An emulated ArduPlane: how it differs from other families.
 
 Source: ArduPilot documentation, "Plane: GUIDED mode" and "Plane parameters"; answers of ArduPlane 4.7.
 """
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from sim_vehicles.fleet import Fleet
 
 WIDER_THAN_TIGHTEST = 1.3
-"""Radius of circles by that of the tightest turn, if that is more."""
+"""Least radius of circles, as a multiple of the radius of the tightest turn."""
 ROLL_LIMIT_DEG = 45.0
 
 
@@ -131,7 +131,7 @@ class Plane(Vehicle):
         self.flier.ask_circle(radius_m, side)
 
     def climb_to(self, height_m: float) -> None:
-        """Climb or sink to a height, unless setpoints have told one."""
+        """Climb or descend to a height, unless setpoints have given one."""
         if not self.flier.guided_by_setpoints:
             self.flier.change_height(height_m)
 
@@ -163,7 +163,7 @@ class Plane(Vehicle):
         return Mode[name]
 
     def landed(self) -> None:
-        """Turn the nose along the way over ground, as it touches down in a crosswind, and disarm a while later."""
+        """Turn the nose into the course over ground, as it touches down in a crosswind, and disarm a while later."""
         state, (north_mps, east_mps, _) = self.body.state, self.body.ground_velocity()
         state.heading_rad += wrap(math.atan2(east_mps, north_mps) - state.heading_rad)
         self.disarm_at = delayed(self.now, self.parameters["LAND_DISARMDELAY"])
@@ -173,7 +173,7 @@ class Plane(Vehicle):
             self._mission_flight.resume()
 
     def follow_time(self) -> None:
-        """Continue a mission, and tell of the arrival at a place."""
+        """Continue a mission, and report the arrival at a place."""
         if self._arrives and self.flier.to_go(self.body.motion)[1] < ON_CIRCLE * self.flier.radius_m:
             self._arrives = False
             self.broadcast(MissionItemReached(0))

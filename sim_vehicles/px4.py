@@ -1,4 +1,4 @@
-"""Emulated PX4s, multirotor and fixed wing: what they answer otherwise than emulated ones of ArduPilot's."""
+"""Emulated PX4s: how they differ from ArduPilot's vehicles, and the fixed wing; the multirotor is in `px4_copter`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Px4(Vehicle):
     command_handlers: ClassVar[CommandHandlers] = px4_services.HANDLERS
     """What carries out each command that it knows."""
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
-    """Its modes, and the pilot's that are flown alike."""
+    """Its modes, and for each the mode of ArduPilot that its pilot flies."""
     mode: Px4Mode
     intended: Px4Mode
     """What was last asked for; a failsafe flies another."""
@@ -91,12 +91,12 @@ class Px4(Vehicle):
 
     @property
     def fresh(self) -> bool:
-        """Whether setpoints come."""
+        """Whether the last setpoint is younger than COM_OF_LOSS_T."""
         return self.now < self._fresh_until
 
     @property
     def armable(self) -> bool:
-        """Whether it is ready, in a mode that has what it needs and doesn't end a flight."""
+        """Whether it is ready, and its mode can be armed in: its inputs are there, and it doesn't end a flight."""
         lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in PX4_BY_STICKS and not self.sticks
         return self.ready and not lacks and self.mode not in PX4_NOT_ARMABLE
 
@@ -106,7 +106,7 @@ class Px4(Vehicle):
         return self.failsafe.active or self._lost
 
     def enter(self, mode: FlightMode) -> None:
-        """Change to a mode, unless it is in it already; heartbeats tell it later."""
+        """Change to a mode, unless it is in it already; the next HEARTBEAT reports it."""
         if mode is not self.mode:
             self.mode = Px4Mode(mode)
             self.pilot.enter(self.flown[self.mode], self.body.motion)
@@ -199,16 +199,16 @@ class Px4(Vehicle):
             self.fly_there((north_m, east_m, height_m), speed_mps)
 
     def airspeed(self, speed_mps: float) -> float:
-        """Return an airspeed within its limits, beyond which it is cut off, unsaid."""
+        """Return an airspeed limited to its range; that it is limited is not reported."""
         return min(max(speed_mps, self.parameters["FW_AIRSPD_MIN"]), self.parameters["FW_AIRSPD_MAX"])
 
     def tell_heartbeat(self) -> None:
-        """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
+        """Report a change at once by CURRENT_MODE, if that was requested; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
             self.broadcast(px4_services.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
-        """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""
+        """Send a text, in chunks if it is long; keep it as long as no ground station's heartbeat has come."""
         self._texts = self._texts % 255 + 1
         long = len(text) >= TEXT_BYTES
         for number in range(0, len(text) + 1 if long else 1, TEXT_BYTES):
@@ -221,7 +221,7 @@ class Px4(Vehicle):
                 self._unsaid.append(part)
 
     def take_setpoint(self, setpoint: Setpoint) -> None:
-        """Take a setpoint, and fly it in OFFBOARD, which comes back if it was left for want of them."""
+        """Take a setpoint, and fly it in OFFBOARD; if OFFBOARD was left because none came, return to it."""
         if (refusal := position_targets.refusal_of_px4(setpoint)) is not None:
             self.say(CRITICAL, refusal)
         else:
@@ -234,7 +234,7 @@ class Px4(Vehicle):
                 self.pilot.silent_at = self._fresh_until
 
     def say_kept(self) -> None:
-        """Say what was kept for the ground station that has shown itself."""
+        """Send the texts that were kept until a ground station's first heartbeat."""
         self._greeted = True
         for text in self._unsaid:
             self.broadcast(text)
@@ -283,14 +283,14 @@ class Px4Plane(Px4):
         self.flier.take_off(height_m, self.body.motion)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
+        """Fly to a place at its trim speed, whatever speed is asked for; a velocity without a place is ignored."""
         place_m = position_targets.place_of(self, message)
         if place_m is not None:
             self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
             self.flier.circle(*place_m)
 
     def follow_time(self) -> None:
-        """Dive into the ground if it has left it before its height reference came up to the field."""
+        """Crash if it took off before its height reference had risen to the field's altitude."""
         super().follow_time()
         climbs = self.mode is Px4Mode.TAKEOFF and self.pilot.airborne
         if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.fleet.origin.alt_m:

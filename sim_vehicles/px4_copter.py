@@ -52,13 +52,16 @@ class Px4CopterPilot(CopterPilot):
         return super()._climb_most_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
 
     def _cruise_mps(self) -> float:
-        """Return the speed of its ways; places of OFFBOARD are flown to at the greatest."""
+        """Return the speed of flights to places: the highest one in OFFBOARD."""
         told = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.told_cmps
         return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
 
 
 def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
-    """Fly round a place, anticlockwise for a negative radius or speed; what isn't finite is as it is, or as usual."""
+    """Fly round a place, anticlockwise for a negative radius or speed.
+
+    Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
+    """
     radius_m, speed_mps = (
         told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
     )
@@ -133,7 +136,7 @@ class Px4Copter(Px4):
             self.flier.go_to((here.north_m, here.east_m, rises_m), None)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place, or a velocity; whatever else is asked has it stand."""
+        """Fly to a place, or at a velocity; stop for any other setpoint."""
         place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
         yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
         nose_rad = self.flier.commanded_nose(self.body.shown().heading_rad)

@@ -1,4 +1,4 @@
-"""One emulated vehicle: the cycles of its main loop, boot and faults, arming, and what it sends of its own accord.
+"""One emulated vehicle: its main loop, boot, faults, arming, and the messages that it sends without a request.
 
 What it does with messages is in `autopilot.message_handler`; what each family overrides, in `autopilot_family`.
 """
@@ -65,13 +65,13 @@ class Vehicle(AutopilotFamily):
         self.sticks = False
         """Whether a pilot has its transmitter."""
         self._exact = Estimate(None)
-        """What a vehicle without errors of its sensors estimates, apart from its motion."""
+        """The estimate of a vehicle whose sensors have no errors."""
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
             self._come_up(self.air_mode)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
+        """Keep a datagram for the first cycle of the main loop from `now` on; earlier ones may still be made up for."""
         if self._tells_time_at_once and not (self._frozen or self.pilot.crashed):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
@@ -82,7 +82,11 @@ class Vehicle(AutopilotFamily):
         self.wake = min(self.wake, now)
 
     def turn(self, now: Instant) -> None:
-        """Run one cycle of the main loop: boot, read frames, fly, send messages."""
+        """Run one cycle of the main loop.
+
+        In this order: boot, take messages, restart if told to, fly (take-offs and landings by the pilot, failsafe, what
+        the mode does), send what is due, and plan the next cycle.
+        """
         self.now = now
         if self._frozen or self.pilot.crashed:
             self.link.ignore()
@@ -126,7 +130,7 @@ class Vehicle(AutopilotFamily):
             self.streams.send_due(self, now)
 
     def _plan(self) -> None:
-        """Set when there is next something to do other than to read frames."""
+        """Set `wake`, when the next cycle has something to do."""
         if self.parameters.listing or self.pilot.under_way or self.flies_mission:
             self.wake = self.now
             return
@@ -140,6 +144,7 @@ class Vehicle(AutopilotFamily):
         self.wake = min(wake, self.pilot.silent_at)
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
+        """Power up: only parameters, mission items and the motion are kept."""
         self.now = now
         self._frozen = self.ignores = self.reboots = False
         self._lasting = list[Fault]()
@@ -160,6 +165,7 @@ class Vehicle(AutopilotFamily):
             self._boot(self.now, 0.0)
 
     def _come_up(self, mode: FlightMode) -> None:
+        """End booting, in a mode of the pilot."""
         self.pilot.request(Request.BOOTED)
         self.pilot.enter(mode, self.body.motion)
         if self.pilot.airborne:
@@ -186,7 +192,7 @@ class Vehicle(AutopilotFamily):
                 assert_never(fault.kind)
 
     def _note_lasting(self, fault: Fault, *, ends: bool) -> None:
-        """Take note of a fault that lasts: of two that overlap the later end counts."""
+        """Begin or end a fault that lasts; where two overlap the later end counts."""
         if not ends:
             self._lasting.append(fault)
         elif fault in self._lasting:
@@ -195,7 +201,7 @@ class Vehicle(AutopilotFamily):
         self._frozen, self.ignores = "freeze" in kinds, "ignore" in kinds
 
     def crash(self, request: Request) -> bool:
-        """Drop out of the air, where it may by its table of conditions; return whether it did."""
+        """Fall to the ground, if its condition allows the request; return whether it did."""
         granted = self.pilot.request(request)
         if granted:
             self.body.ground()
@@ -264,7 +270,7 @@ class Vehicle(AutopilotFamily):
         return self._clock.utc_us(self.now)
 
     def set_utc(self) -> None:
-        """Have the receiver set UTC, which it may while disarmed."""
+        """Set UTC by the GNSS receiver, as long as it is disarmed."""
         if not self.pilot.condition.armed:
             self._clock.set_by_receiver(self.now)
 

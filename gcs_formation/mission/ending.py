@@ -26,7 +26,7 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 LOITER_LIMIT_S = 20.0
 """Longest wait for vehicles to climb out and acknowledge that they loiter."""
 UNANSWERED_FOR_S = 5.0
-"""How long one may leave unanswered that it is to go home."""
+"""How long a vehicle may leave the command to go home unanswered."""
 
 
 class EndCommand(Enum):
@@ -40,7 +40,7 @@ class EndCommand(Enum):
 
 
 FOR_GOOD: Final = (EndCommand.LEAVE, EndCommand.STAY)
-"""What a vehicle is told for good."""
+"""Commands that aren't judged anew."""
 
 
 class Ending:
@@ -61,7 +61,7 @@ class Ending:
         sway_m: float = 0.0,
         climb_mps: float = math.inf,
     ) -> None:
-        """Find everyone's place for the end; nobody is commanded yet.
+        """Choose the height of each vehicle's circle; no vehicle is commanded yet.
 
         Args:
             vehicles: all of them.
@@ -77,7 +77,7 @@ class Ending:
         commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
         self.stands = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
-        """Whether all stand where they are, and needn't be one above the other."""
+        """Whether all of them hover where they are, and need no separate heights."""
         lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
         self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands)
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
@@ -92,12 +92,12 @@ class Ending:
         """Whether vehicles leave; before that only those on the ground are told anything."""
 
     def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
-        """Keep vehicles on the ground there, whatever they were about to do; others loiter so long at the end."""
+        """Keep vehicles on the ground there, whatever they were doing; the others loiter for `loiter_s` at the end."""
         self._loiter_s = loiter_s
         self.judge(now)
 
     def leave(self, now: Instant) -> None:
-        """Begin to tell vehicles to circle or go home; those that have no height of their own yet get one."""
+        """Begin to command vehicles to circle or go home; those that have no height yet get one."""
         self.stack.add(self._places())
         self._leaving = True
         self.advance(now)
@@ -115,7 +115,7 @@ class Ending:
         self.landings.advance(now, climbs_out=climbs_out)
 
     def judge(self, now: Instant) -> None:
-        """Tell vehicles what their state asks for now: an unknown place isn't the ground, and may turn out to be it."""
+        """Command vehicles by their present state; one whose place is unknown counts as flying until it is known."""
         for identity, vehicle in self._ours.items():
             if vehicle.member is Member.PARTED:
                 continue
@@ -155,17 +155,17 @@ class Ending:
             vehicle.commands.begin((), now)
 
     def _height_m(self, identity: VehicleId, vehicle: Vehicle) -> float:
-        """Return the height at which one circles that has told where it is, m."""
+        """Return the height, m, at which a vehicle circles whose position is known."""
         place = place_of(vehicle)
         if place is not None:
             self.stack.add({identity: place})
         return self.stack.heights_m[identity]
 
     def _watch_way_home(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
-        """Have one that refuses to go home, or its height there, circle here; it leaves when it takes both.
+        """Let a vehicle that refuses to go home, or its height there, circle here; it leaves when it accepts both.
 
-        So does one that doesn't answer. One that refuses its height on the way isn't sent home again. Nobody lands if
-        somebody refuses.
+        A vehicle that doesn't answer circles here too. One that refuses its height on the way home isn't sent there
+        again. No vehicle lands if one refuses.
         """
         if self.manner == "loiter":
             return
@@ -220,7 +220,7 @@ class Ending:
         return found
 
     def lacks(self, vehicle: Vehicle) -> str:
-        """Return why one may not be left alone, as the end of a sentence; nothing if it just hasn't answered."""
+        """Return why a vehicle may not be left alone, as the end of a sentence; empty if it only hasn't answered."""
         if vehicle.refusal:
             return f": it refuses {vehicle.refusal}{vehicle.telemetry.last_words}"
         held = (

@@ -1,7 +1,7 @@
-"""Landings one after another, each where the vehicle took off, and why they aren't possible.
+"""Landings one after another, each where the vehicle took off, and the reasons why they may not be possible.
 
-All circle over their homes at separate heights; the lowest lands first, and the next one when that one stands there
-disarmed. So no two vehicles land at the same time, and none lands where another stands.
+All vehicles circle over their homes at separate heights. The lowest lands first; the next one follows when it stands
+there disarmed. So no two vehicles land at the same time, and none lands where another stands.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 BEFORE_M, BEYOND_M, ASIDE_M = 150.0, 60.0, 25.0
 """Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
 APPROACH_M = 600.0
-"""Distance from home within which its approach may lead."""
+"""Distance from home within which its approach lies."""
 LEVEL_M = 5.0
 """How much higher than home the ground may be within that distance."""
 AT_HEIGHT_M = STACK_M / 3
@@ -141,7 +141,7 @@ def _is_ours(vehicle: Vehicle) -> bool:
 
 
 def may_be_armed(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle is armed, or restarts and hasn't told yet."""
+    """Return whether a vehicle is armed, or restarts and hasn't reported it yet."""
     seen = vehicle.telemetry
     return seen.armed or seen.heartbeat is None or seen.boots
 

@@ -1,4 +1,4 @@
-"""What an autopilot does with each message that it receives, and whom it answers; PX4s do some of it otherwise.
+"""What an emulated autopilot does with each message that it receives, and whom it answers: ArduPilot's, and PX4's.
 
 Source: MAVLink guide, "Microservices"; answers of ArduPlane 4.7, ArduCopter 4.7 and PX4 1.17.
 """
@@ -48,7 +48,7 @@ class MessageHandler:
         self._sender = vehicle.config.endpoint.address
 
     def take(self, sender: Address, frame: Frame) -> None:
-        """Take one frame; those of a flight's every second first."""
+        """Handle one frame. The frequent kinds of messages come first; the others are in `_take_seldom`."""
         self._sender = sender
         message = frame.message
         if isinstance(message, (CommandInt, CommandLong)):
@@ -106,7 +106,7 @@ class MessageHandler:
         self._vehicle.failsafe.heartbeat(system, self._vehicle.now)
 
     def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
-        """Change to a mode by the old message; return whether that was allowed."""
+        """Change to a mode by SET_MODE; return whether that was allowed."""
         custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         return custom and (self._vehicle.ignores or self._vehicle.switch(message.custom_mode))
 
@@ -119,7 +119,7 @@ class MessageHandler:
 
 
 class Px4MessageHandler(MessageHandler):
-    """Does what PX4 does otherwise: with commands, heartbeats, the old message for modes, pings and mission items."""
+    """Handles the messages with which PX4 differs: commands, heartbeats, SET_MODE, PING and mission items."""
 
     def __init__(self, vehicle: Px4, handlers: CommandHandlers) -> None:
         """Handle the messages of `vehicle`; `handlers` carry out the commands that it knows."""
@@ -142,13 +142,13 @@ class Px4MessageHandler(MessageHandler):
         return (commands.ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
 
     def _take_heartbeat(self, system: int, message: Heartbeat) -> None:
-        """Take a ground station's; only then the vehicle says what it has to say."""
+        """Take a ground station's heartbeat, before the first of which texts are kept."""
         if message.type == m.MAV_TYPE_GCS:
             super()._take_heartbeat(system, message)
             self._px4.say_kept()
 
     def _take_mode(self, message: SetMode, frame: Frame) -> bool:
-        """Change to a mode by the old message, which is acknowledged like the command, but once."""
+        """Change to a mode by SET_MODE, which is acknowledged like the command, but once."""
         allowed = super()._take_mode(message, frame)
         result = commands.ACCEPTED if allowed else m.MAV_RESULT_TEMPORARILY_REJECTED
         self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))

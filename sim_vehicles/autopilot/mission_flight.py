@@ -20,9 +20,9 @@ from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import PlanePilot, Target
 
 MOST_STEPS = 100
-"""Items completed in one cycle of the main loop; a mission that exceeds it only jumps, and counts as ended."""
+"""Most items completed in one cycle of the main loop; a mission that exceeds it only jumps, and counts as ended."""
 ON_CIRCLE = 1.2
-"""Turns and seconds of a circle count from within this many radii of its centre."""
+"""Turns and time of a circle count from within this many radii of its centre."""
 AT_HEIGHT_M = 5.0
 """A height is reached within this."""
 RADIUS_IN = {
