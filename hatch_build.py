@@ -1,7 +1,8 @@
-"""Compiles the modules of plain numbers with mypyc as a wheel is built, where there is a C compiler.
+"""Compiles the modules of pyproject's list with mypyc when a wheel is built, if there is a C compiler.
 
-Without one the wheel is the same in Python: it flies the same bytes, slower. An editable installation isn't compiled,
-so that an edit counts at once. `GCS_FORMATION_COMPILE=0` leaves a wheel uncompiled; with `1` it fails where it can't.
+Without one the wheel is pure Python: it flies the same bytes, slower. An editable installation isn't compiled, so that
+edits take effect at once. `GCS_FORMATION_COMPILE=0` leaves a wheel uncompiled; with `1` the build fails if it can't
+compile.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from setuptools.command.build_ext import build_ext
 SWITCH = "GCS_FORMATION_COMPILE"
 GROUP = "gcs_formation"
 LEFT_OUT = "tree-pre", "gcse", "tree-vrp", "code-hoisting", "schedule-insns2"
-"""Optimisations that take gcc a fifth of its time and gain nothing: flights are as fast without, the code smaller."""
+"""Optimisations to disable: they take a fifth of gcc's time; without them flights are as fast and code is smaller."""
 MYPY = """[mypy]
 python_version = {}.{}
 ignore_missing_imports = True
@@ -32,9 +33,9 @@ follow_imports = silent
 follow_imports = skip
 follow_imports_for_stubs = True
 """
-"""What a module imports and isn't compiled is trusted: a push checks its types, by the rules of pyproject.toml.
+"""Types of imported modules that aren't compiled are trusted here: the checks of a push check them by pyproject.toml.
 
-Packages that nothing of a tick touches aren't read, so that it's the same wheel whether they are installed or not.
+Packages that no tick uses aren't followed, so that the wheel is the same whether they are installed or not.
 """
 
 
@@ -43,10 +44,10 @@ class CompilingHook(BuildHookInterface[Any]):
 
     PLUGIN_NAME = "custom"
     _place: TemporaryDirectory[str] | None = None
-    """Where what was compiled is until it's in the wheel."""
+    """Temporary directory of the compiled modules."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile the modules that the project's file lists."""
+        """Compile the modules that pyproject.toml lists."""
         wanted = os.environ.get(SWITCH, "")
         if version == "editable" or wanted == "0":
             return
@@ -63,7 +64,7 @@ class CompilingHook(BuildHookInterface[Any]):
         build_data["pure_python"], build_data["infer_tag"] = False, True
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
-        """Remove what was compiled, once it's in the wheel."""
+        """Remove the temporary directory."""
         self._clean_up()
 
     def _clean_up(self) -> None:
@@ -73,9 +74,9 @@ class CompilingHook(BuildHookInterface[Any]):
 
 
 class ParallelBuild(build_ext):
-    """Compiles C files side by side, on all cores: those of an extension, and the extensions.
+    """Compiles C files in parallel on all cores, both the files of an extension and the extensions.
 
-    By itself it takes the files of an extension one after the other.
+    setuptools compiles the files of one extension one after the other.
     """
 
     def build_extensions(self) -> None:
@@ -92,10 +93,10 @@ class ParallelBuild(build_ext):
 
 
 def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
-    """Return the compiled modules and what they share, made in the directory `place`, by their places in a wheel.
+    """Compile modules in the directory `place`; return them and the libraries they share, by their places in a wheel.
 
-    A product and a sum stay two roundings, as in Python, also on processors that could do both in one. On Linux modules
-    call each other directly: otherwise any function could be replaced from outside, and none is inlined.
+    `a * b + c` is rounded twice, as in Python, also on processors with a fused operation. On Linux, modules call each
+    other directly: otherwise any function could be replaced from outside, and none would be inlined.
     """
     settings = place / "mypy.ini"
     settings.write_text(MYPY.format(*sys.version_info))
@@ -108,7 +109,7 @@ def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
         linking = ["-Wl,-Bsymbolic"] if sys.platform == "linux" else []
         if sys.platform == "linux":
             compiling += ["-fvisibility=hidden", "-fno-semantic-interposition", *(f"-fno-{each}" for each in LEFT_OUT)]
-        for each in extensions:  # mypyc gives all of them one list
+        for each in extensions:  # they all share one list
             each.extra_compile_args = [*each.extra_compile_args, *compiling]
             each.extra_link_args = [*each.extra_link_args, *linking]
         command = ParallelBuild(Distribution({"name": GROUP, "ext_modules": extensions}))

@@ -1,4 +1,4 @@
-"""What benchmarks share; README.md says what each of them measures."""
+"""Common parts of the benchmarks; README.md says what each of them measures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Result = TypeVar("Result")
 def flown(
     scenario: Path | Mapping[str, Any], clock: ClockName = "virtual", **keys: Any
 ) -> Generator[gcs_formation.Summary]:
-    """Fly a scenario, with these keys of it; its record is kept within."""
+    """Fly a scenario with these keys changed; its record is deleted on exit."""
     with tempfile.TemporaryDirectory() as out:
         yield gcs_formation.run(scenario, clock=clock, out=Path(out) / "run", **keys)
 
@@ -36,7 +36,7 @@ def both_ways(delay_ms: float) -> dict[str, Any]:
 
 
 def parser(about: str | None, counts: Sequence[int] = (), **only: str) -> argparse.ArgumentParser:
-    """Return a parser of numbers of vehicles, or of processes; `only`: what each text is to be a part of."""
+    """Return a parser for numbers of vehicles, or of processes; `only`: options that filter by part of a name."""
     made = argparse.ArgumentParser(description=about)
     if counts:
         made.add_argument("--counts", type=int, nargs="+", default=counts)
@@ -48,12 +48,12 @@ def parser(about: str | None, counts: Sequence[int] = (), **only: str) -> argpar
 
 
 def alone(work: Callable[..., Result], *given: Any) -> Result:
-    """Return what comes of work in a process of its own."""
+    """Return the result of work in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(work, *given).result()
 
 
 def print_load() -> None:
-    """Print how much else the machine had to do."""
+    """Print the load of the machine, which other processes add to."""
     load = ", ".join(f"{load:.1f}" for load in os.getloadavg())
     print(f"\n{os.cpu_count()} cores; their load over 1, 5 and 15 minutes: {load}")

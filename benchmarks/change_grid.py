@@ -1,8 +1,8 @@
-"""Changes of shape in flight: how long they take, the least separation and the largest errors on the way.
+"""Changes of shape in flight: how long they take, the least separation and the largest errors meanwhile.
 
-configs/paper.yaml on a straight path, without its disturbance, everyone in its slot at first; a diamond of 30 m, then
-three changes 70 s apart, under the virtual clock. Each row is of the 70 s from one change to the next. About 10 s of
-processor time for each flight, a minute for that with 20 followers.
+configs/paper.yaml on a straight path, without its disturbance, all vehicles in their slots at first; a diamond of 30 m,
+then three changes 70 s apart, under the virtual clock. Each row covers the 70 s from one change to the next. About 10 s
+of processor time for each flight, a minute for the one with 20 followers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gcs_formation.studies.dataset import markdown
 FIRST_S, APART_S = 10.0, 70.0
 ANYWHERE = ("line", "circle", "square")
 BEHIND = ("line", "arrow", "square")
-"""Shapes of which no slot is ahead of the leader: those that the follower's own frame has."""
+"""Shapes without slots ahead of the leader: those possible in the follower's own frame."""
 
 
 class Case(NamedTuple):
@@ -71,7 +71,7 @@ def fly(case: Case) -> list[list[str]]:
 
 
 def expectations(from_s: float) -> list[dict[str, Any]]:
-    """Return what makes the summary look at the time from one change to the next."""
+    """Return expectations that make the summary cover the time from one change to the next."""
     window = {"from_s": from_s, "to_s": from_s + APART_S - 0.1, "above": 0.0}
     return [{"metric": metric, **window} for metric in ("min_separation_m", *(f"error_{a}_m.max" for a in "xyz"))]
 

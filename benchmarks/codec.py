@@ -1,4 +1,4 @@
-"""Frames encoded and decoded a second by airlink, against pymavlink in the same run: the ratio is what travels."""
+"""Frames per second that airlink encodes and decodes, beside pymavlink in the same run; compare their ratio."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDS = 5
 
 
 def frames() -> list[bytes]:
-    """Return the two messages that make most of a flight, in turn, as frames."""
+    """Return the two most frequent messages of a flight, alternating, as frames."""
     writer = FrameWriter(1, 1)
     position = GlobalPositionInt(12.5, 0.61, 2.18, 130.0, 130.0, 21.0, 3.0, -0.4, 0.14)
     attitude = Attitude(12.5, 0.1, 0.02, 0.14, 0.0, 0.01, 0.03)
@@ -41,17 +41,17 @@ def pymavlink_encode() -> None:
 
 
 def decode(raw: list[bytes], take: Callable[[bytes], Sized | None]) -> None:
-    """Decode, a datagram a frame."""
+    """Decode one frame per datagram."""
     found = sum(len(take(datagram) or ()) for datagram in raw)
     if found != FRAMES:
         raise RuntimeError(f"found {found} frames of {FRAMES}")
 
 
 def rate(work: Callable[[], object]) -> float:
-    """Return frames a second of the fastest of several rounds."""
+    """Return frames per second in the fastest of several rounds."""
     fastest_s = float("inf")
     for _ in range(ROUNDS):
-        began = time.perf_counter()  # what is measured here
+        began = time.perf_counter()  # the quantity measured
         work()
         fastest_s = min(fastest_s, time.perf_counter() - began)
     return FRAMES / fastest_s

@@ -1,10 +1,10 @@
-"""How quiet setpoints are against what that costs: gains, filters and the slew limit of the law, point by point.
+"""Steps of setpoints against errors, for gains, filters and the slew limit of the law, point by point.
 
-Each point flies 80 s three times under the virtual clock, beginning (8, 6, 4) m from the slots: configs/paper.yaml
-over perfect links, where the steps of the setpoints are taken; the same with 300 ms each way and 0.6 m/s north and east
-on every vehicle at 60 s, D1; and configs/noise.yaml with 300 ms each way. Figures are of the worst follower, from 30 s
-on (D1's from 60 s on); steps are the 95th percentile and, in brackets, the largest. About 25 s of processor time for
-each of the points.
+Each point flies 80 s three times under the virtual clock, beginning (8, 6, 4) m from the slots: configs/paper.yaml over
+perfect links, where the steps of the setpoints are taken; the same with 300 ms each way and 0.6 m/s north and east on
+every vehicle at 60 s, D1; and configs/noise.yaml with 300 ms each way. Figures are the worst follower's, from 30 s on
+(D1's from 60 s on); steps are the 95th percentile and, in brackets, the largest. About 25 s of processor time for each
+point.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ LAW_PARAMETERS = laws.law_parameters
 STEADY_S, DISTURBED_S, END_S = 30.0, 60.0, 80.0
 D1: list[Mapping[str, Any]] = [{"at_s": DISTURBED_S, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
 CLEAN_MOST = (0.05, 0.25, 0.3, 1.5)
-"""Steps over perfect links: of speed, m/s, their 95th percentile and the largest; of heading, degrees, likewise."""
+"""Limits of the steps over perfect links, 95th percentile and largest: of speed, m/s, then of heading, degrees."""
 NOISY_MOST = (0.15, 0.75, 0.5, 2.5)
 D1_MOST_M, NOISE_MOST_M, SETTLED_MOST_S = (0.02, 0.03), (0.25, 0.25), 25.0
 
 
 class Differences(follower.FollowerController):
-    """A follower's law with differences of mixed errors in the place of rates from states."""
+    """A follower's law that differentiates mixed errors instead of computing rates from states."""
 
     _before: Triple | None = None
 
@@ -57,20 +57,20 @@ class Differences(follower.FollowerController):
 
 
 class Point(NamedTuple):
-    """One setting of the law, as keys of it for exact and for noisy telemetry, and as what isn't a key."""
+    """One setting of the law: keys for exact and for noisy telemetry, and constants that aren't keys."""
 
     name: str
     clean: Mapping[str, Any] = {}
     noise: Mapping[str, Any] = {}
     slew: float = 1.0
-    """Of the corrections' growth, by the default."""
+    """Factor of the slew limit of corrections."""
     walk: float = 1.0
-    """Of the state filter's disorder in speed and heading, by the default: its bandwidth."""
+    """Factor of the state filter's random walk in speed and heading, which sets its bandwidth."""
     differences: bool = False
 
     @contextlib.contextmanager
     def in_force(self) -> Generator[None]:
-        """Fly by this point within the context."""
+        """Fly with this point's settings within the context."""
         law = Differences if self.differences else follower.FollowerController
         walk = tuple(self.walk * each for each in UNMODELLED)
         with (
@@ -85,12 +85,12 @@ class Point(NamedTuple):
 
 
 def gains(kp: float, ki: float, kd: float, times: float = 1.0) -> dict[str, float]:
-    """Return a channel's gains, at so many times their bandwidth."""
+    """Return a channel's gains with the bandwidth multiplied by `times`."""
     return {"kp": times * kp, "ki": times**2 * ki, "kd": times * kd}
 
 
 def scaled(times: float) -> Point:
-    """Return the point with so many times the default bandwidth of speed and heading."""
+    """Return the point whose bandwidths of speed and heading are `times` the default."""
     clean = {"speed": gains(3.0, 0.8, 6.5, times), "heading": gains(1.2, 0.5, 1.8, times)}
     noise = {"speed": gains(1.0, 0.1, 1.0, times), "heading": gains(0.5, 0.1, 0.05, times)}
     return Point(f"gains × {times:g}", clean, noise)
@@ -112,14 +112,14 @@ POINTS = (
 
 
 class Flight(NamedTuple):
-    """What one flight shows of its worst follower."""
+    """Figures of a flight's worst follower."""
 
     steps: tuple[float, ...]
-    """Of speed, m/s, 95th percentile and largest; of heading, degrees, likewise: from `STEADY_S` on."""
+    """Speed steps, m/s, 95th percentile and largest; heading steps, degrees, likewise: from `STEADY_S` on."""
     rms_m: tuple[float, ...]
-    """Along x and y from `STEADY_S` on."""
+    """Errors along x and y from `STEADY_S` on."""
     d1_m: tuple[float, ...]
-    """Largest along x and y from `DISTURBED_S` on."""
+    """Largest errors along x and y from `DISTURBED_S` on."""
     settled_s: float
 
 

@@ -15,7 +15,7 @@ GEOMETRIES: dict[str, dict[str, Any]] = {
     "line, 30 m": {"shape": "line", "spacing_m": 30},
 }
 TROUBLES = ("none", "uplink", "both", "ignore")
-"""Of vehicle 2: its link to it is out, both ways are out, it acknowledges and ignores what it is told."""
+"""Trouble of vehicle 2: none; its uplink fails; both ways fail; it acknowledges commands but ignores them."""
 
 
 def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
 
 
 def ended(keys: dict[str, Any]) -> str:
-    """Return the least separation, m, and after how many seconds vehicles were told to loiter."""
+    """Return the least separation, m, and the time, s, at which vehicles were told to loiter."""
     with flown(keys) as summary:
         lines = (summary.run_dir / "events.jsonl").read_text().splitlines()
     begins_s = {event["text"]: event["t_s"] for event in map(json.loads, lines) if event["kind"] == "phase"}

@@ -1,4 +1,4 @@
-"""Formation errors and measured delays over unequally split links, with the vehicles' UTC as their common clock.
+"""Formation errors and measured delays over asymmetric links, with the vehicles' UTC as their common clock.
 
 Three vehicles at 22 m/s along bends under the virtual clock; the followers' clocks drift by 40 and -40 ppm. Errors are
 RMS from ground truth over the whole flight.
@@ -26,7 +26,7 @@ class Case(NamedTuple):
     clock: str
     splits: dict[int, Split]
     third: dict[str, Any]
-    """More keys of follower 3's clock."""
+    """Further keys of follower 3's clock."""
     changes: tuple[dict[str, Any], ...] = ()
 
 

@@ -1,10 +1,10 @@
-"""Formation errors after gusts on the followers only, held against the least that any law could have.
+"""Formation errors after gusts on the followers only, beside the least errors possible under any law.
 
-configs/paper.yaml in its bends, under the virtual clock. From 60 s on, every 10 s (every 25 s where slots turn with the
-follower, which settle that slowly), the air that carries vehicles 2 to 4 changes by 0.6 m/s along the path and 0.6 m/s
-across it: forward and to the right, next time backward and to the left. These steps come at ten phases of a tick of
-0.1 s; each is held against the bound with its own T. The figures are the worst of all steps and followers, by ground
-truth. About 10 s of processor time for each flight.
+configs/paper.yaml in its bends, under the virtual clock. From 60 s on, every 10 s (every 25 s if slots turn with the
+follower, because these settle more slowly), the air velocity of vehicles 2 to 4 changes by 0.6 m/s along the path and
+0.6 m/s across it: forward and to the right, next time backward and to the left. These steps come at ten phases of a
+tick of 0.1 s; each is compared with the bound for its own T. The figures are the worst of all steps and followers, by
+ground truth. About 10 s of processor time for each flight.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from gcs_formation.report.gusts import GustError, gusts
 from gcs_formation.studies.dataset import markdown
 
 FRAMES = {"leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8}, "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1}}
-"""Frame of the slots -> gains of the heading channel, as configs/paper.yaml says."""
+"""For each frame of the slots: gains of the heading channel, as in configs/paper.yaml."""
 DELAYS_MS = (20.0, 50.0, 100.0, 300.0)
 FOLLOWERS = (2, 3, 4)
 GUST_MPS = 0.6
 TICK_S, FIRST_S, PHASES = 0.1, 60.0, 10
 STEPS = {"leader_heading": (20, 10.0), "follower_heading": (10, 25.0)}
-"""Frame of the slots -> how many steps, and so many seconds apart."""
+"""For each frame of the slots: the number of steps and the seconds between them."""
 
 
 class Case(NamedTuple):
@@ -41,7 +41,7 @@ class Case(NamedTuple):
 
 
 def steps(frame: str) -> Iterator[dict[str, Any]]:
-    """Yield the changes of what carries the followers, each of which lasts."""
+    """Yield the steps of the followers' disturbance, each lasting until the next."""
     scenario = load_scenario(PAPER)
     path, speed_mps = scenario.leader_path, scenario.path.speed_mps
     count, apart_s = STEPS[frame]
@@ -54,7 +54,7 @@ def steps(frame: str) -> Iterator[dict[str, Any]]:
 
 
 def fly(case: Case) -> list[GustError]:
-    """Fly one case and return the errors after each step along each axis, of the follower nearest to its limit."""
+    """Fly one case; return the errors after each step and on each axis, of the follower nearest to its limit."""
     count, apart_s = STEPS[case.frame]
     with flown(
         PAPER,
@@ -71,7 +71,7 @@ def fly(case: Case) -> list[GustError]:
 
 
 def used(error: GustError) -> float:
-    """Return the share of what is allowed that an error takes."""
+    """Return an error's share of the allowed one."""
     return error.found_m / error.allowed_m
 
 

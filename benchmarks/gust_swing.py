@@ -1,13 +1,13 @@
-"""How near to what it's held to any law could keep a follower whose crab against a gust swings its own slot.
+"""The least error, as a share of the allowed one, of a follower whose crab against a gust swings its own slot.
 
 Equation (8) in the follower's own frame, linear about straight flight: after a step D of relative velocity along x and
-y, told of after the round trip T, the errors are
+y, known to the law after the round trip T, the errors are
 
-    e_x = D (T + t) + y_rc theta - the double integral of a,   |a| <= a_max
-    e_y = D (T + t) - v * the integral of theta - x_rc theta,  |theta'| <= psi'_max
+e_x = D (T + t) + y_rc theta - the double integral of a,   |a| <= a_max
+e_y = D (T + t) - v * the integral of theta - x_rc theta,  |theta'| <= psi'_max
 
-with the crab theta and the acceleration a free and D known from then on. The least share of the allowed errors that
-both stay within is the solution of a linear programme. A few seconds.
+with the crab theta and the acceleration a free from then on. A linear programme gives the least share of the allowed
+errors within which any law could keep both. Takes a few seconds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STEP_S, STEPS = 0.02, 250
 
 
 def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
-    """Return the share for the slot on the side on which its swing adds to the gust."""
+    """Return the share for the slot on that side on which its swing adds to the gust."""
     time_s, each = np.arange(1, STEPS + 1) * STEP_S, np.eye(STEPS)
     integral = np.tril(np.ones((STEPS, STEPS))) * STEP_S
     limits = np.array((ACCEL_MPS2, SPEED_MPS * TURN_RPS))
@@ -39,7 +39,7 @@ def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
     turned = np.block([np.zeros_like(each), each - np.eye(STEPS, k=-1), np.zeros((STEPS, 1))])
     rows = np.vstack((np.hstack((acts, share)), np.hstack((-acts, share)), turned, -turned))
     most = np.concatenate((-carried, carried, np.full(2 * STEPS, TURN_RPS * STEP_S)))
-    # At the end the follower is as fast as its slot.
+    # At the end the follower moves at the speed of its slot.
     settled = np.concatenate((np.full(STEPS, STEP_S), np.zeros(STEPS + 1)))[None]
     bounds = [(-ACCEL_MPS2, ACCEL_MPS2)] * STEPS + [(None, None)] * STEPS + [(0.0, None)]
     cost = np.append(np.zeros(2 * STEPS), 1.0)

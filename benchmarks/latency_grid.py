@@ -1,7 +1,7 @@
-"""One-way delay as the ground station measures it, against what was injected: delays, jitter, clock drift, asymmetry.
+"""One-way delay as measured by the ground station beside the injected one: delays, jitter, clock drift, asymmetry.
 
-One flight of 300 s under the virtual clock with a follower for every cell, so all cells share their time and nothing
-else: every link has random numbers of its own.
+One flight of 300 s under the virtual clock with a follower for each cell. Cells share only the time: every link has its
+own random numbers.
 """
 
 from __future__ import annotations

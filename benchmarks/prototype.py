@@ -1,11 +1,11 @@
 """Our flight beside a careful prototype in plain Python: pymavlink's messages with fastcrc, no law and no record.
 
 The prototype exchanges as many messages in the same directions: telemetry at 10 Hz, setpoints and their
-acknowledgements (each again when it changes by 0.005, and each second), heartbeats and what else is streamed once a
-second. Each datagram is one frame, which it decodes at once instead of byte by byte. Its vehicles fly equation (7)
-without limits; its ground station keeps the newest of each message, counts gaps and tells setpoints that depend on
-the position. Each round measures both, one after the other, in processes of their own, by the second half of a
-flight: start and end are taken out.
+acknowledgements (again when they change by 0.005, and every second), heartbeats and slow telemetry once a second. Each
+datagram is one frame, which it decodes at once instead of byte by byte. Its vehicles fly equation (7) without limits;
+its ground station keeps the newest of each message, counts gaps and sends setpoints that depend on the position. Each
+round measures both, one after the other, in processes of their own. Only the second half of a flight counts, so that
+start and end don't.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ COUNTS = (4, 100)
 ROUNDS = 3
 WARM_UP_S = 2.0
 SHORTEST_S = 20.0
-"""Of the flight taken from one twice as long: its time must outweigh what starts and ends differ by."""
+"""Shortest half flight that is measured: runs differ in the time of start and end, which must be small beside it."""
 CYCLES = 50
-"""Of a vehicle's main loop, a second."""
+"""Cycles of a vehicle's main loop per second."""
 PERIOD = 5
 """Cycles between ticks."""
 SPEED = dialect.MAV_CMD_GUIDED_CHANGE_SPEED
@@ -39,14 +39,14 @@ HEIGHT = dialect.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 HEADING = dialect.MAV_CMD_GUIDED_CHANGE_HEADING
 RESOLUTION = 0.005
 HEAD = ("vehicles,", "prototype, ms", "its frames,", "ours, ms", "our frames,", "times as fast,", "least and most,")
-"""Milliseconds of processor time a simulated second; frames a vehicle and second; medians of the rounds."""
+"""Milliseconds of processor time per simulated second; frames per vehicle and second; medians of the rounds."""
 SLOW_DOWN, SLOW_UP = 15, 7
-"""Messages of a vehicle, and to it, once a second besides telemetry, setpoints and answers: as in our flight."""
+"""Messages from and to a vehicle per second besides telemetry, setpoints and answers: as in our flight."""
 E7 = 1e7 / 6_378_137.0 * 180.0 / math.pi
 
 
 class End:
-    """One end of a link: messages to frames, and frames to messages with their gaps counted."""
+    """One end of a link: encodes messages as frames, decodes frames, and counts gaps."""
 
     def __init__(self, system: int) -> None:
         self._link: Any = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
@@ -68,7 +68,7 @@ class End:
 
 
 class PrototypeVehicle:
-    """Flies equation (7) in steps of 20 ms, tells its state, and acknowledges what it is told."""
+    """Flies equation (7) in steps of 20 ms, sends its state, and acknowledges setpoints."""
 
     def __init__(self, system: int) -> None:
         self.end = End(system)
@@ -79,7 +79,7 @@ class PrototypeVehicle:
         self._kept = math.exp(-step_s / 4.0), math.exp(-step_s / 1.5)
 
     def fly(self) -> None:
-        """Move on by a cycle."""
+        """Advance by a cycle."""
         step_s, (speed_kept, heading_kept) = 1.0 / CYCLES, self._kept
         self.speed_mps = self.told_mps + (self.speed_mps - self.told_mps) * speed_kept
         off_rad = (self.heading_rad - self.told_rad + math.pi) % math.tau - math.pi
@@ -90,7 +90,7 @@ class PrototypeVehicle:
         self.east_m += self.speed_mps * math.sin(self.heading_rad) * step_s
 
     def tell(self, cycle: int) -> list[bytes]:
-        """Return position, attitude and airspeed, each tick; what is streamed slowly, each second."""
+        """Return position, attitude and airspeed at each tick, and slow telemetry each second."""
         now_ms, cos, sin = cycle * 20, math.cos(self.heading_rad), math.sin(self.heading_rad)
         height_mm, speed = round(self.height_m * 1e3), self.speed_mps
         place = round(35e7 + self.north_m * E7), round(125e7 + self.east_m * E7)
@@ -122,7 +122,7 @@ class PrototypeVehicle:
 
 
 class PrototypeStation:
-    """Keeps the newest of each vehicle's messages, and tells it three setpoints: as they change, and each second."""
+    """Keeps the newest of each vehicle's messages, and sends it three setpoints, on changes and every second."""
 
     def __init__(self, count: int) -> None:
         self.ends = [End(255) for _ in range(count)]
@@ -135,7 +135,7 @@ class PrototypeStation:
         self.newest[index][message.get_msgId()] = message
 
     def tick(self, index: int, cycle: int) -> list[bytes]:
-        """Return a vehicle's setpoints: back to its line, at its speed and height; what is slow, each second."""
+        """Return setpoints that lead a vehicle back to its line, speed and height, and slow messages each second."""
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
         each_second = cycle % CYCLES == 0
@@ -147,7 +147,7 @@ class PrototypeStation:
 
 
 def setpoints(told: dict[int, float], east_m: float, *, each_second: bool) -> Iterator[tuple[int, float]]:
-    """Yield the commands that lead a vehicle back to its line, as far as they changed since they were told."""
+    """Yield the commands that lead a vehicle back to its line, if they changed since they were sent."""
     degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
     for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
         if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
@@ -160,7 +160,7 @@ def _command(system: int, command: int, value: float) -> Any:  # noqa: ANN401
 
 
 def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
-    """Return processor seconds and frames of a flight of the prototype."""
+    """Return processor time, s, and frames of a flight of the prototype."""
     vehicles, station, frames = [PrototypeVehicle(1 + index) for index in range(count)], PrototypeStation(count), 0
     began = time.process_time()
     for cycle in range(round(duration_s * CYCLES)):
@@ -182,7 +182,7 @@ def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
 
 
 def fly_ours(count: int, duration_s: float) -> tuple[float, int]:
-    """Return processor seconds and frames of our flight: everything on, recorded."""
+    """Return processor time, s, and frames of our flight: everything on, recorded."""
     began = time.process_time()
     with flown(scenario(count, duration_s)) as summary:
         spent_s = time.process_time() - began
@@ -190,7 +190,7 @@ def fly_ours(count: int, duration_s: float) -> tuple[float, int]:
 
 
 def rate(fly: Callable[[int, float], tuple[float, int]], count: int, duration_s: float) -> tuple[float, float]:
-    """Return processor time (ms) and frames a simulated second, by the second half of a flight twice as long.
+    """Return processor time (ms) and frames per simulated second, in the second half of a flight.
 
     A first, short flight loads the modules that flights need.
     """

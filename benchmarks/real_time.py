@@ -1,9 +1,9 @@
-"""A ground station's processor time in real time, over UDP, beside a loop on pymavlink's mavutil with the same traffic.
+"""Processor time of the ground station in real time, over UDP, beside a mavutil loop with the same traffic.
 
-The emulated vehicles are a process of their own, and each has a port of its own. The loop on mavutil waits for all
-sockets at once, keeps the newest of each message, and tells setpoints as `prototype`'s does: it has no law, no clocks
-and no record. Ours has everything on and is recorded. Start and end are taken out: of ours only what is spent along the
-path counts, as the kernel accounts it. A tick is late when it starts more than 10 ms after it was due.
+The emulated vehicles are a process of their own, and each has a port of its own. The mavutil loop waits for all sockets
+at once, keeps the newest of each message, and sends setpoints like the one of `prototype`: it has no law, no clocks and
+no record. Ours has everything on and is recorded. Start and end don't count: of ours only processor time along the
+path, as the kernel accounts it. A tick is late when it starts more than 10 ms after it was due.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST_PORT = 21000
 PERIOD_S = 0.1
 SETTLE_S = 5.0
 MARGIN_S = 2.0
-"""Of the path, before and after what is measured."""
+"""Time along the path before and after the measurement."""
 STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
 HEAD = (
     "vehicles",
@@ -58,12 +58,12 @@ def planned(count: int, duration_s: float) -> dict[str, Any]:
 
 
 def fly(count: int, duration_s: float, run_dir: Path) -> dict[str, Any]:
-    """Fly, and return the figures of control; meant for a process of its own."""
+    """Fly, and return the figures of `control`; run it in a process of its own."""
     return gcs_formation.run(planned(count, duration_s), clock="real", out=run_dir).to_dict()["control"]
 
 
 def along_the_path(pool: ProcessPoolExecutor, count: int, duration_s: float) -> tuple[float, int, dict[str, Any]]:
-    """Return processor seconds of our ground station along the path, its frames, and its figures of control."""
+    """Return processor time, s, of our ground station along the path, its frames, and its figures of `control`."""
     process = pool.submit(os.getpid).result()
     with tempfile.TemporaryDirectory() as out:
         run_dir = Path(out) / "run"
@@ -78,13 +78,13 @@ def along_the_path(pool: ProcessPoolExecutor, count: int, duration_s: float) -> 
 
 
 def processor_s(process: int) -> float:
-    """Return the processor time that a process has taken, s: its own and the kernel's for it."""
+    """Return the processor time of a process, s: user and system time."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def datagrams() -> int:
-    """Return how many UDP datagrams this machine has received: each frame of a flight is one."""
+    """Return how many UDP datagrams this machine has received; in a flight each carries one frame."""
     names, numbers = (line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if line[:4] == "Udp:")
     return int(numbers[names.index("InDatagrams")])
 
@@ -113,7 +113,7 @@ class Loop:
         self.frames = 0
 
     def run(self, duration_s: float) -> float:
-        """Take and send for a time by the machine's clock, as a ground station does; return processor seconds."""
+        """Receive and send for a time by the machine's clock, as a ground station does; return processor time, s."""
         began, due, ticks = time.process_time(), time.monotonic(), 0
         until = due + duration_s
         while (now := time.monotonic()) < until:
@@ -127,7 +127,7 @@ class Loop:
         return time.process_time() - began
 
     def request(self) -> None:
-        """Ask every vehicle that was heard for its state at 10 Hz."""
+        """Ask each vehicle that was heard for its state at 10 Hz."""
         for place, link in enumerate(self._links):
             for name in STREAMS if self._newest[place] else ():
                 number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
@@ -135,7 +135,7 @@ class Loop:
                 link.mav.command_long_send(place + 1, 1, interval, 0, number, 1e6 * PERIOD_S, 0, 0, 0, 0, 0)
 
     def close(self) -> None:
-        """Let go of the ports."""
+        """Close the ports."""
         self._selector.close()
         for link in self._links:
             link.close()
@@ -162,7 +162,7 @@ class Loop:
 
 
 def loop(count: int, duration_s: float) -> tuple[float, int]:
-    """Return processor seconds and frames of the loop on mavutil."""
+    """Return processor time, s, and frames of the mavutil loop."""
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "scenario.yaml"
         file.write_text(yaml.safe_dump(planned(count, duration_s)))

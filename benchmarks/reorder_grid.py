@@ -1,4 +1,4 @@
-"""Mean delay of datagrams that keep their order, against those that may overtake, on one way of one link."""
+"""Mean delay of datagrams that keep their order, beside those that may overtake, in one direction of a link."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DURATION_S = 1000.0
 
 
 def mean_s(impairment: Impairment, rate_hz: float) -> float:
-    """Return the realised mean delay of datagrams at even intervals, s."""
+    """Return the realised mean delay of datagrams sent at even intervals, s."""
     channel = Channel(np.random.Generator(np.random.Philox(1)))
     for number in range(int(DURATION_S * rate_hz)):
         channel.pass_on(50, after(Instant(0), number / rate_hz), impairment)

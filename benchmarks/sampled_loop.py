@@ -1,7 +1,7 @@
-"""Delay margins of the laws as they are flown, in ticks, beside those that are computed in continuous time.
+"""Delay margins of the sampled laws, as flown, beside those computed in continuous time.
 
 The linear loop along the path around one follower, exactly sampled: plant (7) between ticks in closed form, setpoints
-held, a delay between the state that a tick takes and when its setpoint acts. It is lost at the delay at which an
+held, and a delay from the state that a tick uses until its setpoint acts. The margin is the delay at which an
 eigenvalue of the step from tick to tick leaves the unit circle; half a tick is added, as `loop_delay_s` counts it.
 """
 
@@ -30,9 +30,9 @@ KEYS = {"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0
 
 
 class SampledLaw(NamedTuple):
-    """A law's step at a tick, for w = (forward error, airspeed, setpoint that acts), the latter two off the leader's.
+    """A law's step at a tick, for w = (forward error, airspeed, setpoint in effect), the latter two minus the leader's.
 
-    It says u = says_kept . m + says . w, and keeps m' = kept m + takes w, with a memory m of some size.
+    With a memory m of any size, the setpoint is u = says_kept . m + says . w, and the memory m' = kept m + takes w.
     """
 
     kept: Array
@@ -44,7 +44,7 @@ class SampledLaw(NamedTuple):
 def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps: float) -> SampledLaw:
     """Return the law of `control.follower`, at frozen gains; m = (filtered rate, integral)."""
     error = np.array((mixer.k_x, -mixer.k_v, 0.0))
-    # The rate with which (7) goes on as the tick ends, from the setpoint that acts.
+    # The rate at which (7) moves at the end of the tick, under the setpoint in effect.
     lag_s = -tick_s / math.expm1(-tick_s / tau_s) - tick_s
     slope = np.array((0.0, mixer.k_v / lag_s - mixer.k_x, -mixer.k_v / lag_s))
     new = (1.0 - filter_keeps) * slope
@@ -57,7 +57,7 @@ def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps
 
 
 def consensus(scenario: Scenario, tau_s: float) -> SampledLaw:
-    """Return protocol (3) in the mode of its largest eigenvalue; it remembers nothing."""
+    """Return protocol (3) in the mode of its largest eigenvalue; it has no memory."""
     law, weights = scenario.law.consensus, scenario.adjacency
     most = float(np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).real.max())
     says = tau_s * np.array((most * law.k1, 1.0 / tau_s - law.k3 - most * law.k2, 0.0))
@@ -65,7 +65,7 @@ def consensus(scenario: Scenario, tau_s: float) -> SampledLaw:
 
 
 def radius(law: SampledLaw, tau_s: float, tick_s: float, delay_s: float) -> float:
-    """Return the largest eigenvalue of the step from tick to tick, of plant, memory and the setpoints on their way."""
+    """Return the largest eigenvalue of the step from tick to tick, of plant, memory and setpoints in transit."""
     whole = int(delay_s // tick_s)
     memory, waiting = len(law.kept), whole + 1
     size = 2 + memory + waiting
@@ -82,13 +82,13 @@ def radius(law: SampledLaw, tau_s: float, tick_s: float, delay_s: float) -> floa
 
 
 def _fly(state: Array, setpoint: Array, tau_s: float, time_s: float) -> Array:
-    """Return forward error and airspeed, as combinations of the loop's states, after a setpoint is held for a time."""
+    """Return forward error and airspeed after a setpoint was held for a time, as combinations of the loop's states."""
     rates = np.array(((0.0, -1.0, 0.0), (0.0, -1.0 / tau_s, 1.0 / tau_s), (0.0, 0.0, 0.0)))
     return expm(rates * time_s)[:2] @ np.stack((*state, setpoint))
 
 
 def margin(law: SampledLaw, tau_s: float, tick_s: float) -> float:
-    """Return the delay at which the loop is lost, as the station counts it."""
+    """Return the delay at which the loop becomes unstable, counted as the station does."""
     beyond: Callable[[float], float] = lambda delay_s: radius(law, tau_s, tick_s, delay_s) - 1.0  # noqa: E731
     tried = np.arange(0.0, LONGEST_S, 0.02)
     first = next(i for i, delay_s in enumerate(tried) if beyond(float(delay_s)) > 0.0)

@@ -1,7 +1,7 @@
-"""What a vehicle more costs: time, memory and recorded bytes, against the number of vehicles.
+"""Time, memory and recorded bytes against the number of vehicles.
 
-Each size flies in a process of its own: emulated vehicles, links and ground station together, law and telemetry at
-10 Hz, everything recorded. Under the virtual clock that is all; with `--real`, over UDP, vehicles have a second one.
+Each size flies in a process of its own: emulated vehicles, links and ground station together, law and telemetry at 10
+Hz, everything recorded. With `--real`, over UDP, vehicles have a second process.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def scenario(count: int, duration_s: float) -> dict[str, Any]:
 
 
 def row(count: int, clock: ClockName, duration_s: float) -> list[str]:
-    """Fly one size and return its row; meant for a process of its own, whose peak of memory is that flight's."""
+    """Fly one size and return its row; run it in a process of its own, whose peak memory is then the flight's."""
     began = time.process_time()
     with flown(scenario(count, duration_s), clock) as summary:
         processor_s, figures = time.process_time() - began, summary.to_dict()

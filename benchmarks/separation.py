@@ -1,4 +1,4 @@
-"""What the separation rule costs of a tick: at slots far apart, near to each other, and with a stranger head-on."""
+"""Processor time of the separation rule in a tick: with distant slots, close slots, and a stranger head-on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TIMES = 30
 
 
 def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
-    """Return vehicles in rows, nearly alike in speed and heading; a stranger comes towards the first column of them."""
+    """Return vehicles in rows, nearly equal in speed and heading; a stranger meets the first column head-on."""
     random, side = np.random.default_rng(1), int(np.ceil(np.sqrt(count)))
     noise = random.uniform((-0.3, -0.01), (0.3, 0.01), (count, 2)).tolist()
     rows = [
@@ -31,7 +31,7 @@ def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
 
 
 def cost_ms(vehicles: Vehicles) -> tuple[float, int]:
-    """Return the median processor time of a tick, and how many give way."""
+    """Return the median processor time of a tick, ms, and how many vehicles give way."""
     took_s: list[float] = []
     giving_way = 0
     for _ in range(TIMES):

@@ -1,7 +1,7 @@
-"""The size and shape of the source tree: modules, classes, lines, circles of imports, and a datagram's way.
+"""Size and structure of the source tree: modules, classes, lines, import cycles, and a datagram's way.
 
-The way is measured: which files run, from a position datagram's receipt to the setpoints that are sent on it, in a
-flight of configs/quickstart.yaml in memory.
+The way is measured: the files that run, from the receipt of a position datagram to the setpoints that follow from it,
+in a flight of configs/quickstart.yaml in memory.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from sim_vehicles.fleet import Fleet
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation")
 WRITTEN = "# Written by: "
-"""Begins a line of a module that a program has written from a table."""
+"""First line of a module that a program has generated from a table."""
 FLOWN_S = 300.0
-"""The path has begun by then, or never does."""
+"""Time by which the path must have begun."""
 
 
 def sources(package: str) -> dict[str, str]:
-    """Return the modules of a package, by their dotted names."""
+    """Return the modules of a package, by dotted name."""
     paths = {path: path.relative_to(ROOT).with_suffix("").parts for path in sorted((ROOT / package).rglob("*.py"))}
     return {".".join(parts).removesuffix(".__init__"): path.read_text() for path, parts in paths.items()}
 
 
 def counted(texts: list[str]) -> list[int]:
-    """Return how many modules, classes and lines these are."""
+    """Return the numbers of modules, classes and lines."""
     classes = sum(isinstance(node, ast.ClassDef) for text in texts for node in ast.walk(ast.parse(text)))
     return [len(texts), classes, sum(len(text.splitlines()) for text in texts)]
 
 
 def imported(tree: ast.Module, modules: set[str]) -> Iterator[str]:
-    """Yield the modules that are imported as `tree` is: not those for type checkers, nor those of functions."""
+    """Yield the modules that `tree` imports when it is imported: not for type checkers only, not inside functions."""
     for node in tree.body:
         if isinstance(node, ast.ImportFrom) and node.module:
             for name in node.names:
@@ -56,7 +56,7 @@ def imported(tree: ast.Module, modules: set[str]) -> Iterator[str]:
 
 
 def circle(modules: dict[str, ast.Module]) -> list[str] | None:
-    """Return a circle of modules that import each other, None if there is none."""
+    """Return a cycle of modules that import each other; None if there is none."""
     names = set(modules)
     graph = {name: {other for other in imported(tree, names) if other in names} for name, tree in modules.items()}
     try:
@@ -96,7 +96,7 @@ def _is_position(datagram: Datagram) -> bool:
 
 
 def way() -> list[str]:
-    """Return the files of the station and the wire that run from a position to the setpoints."""
+    """Return the files of station and wire that run from a position to the setpoints."""
     scenario = load_scenario(ROOT / "configs" / "quickstart.yaml")
     clock = VirtualClock()
     network, station = MemoryNetwork(clock), Traced(scenario, Mock())

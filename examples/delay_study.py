@@ -1,4 +1,4 @@
-"""How much delay does a formation bear without prediction? A study from Python: `python examples/delay_study.py`."""
+"""How much delay does a formation tolerate without prediction? A study in Python: `python examples/delay_study.py`."""
 
 import gcs_formation
 
@@ -15,7 +15,7 @@ STUDY = {
     "record": "none",
 }
 
-if __name__ == "__main__":  # its workers import this script
+if __name__ == "__main__":  # workers import this script
     table = gcs_formation.study(STUDY, "runs/delay-study", overwrite=True)
     print("delay, ms  prediction  95 % of the time within, m  share of the delay margin")
     for row in table.sort_by("links.default.delay_ms").to_pylist():

@@ -1,6 +1,6 @@
-"""The same claims about vehicles that are up already: autopilots in a simulator of their own, or real ones.
+"""The same checks with vehicles that are up already: autopilots in a simulator of their own, or real ones.
 
-Set FORMATION_SCENARIO to a scenario whose `endpoint`s are theirs; without it the test is skipped.
+Set FORMATION_SCENARIO to a scenario with their `endpoint`s; without it the test is skipped.
 """
 
 import os

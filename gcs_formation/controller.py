@@ -60,7 +60,7 @@ class FormationController:
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._every_column = list(range(1 + len(scenario.followers)))
-        self._columns = len(self._every_column)
+        self.columns = len(self._every_column)
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every column; its lags follow what the vehicles fly."""
         self._law = law_kind(scenario).make(scenario, self.models)
@@ -76,8 +76,8 @@ class FormationController:
         self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self._columns)]
-        self._lift_m = np.zeros(self._columns)
+        self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
+        self._lift_m = np.zeros(self.columns)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places as a tick tells them."""
         observer_radps = scenario.law.disturbance_observer_radps
@@ -119,14 +119,17 @@ class FormationController:
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
-    def take(self, column: int, sample: Sample) -> None:
-        """Take a column's newest sample."""
-        commanded = self.last_tick is not None and self.last_tick.active[column]
-        self.estimator.take(column, sample, self.models[column], commanded=commanded)
-        state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
-        if sample.by_course and state is not None:
-            heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
-        self.lags.hear(column, sample.stamp, (sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps))
+    def take(self, samples: list[Sample | None]) -> None:
+        """Take the columns' newest samples, (C,); None: it has none that is new."""
+        commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
+        self.estimator.take(samples, self.models, commanded)
+        for column, sample in enumerate(samples):
+            if sample is not None:
+                state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
+                if sample.by_course and state is not None:
+                    heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
+                motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
+                self.lags.hear(column, sample.stamp, motion)
 
     def step(
         self,
@@ -162,7 +165,7 @@ class FormationController:
         self.history.begin(acts)
         tick.virtual_leader = self._flown_on(now) if self._virtual else None
         if not tick.active[tick.leader]:
-            tick.active = [False] * self._columns
+            tick.active = [False] * self.columns
             self._in_slots_s = 0.0
             return tick
         measured = self._measured(tick.active, acts)
@@ -170,13 +173,13 @@ class FormationController:
         lead = self._steer_leader(tick, states, assembled=assembled)
         self._turn_rps = lead.path.turn_rps
         self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # followers are where it is when theirs act
-        if self._columns > 1:
+        if self.columns > 1:
             self._lead_bandwidth(bandwidth)
             self._by_law(tick, states, lead)
             self._await_followers(tick)
             self._at_heights(tick, heights_m)
         self.fence.keep(tick)
-        if self._columns > 1:
+        if self.columns > 1:
             self.separation.keep(tick, measured, self.plan.apart_m(now / NANOSECONDS))
         self.floor.keep(tick)
         self.history.note(tick.setpoints)
@@ -193,8 +196,8 @@ class FormationController:
         seen: dict[int, tuple[FlightState, float]],
     ) -> Tick:
         """Return a tick at which nobody is commanded; `seen`: columns' states by their newest positions, and ages."""
-        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self._columns)
-        tick.active = [False] * self._columns
+        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self.columns)
+        tick.active = [False] * self.columns
         for column, (state, age_s) in seen.items():
             tick.state[column], tick.age_s[column] = state, age_s
         return tick
@@ -218,7 +221,7 @@ class FormationController:
         """Return when each column's present setpoint acts; a virtual leader amid the followers acts as they do."""
         acts = vec[i64]([_acts(now, link) for link in links])
         if self._leader_amid:
-            acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self._columns - 1)
+            acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self.columns - 1)
         return acts
 
     def _measured(self, active: list[bool], acts: vec[i64]) -> Measured:
@@ -243,7 +246,7 @@ class FormationController:
         """Put the law's setpoints into a tick, and what led to them."""
         slots, commanded_slots = self._over_ground(tick, states, lead)
         variance = [each.wind_variance for each in self.estimator.filters]
-        replaced = [AS_DECIDED] * self._columns if self.last_tick is None else self.last_tick.replaced
+        replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same ones while they stand
             self._placed = commanded_slots
@@ -320,12 +323,12 @@ class FormationController:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
         later, earliest = slots, int(tick.now)
-        for column in range(self._columns):
+        for column in range(self.columns):
             earliest = min(earliest, states.instant(column))
         rests = self.plan.at_rest(earliest / NANOSECONDS)
         if rests and (self._clearance is None or route is None):
             return slots.each, slots.each
-        instants = [states.instant(column) for column in range(self._columns)]
+        instants = [states.instant(column) for column in range(self.columns)]
         if not rests:
             later = self.plan.at_each([each / NANOSECONDS for each in instants], begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
@@ -353,7 +356,7 @@ class FormationController:
                 speed_mps, heading_rad, _ = tick.setpoints[column]
                 bounds = Envelope(heading_rad, tick.state[column], self.models[column])
                 tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
-        tick.slots_m, tick.slots_left = [UNKNOWN] * self._columns, True
+        tick.slots_m, tick.slots_left = [UNKNOWN] * self.columns, True
 
     def _await_followers(self, tick: Tick) -> None:
         """Have slots that vehicles gather to wait for who can't keep up: beyond the distance that is kept, slower."""

@@ -16,6 +16,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
+from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
@@ -123,8 +124,9 @@ class Station(Engine):
         """Take datagrams: pass their frames to their vehicles, and count the rest."""
         timed, raws = not self._was_away(now), list[bytes]()
         try:
-            for datagram in datagrams:
-                frame = self._receiver.first(datagram)
+            read = [self._receiver.first(datagram) for datagram in datagrams]
+            for place, datagram in enumerate(datagrams):
+                frame = read[place]
                 while frame is not None:
                     raws.append(frame.raw)
                     vehicle = self._senders.sender(frame, datagram, now)
@@ -277,11 +279,12 @@ class Station(Engine):
         """Take new samples before vehicles are judged by their age, in case the station itself was held up."""
         if self.flight.phase not in COMMANDED:
             return
+        samples: list[Sample | None] = [None] * self.controller.columns
         leader = self.controller.plan.leader
         for vehicle in self._each:
-            sample = vehicle.sampler.new(now, flew=vehicle.flew, leads=vehicle.column == leader)
-            if sample is not None:
-                self.controller.take(vehicle.column, sample)
+            column = vehicle.column
+            samples[column] = vehicle.sampler.new(now, flew=vehicle.flew, leads=column == leader)
+        self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:
         controller = self.controller

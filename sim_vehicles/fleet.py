@@ -46,7 +46,7 @@ class Fleet(Engine):
         ]
         self.environment = Environment(config, self.bodies)
         self._truth = truth
-        self.outbox: list[Datagram] = []
+        self._outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
             KINDS[vehicle.family or spoken("emulator", vehicle.model)](i, vehicle, self, now)
@@ -60,14 +60,16 @@ class Fleet(Engine):
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Keep datagrams for their vehicles' next cycles."""
         for datagram in datagrams:
-            self.vehicles[datagram.socket].receive(datagram, now)
+            vehicle = self.vehicles[datagram.socket]
+            vehicle.receive(datagram, now)
+            self._post(vehicle.link.outbox)
 
     def datagrams_to_send(self) -> list[Datagram]:
         """Remove and return the datagrams to send now."""
-        if not self.outbox:
+        if not self._outbox:
             return []
-        out = self.outbox.copy()
-        self.outbox.clear()
+        out = self._outbox.copy()
+        self._outbox.clear()
         return out
 
     def next_timer(self) -> Instant:
@@ -87,8 +89,27 @@ class Fleet(Engine):
                     vehicle.inject(fault, now, ends=ends)
         for body in self.bodies:
             body.fly()
+        # Stage by stage for all: the code of a stage stays in a processor's cache, that of all stages doesn't fit.
+        awake = list[Vehicle]()
         for vehicle in self.vehicles:
-            if vehicle.wake <= now:
-                vehicle.turn(now)
+            if vehicle.wake <= now and vehicle.read(now):
+                awake.append(vehicle)
+        for vehicle in awake:
+            vehicle.act()
+        streaming = list[Vehicle]()
+        for vehicle in awake:
+            if vehicle.tell():
+                streaming.append(vehicle)
+        while streaming:
+            streaming = [vehicle for vehicle in streaming if vehicle.stream()]
+        for vehicle in awake:
+            vehicle.plan()
+            self._post(vehicle.link.outbox)
         if self._truth is not None:
             self._truth(now, self)
+
+    def _post(self, sent: list[Datagram]) -> None:
+        """Send what a vehicle has sent."""
+        if sent:
+            self._outbox += sent
+            sent.clear()

@@ -43,14 +43,14 @@ class Link:
     each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
-    def __init__(self, socket: int, config: VehicleConfig, outbox: list[Datagram], *, locks: bool) -> None:
-        """Send on socket number `socket` of the engine, by appending datagrams to its outbox.
+    def __init__(self, socket: int, config: VehicleConfig, *, locks: bool) -> None:
+        """Send on socket number `socket` of the engine, which takes the datagrams from the `outbox`.
 
         `locks`: only the first who sends is heard, until it restarts.
         """
         self._locks = locks
         self._socket = socket
-        self._outbox = outbox
+        self.outbox: list[Datagram] = []
         self._system = config.identity.system
         self._fixed_address = config.endpoint.address if config.endpoint.kind == "udpout" else None
         self._inbox: list[Datagram] = []
@@ -159,7 +159,7 @@ class Link:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
-        self._outbox.append(Datagram(self._socket, peer.address, peer.writer.encode(message)))
+        self.outbox.append(Datagram(self._socket, peer.address, peer.writer.encode(message)))
 
     def _peer(self, address: Address) -> Peer | None:
         """Return whom a datagram comes from; None: it isn't heard."""

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
+from airlink.endpoint import Address
 from airlink.engine import Datagram
+from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.system import Statustext, Timesync
 from formation_scenario.surroundings import DEFAULT_MODE, Fault
@@ -32,7 +34,7 @@ INFO, WARNING, CRITICAL = m.MAV_SEVERITY_INFO, m.MAV_SEVERITY_WARNING, m.MAV_SEV
 
 
 class Vehicle(AutopilotFamily):
-    """An emulated autopilot and its body; `turn` is one cycle of its main loop."""
+    """An emulated autopilot and its body; a cycle of its main loop is `read`, `act`, `tell`, `stream`, `plan`."""
 
     now: Instant
     streams: Streams
@@ -57,10 +59,12 @@ class Vehicle(AutopilotFamily):
         """When its next cycle has something to do."""
         self.parameters = self.parameters_of(config)
         self.pilot = self.pilot_of(config, self.body.steering)
-        self.link = Link(index, config, fleet.outbox, locks=self.locks)
+        self.link = Link(index, config, locks=self.locks)
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
         self.messages = self.message_handler()
+        self._frames: list[tuple[Address, Frame]] | None = None
+        """What was read at the beginning of this cycle."""
         self._tells_time_at_once = self.tells_time_at_once
         self.sticks = False
         """Whether a pilot has its transmitter."""
@@ -81,22 +85,27 @@ class Vehicle(AutopilotFamily):
         self.link.receive(datagram, now)
         self.wake = min(self.wake, now)
 
-    def turn(self, now: Instant) -> None:
-        """Run one cycle of the main loop.
+    # A cycle of the main loop, in the order in which the fleet has each vehicle run through it.
 
-        In this order: boot, take messages, restart if told to, fly (take-offs and landings by the pilot, failsafe, what
-        the mode does), send what is due, and plan the next cycle.
-        """
+    def read(self, now: Instant) -> bool:
+        """Begin a cycle: boot, read what has arrived; return False for a vehicle that does nothing (any more)."""
         self.now = now
         if self._frozen or self.pilot.crashed:
             self.link.ignore()
             self.wake = NEVER
-            return
+            return False
         if self.pilot.booting and now >= self._up:
             self._come_up(self.ground_mode)
-        if self.link.next_arrival <= now:
-            for sender, frame in self.link.frames(now):
+        self._frames = self.link.frames(now) if self.link.next_arrival <= now else None
+        return True
+
+    def act(self) -> None:
+        """Do what the frames that were read ask for, and what is due by now."""
+        now, frames = self.now, self._frames
+        if frames is not None:
+            for sender, frame in frames:
                 self.messages.take(sender, frame)
+            self._frames = None
         if self.reboots:
             self._restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
@@ -111,11 +120,9 @@ class Vehicle(AutopilotFamily):
             self.say(CRITICAL, "Failsafe. Long event on: GCS")
             self.enter(safe_mode)
         self.follow_time()
-        self._tell()
-        self._plan()
 
-    def _tell(self) -> None:
-        """Send what is due by now."""
+    def tell(self) -> bool:
+        """Send what is due besides its streams; return whether one of these is."""
         now = self.now
         if now >= self._next_timesync:
             self._next_timesync = after(now, TIMESYNC_S)
@@ -126,11 +133,14 @@ class Vehicle(AutopilotFamily):
         if now >= self.missions.next_due():
             for peer, message in self.missions.reminders(now):
                 self.link.answer(peer, message)
-        if now >= self.streams.next_due:
-            self.streams.send_due(self, now)
+        return now >= self.streams.next_due
 
-    def _plan(self) -> None:
-        """Set `wake`, when the next cycle has something to do."""
+    def stream(self) -> bool:
+        """Send the next message of its streams that is due; return whether there is another."""
+        return self.streams.send_next(self, self.now)
+
+    def plan(self) -> None:
+        """End the cycle: set when there is next something to do other than to read frames."""
         if self.parameters.listing or self.pilot.under_way or self.flies_mission:
             self.wake = self.now
             return

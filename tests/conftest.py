@@ -9,27 +9,27 @@ from hypothesis import settings
 
 from airlink.cli import OBJECTS, calculate_in_one_thread
 
-calculate_in_one_thread()  # as commands do; a third less processor time where eigenvalues are tested
+calculate_in_one_thread()  # as commands do; saves a third of the processor time where eigenvalues are tested
 gc.set_threshold(OBJECTS)  # as commands do, too
-# How long an example takes says nothing on a busy machine; the same examples in every run do.
+# The duration of an example says nothing on a busy machine; the same examples in every run do.
 settings.register_profile("nightly", deadline=None, derandomize=True)
 settings.register_profile("push", settings.get_profile("nightly"), max_examples=50)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Try half of the examples where slow tests are left to the night; those of the night are the usual hundred."""
+    """Try half as many examples if slow tests are left to the night, where each test has the usual hundred."""
     settings.load_profile("push" if config.option.markexpr == "not slow" else "nightly")
 
 
 def pytest_collection_finish() -> None:
-    """Look for garbage not among what is there for good: a tenth of the time that the tests take."""
+    """Exclude objects that stay from garbage collection, which saves a tenth of the tests' time."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture
 def foreground() -> Iterator[None]:
-    """Ctrl-C and hang-ups as a job in a shell's foreground meets them: `nohup … &` ignores both, and hands that on."""
+    """Restore the default handling of Ctrl-C and hang-ups: `nohup … &` has both ignored, and children inherit that."""
     before = {
         signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler),
         signal.SIGHUP: signal.signal(signal.SIGHUP, signal.SIG_DFL),

@@ -1,4 +1,4 @@
-"""Processes, ports and waiting: what tests of whole programs share."""
+"""Helpers for tests of whole programs: processes, ports and waiting."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 LIMIT_S = 300
-"""How long a crowded machine may take for what takes seconds."""
+"""How long a busy machine may take for what usually takes seconds."""
 STATION = [sys.executable, "-m", "gcs_formation"]
 VEHICLES = [sys.executable, "-m", "sim_vehicles"]
 
@@ -48,12 +48,12 @@ def started(command: Sequence[str | Path]) -> Generator[subprocess.Popen[str]]:
 
 
 def _heed_interrupts() -> None:
-    """What a shell starts in the background ignores Ctrl-C, and hands that on."""
+    """Restore the handling of Ctrl-C, which a shell's background jobs ignore and their children inherit."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def wait_for(condition: Callable[[], object], within_s: float = LIMIT_S, every_s: float = 0.05) -> None:
-    """Wait in real time: what is waited for happens in another process, and no clock of ours can advance that."""
+    """Wait in real time for something in another process, which no clock of ours can advance."""
     deadline = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < deadline, f"not so within {within_s:g} s"
@@ -61,14 +61,14 @@ def wait_for(condition: Callable[[], object], within_s: float = LIMIT_S, every_s
 
 
 def events_of(run: Path) -> list[dict[str, Any]]:
-    """Return the events that a run has recorded by now; what isn't a whole line yet isn't one."""
+    """Return the events that a run has recorded so far, without an incomplete last line."""
     file = run / "events.jsonl"
     lines = file.read_text().splitlines(keepends=True) if file.exists() else []
     return [json.loads(line) for line in lines if line.endswith("\n")]
 
 
 def wait_for_event(run: Path, text: str, after: int = 0, within_s: float = LIMIT_S, **fields: str) -> dict[str, Any]:
-    """Wait until an event of this text and these fields is recorded, not counting the first ones; return it."""
+    """Wait until an event of this text and these fields is recorded after the first `after` ones; return it."""
 
     def those() -> list[dict[str, Any]]:
         return [each for each in events_of(run)[after:] if fields.items() | {("text", text)} <= each.items()]

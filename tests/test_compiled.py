@@ -1,4 +1,4 @@
-"""A wheel that was compiled flies the same bytes as its sources, and passes the tests of what decides in flight."""
+"""A compiled wheel flies the same bytes as its sources, and passes the tests of the compiled modules."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DECIDING = (
     "gcs_formation/link",
     "gcs_formation/separation",
 )
-"""Tests of what is compiled."""
+"""Tests of compiled modules."""
 PATCHING = (
     "a_step_is_the_extended_kalman_filters",
     "whose_path_leads_out_stays_inside",
@@ -39,12 +39,12 @@ PATCHING = (
     "before_what_arrived_during_a_long_receive",
     "after_a_stop_all_that_came_meanwhile",
 )
-"""Those among them that put something in the place of compiled objects."""
+"""Tests among them that replace parts of compiled objects, and so can't run here."""
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a directory with the packages of a compiled wheel, and the tests beside them."""
+    """Return a directory with the packages of a compiled wheel and the tests."""
     directory = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(directory), str(ROOT)]
     subprocess.run(build, env={**os.environ, "GCS_FORMATION_COMPILE": "1"}, check=True)
@@ -57,7 +57,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def fly(packages: Path, out: Path, scenario: str, *keys: str) -> str:
-    """Fly with the packages of a folder; return where the state filter was loaded from."""
+    """Fly with the packages of a directory; return where the state filter was loaded from."""
     ours = {**os.environ, "PYTHONPATH": str(packages)}
     told = [word for key in keys for word in ("--set", key)]
     flight = [f"configs/{scenario}.yaml", "--clock", "virtual", "--until", "5", *told, "--quiet", "--out", str(out)]

@@ -1,4 +1,4 @@
-"""Documents name files, names in them and pictures that are there."""
+"""Files, names and pictures that documents mention exist."""
 
 import ast
 import json
@@ -26,9 +26,9 @@ PACKAGES = (
 )
 FOLDER = rf"`((?:{'|'.join(PACKAGES)})/[\w/]*)`"
 FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.*")}
-"""Names that may stand alone, where a document has said before which folder is meant."""
+"""Names that may stand alone, after a document has said which folder is meant."""
 OUTPUTS = {"run.yaml", "table.md"}
-"""Of a run or a study, not of the tree."""
+"""Files of a run or a study, not of the source tree."""
 TO_COME = "## Where to add things"
 
 
@@ -79,7 +79,7 @@ def test_the_page_of_studies_says_how_many_samples_there_are_by_default():
 
 
 def noted_kinds(source):
-    """Yield the kinds of events that a module notes."""
+    """Yield the kinds of events that a module records."""
     for call in ast.walk(ast.parse(source)):
         if isinstance(call, ast.Call) and len(call.args) >= 3 and isinstance(call.args[1], ast.Constant):
             name = getattr(call.func, "attr", getattr(call.func, "id", ""))

@@ -33,9 +33,9 @@ from gcs_formation.stability import (
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 
 MOST_HZ = 1000.0
-"""Of law.rate_hz."""
+"""Largest allowed law.rate_hz."""
 ROOM_M = 2 * SETTLED_M
-"""By how much two vehicles that are in their slots may be nearer to each other than these are."""
+"""Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
 
 def check_report(scenario: Scenario) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def refusal_report(error: ScenarioError) -> dict[str, Any]:
 
 
 def check_text(scenario: Scenario) -> str:
-    """Return the same for a person: the resolved scenario, the graph, a line for every loop, the warnings."""
+    """Return the same as text: the resolved scenario, the graph, a line for each loop, the warnings."""
     law_text = _consensus_text if law_kind(scenario).mutual else _followers_text
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
@@ -82,7 +82,7 @@ def check_text(scenario: Scenario) -> str:
 
 
 def common_limits(scenario: Scenario) -> Iterator[str]:
-    """Yield within which limits a formation of several kinds flies, and whose each of them is."""
+    """Yield the limits that all vehicles of a mixed formation can fly within, and which vehicle sets each of them."""
     if all(vehicle.model == scenario.vehicles[0].model for vehicle in scenario.vehicles):
         return
     limits = {"speed_min_mps": max, "speed_max_mps": min, "climb_max_mps": min, "turn_rate_max_rps": min}
@@ -106,12 +106,10 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
 
 
 def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
-    """Return what each predicted loop stands where lags aren't the model's, about the longest configured delay.
+    """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
 
-    A loop that is unstable without any delay stands nothing.
-
-    The first is the share of itself by which every lag may be off, the second the mismatch of the delay with every lag
-    up to `LAGS_OFF` off, s. Without prediction there is none.
+    First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
+    `LAGS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
@@ -129,7 +127,7 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
 def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    `lags_off`: by what share of itself every lag may be off, by loop.
+    `lags_off`: the share by which every lag may be off its model's, by loop.
     """
     yield from _unstable_loops(scenario, margins, lags_off)
     for channel, each in figures(scenario).items() if by_design(scenario) else ():
@@ -168,10 +166,11 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
 
 
 def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
-    """Yield loops that are unstable, or near to it.
+    """Yield loops that are unstable or close to it.
 
-    With prediction, margins limit only its mismatch, and the time for which a setpoint is held until the next: half a
-    tick on average, and longer where setpoints are lost, in which nothing that is predicted is answered.
+    With prediction the margin limits two things only: the mismatch of the predicted delay, and the hold of a setpoint
+    until the next one, because nothing predicted is corrected meanwhile. A hold lasts half a tick on average, longer
+    where setpoints are lost.
     """
     delay_s, lossy_s = configured_loop_delay_s(scenario), configured_loop_delay_s(scenario, lossy=True)
     hold, lost = longest_hold(scenario), " on average, losses included," if lossy_s > delay_s else ""
@@ -193,7 +192,7 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
 
 
 def slots_of_no_shape(scenario: Scenario) -> str | None:
-    """Return that slots are given which no shape of the flight has, unless it is ordered; None where there are none."""
+    """Return a warning that `slots_m` is given but no planned shape uses it; an order still may. None otherwise."""
     formation = scenario.formation
     flown = dict.fromkeys([formation.shape, *(each.shape for each in formation.changes if each.shape)])
     if formation.slots_m is None or "custom" in flown:
@@ -202,7 +201,7 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 
 
 def doomed_orders(scenario: Scenario) -> Iterator[str]:
-    """Yield the planned orders that will be refused, and why, as far as it is known before the flight."""
+    """Yield the planned orders that will be refused, and why, as far as that is known before the flight."""
     flown = [] if not scenario.orders else [each for each in columns(scenario) if each is not None]
     unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
     why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
@@ -211,9 +210,9 @@ def doomed_orders(scenario: Scenario) -> Iterator[str]:
 
 
 def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str]:
-    """Yield what is planned for after the flight's end: the last of `duration_s` itself, windows, events, a change.
+    """Yield what is planned for after the end of the flight: the rest of `duration_s`, windows, events, a change.
 
-    A flight that is to end at mission time `until_s` isn't judged by windows that this cuts short.
+    `until_s`: the mission time at which `--until` ends the flight; windows that this cuts short are left out.
     """
     planned_s, whole_s = planned_end_s(scenario), scenario.duration_s
     end_s = min(planned_s, until_s)
@@ -254,7 +253,7 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
 
 
 def _design_text(scenario: Scenario) -> Iterator[str]:
-    """Yield what the law's gains hold around the vehicles' own responses, nothing of the delay predicted."""
+    """Yield what the law's gains achieve with the vehicles' own responses, without delay compensation."""
     if not by_design(scenario):
         return
     whose = "by design" if scenario.law.gains == AUTO else "as given"
@@ -270,7 +269,7 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
 
 
 def _seconds(margin_s: float) -> str:
-    """Return a margin as it is printed; what is a hair below 0 is 0."""
+    """Return a margin as it is printed; rounding never gives -0."""
     return f"{round(margin_s, 3) + 0.0:.3f}"
 
 

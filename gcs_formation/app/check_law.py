@@ -1,11 +1,11 @@
-"""What `check` says of what the law makes of links and gusts: delays of its loops, who is held, late places, errors.
+"""What `check` says about the law: vehicles held for delay, states of different times, slow loops, errors by gusts.
 
-A gust moves a vehicle at its own velocity until the law has answered. With d the gust's velocity, L the open loop
-without its delay T, and O = exp(-sT) w/(s + w) the wind's observer, whose answer is led over the autopilot's lags, the
-error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and 1 - exp(-sT) L/(1 + L) with it. Under the
+A gust moves a vehicle at its own velocity until the law has answered. Let d be the gust's velocity, L the open loop
+without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's lags. The
+error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with it. Under the
 consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise. The error's
 variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on leader and
-follower are independent. Vehicles that hover hold their velocity over ground by themselves, and aren't judged.
+follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from gcs_formation.stability.mismatch import DEVIATIONS
 from gcs_formation.stability.pid_margins import Loop
 
 UNPAIRED_M = 1.75
-"""Standard deviation of what different instants look like along the path that is worth a warning."""
+"""Apparent offset along the path, standard deviation, from which states of different times are worth a warning."""
 SLOW_S = 30.0
-"""Time in which a loop should have made an error e times smaller: 14 % of it are left after a minute."""
+"""Longest acceptable time constant of a loop's error: 14 % of an error are left after a minute."""
 FASTER_HZ = 5.0, 10.0, 20.0
-"""Rates of the law that are tried where its gains by design are slow."""
+"""Values of law.rate_hz that are tried where gains by design are slow."""
 
 
 class _Held(NamedTuple):
-    """How much of its margin a vehicle's loop uses over a link, and by what."""
+    """How much of its margin a vehicle's loop uses over a link, and the figures that this follows from."""
 
     used: float
     vehicle: VehicleId
@@ -55,9 +55,9 @@ class _Held(NamedTuple):
 
 
 def held_by_links(scenario: Scenario) -> str | None:
-    """Return that followers will be told to loiter for the links' delay or jitter; None where they won't be.
+    """Return that followers will be told to loiter because of delay or jitter of their links; None if they won't be.
 
-    What is measured of a scatter is uncertain, so that some are from `NEAR` of the margin on.
+    The scatter is known by measurement only, so some are told to when `NEAR` of the margin is in use.
     """
     if scenario.law.on_delay != "hold":
         return None
@@ -94,14 +94,15 @@ def _uses(scenario: Scenario) -> Iterator[_Held]:
 
 
 def _scatter_s(step: LinkStep) -> float:
-    """Return the standard deviation of round trips."""
+    """Return the standard deviation of the round trip."""
     return 1e-3 * math.hypot(step.uplink.jitter_ms, step.downlink.jitter_ms)
 
 
 def ahead_of_virtual(scenario: Scenario) -> str | None:
-    """Return how far ahead of their slots followers of a virtual leader fly where nothing is predicted; None if not.
+    """Return how far ahead of their slots followers of a virtual leader fly without prediction; None if not.
 
-    Their places are as old as telemetry is, the leader's isn't: it is the station's own. Of a real leader both are.
+    Their positions are as old as their telemetry; the virtual leader's isn't, because the station computes it. A real
+    leader's position is as old as theirs.
     """
     if scenario.leader is not None or scenario.law.delay_compensation or law_kind(scenario).mutual:
         return None
@@ -123,11 +124,11 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
 
 
 def of_different_instants(scenario: Scenario) -> str | None:
-    """Return what the times between a leader's and a follower's states look like where nothing is predicted.
+    """Return the error that comes from comparing leader and follower states of different times, without prediction.
 
-    The law then takes the newest states as they are. Their ages differ at random: each is uniform within a period of
-    telemetry where nothing is lost, and whole periods more where something is. Flown at 2 and 4 Hz, formations were
-    up to 0.4 to 1.4 such standard deviations off; at 10 Hz, or predicted, a few tenths of a metre.
+    The law then takes the newest states as they are. Their ages differ at random: each is uniform within a telemetry
+    period if nothing is lost, and grows by whole periods with losses. In flights at 2 and 4 Hz formations were off by
+    up to 0.4 to 1.4 such standard deviations; at 10 Hz, or with prediction, by a few tenths of a metre.
     """
     if scenario.leader is None or scenario.law.delay_compensation or law_kind(scenario).mutual:
         return None
@@ -152,16 +153,16 @@ def of_different_instants(scenario: Scenario) -> str | None:
 
 
 def _age_variance(step: LinkStep) -> float:
-    """Return the variance of a state's age, in periods; 0 over a link that nothing comes over."""
+    """Return the variance of a state's age, in periods; 0 over a link on which nothing arrives."""
     _, variance = message_age(step.downlink)
     return variance if math.isfinite(variance) else 0.0
 
 
 def slow_answer(scenario: Scenario) -> str | None:
-    """Return that the law makes errors smaller too slowly, how much of them is left, and what is faster; None if not.
+    """Return that the law reduces errors too slowly, how much is left at the end, and what is faster; None if not.
 
-    The protocol's slowest mode counts, and of PID channels the crossover. Of aircraft with an airframe (7) is taken:
-    so slowly they answer alike.
+    Time constants are those of the consensus protocol's slowest mode, or of a PID channel's crossover. Aircraft with an
+    airframe model count as equation (7): they answer alike at such low frequencies.
     """
     loop, time_s = max(_answers_s(scenario), key=lambda each: each[1], default=("", 0.0))
     if not SLOW_S < time_s < math.inf:
@@ -175,7 +176,7 @@ def slow_answer(scenario: Scenario) -> str | None:
 
 
 def _answers_s(scenario: Scenario) -> Iterator[tuple[str, float]]:
-    """Yield the loops of the law, and in which time each makes an error e times smaller; infinite if unstable."""
+    """Yield each loop of the law with the time in which its error falls to 1/e; infinite if unstable."""
     found = {each for axes in law_loops(scenario).values() for each in axes.items()}
     for name, loop in ((name, loop) for name, loops in sorted(found, key=itemgetter(0)) for loop in loops):
         if law_kind(scenario).mutual:
@@ -187,7 +188,7 @@ def _answers_s(scenario: Scenario) -> Iterator[tuple[str, float]]:
 
 
 def _faster(scenario: Scenario) -> str:
-    """Return what would make a law faster whose gains are by design, in words; "" of others or if nothing would."""
+    """Return in words what would make a law with gains by design faster; "" for other gains or if nothing would."""
     law = scenario.law
     if law.gains != AUTO or designed(scenario, {}).law.consensus != law.consensus:
         return ""
@@ -204,13 +205,13 @@ def _faster(scenario: Scenario) -> str:
 AXES = "xyz"
 NAMES = {"x": "along the path", "y": "across it", "z": "in height"}
 SIGMAS = 2.0
-"""Standard deviations within which errors are for 95 % of the time."""
+"""Standard deviations within which an error stays for 95 % of the time."""
 WORTH_M = 2.0
-"""Error by gusts, `SIGMAS` of it, that is worth a warning."""
+"""Error by gusts, at `SIGMAS`, from which a warning is given."""
 
 
 def gust_errors(scenario: Scenario) -> Iterator[str]:
-    """Yield what errors each entry of turbulence leaves, beside those that it would leave without the links' delay."""
+    """Yield the errors that each entry of turbulence leaves, and those that it would leave without the links' delay."""
     if scenario.hovers or not scenario.followers:
         return
     delay_s = configured_loop_delay_s(scenario)
@@ -229,9 +230,9 @@ def gust_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def gust_errors_m(scenario: Scenario, entry: DrydenTurbulence, delay_s: float) -> dict[str, float]:
-    """Return the largest standard deviation of any follower's error by turbulence on each axis that the law closes.
+    """Return the largest standard deviation of any follower's error by turbulence, for each axis under control.
 
-    The lowest point of the path counts, and a loop's delay `delay_s`.
+    Turbulence is that at the path's lowest point; `delay_s` is the delay of the loop.
     """
     lowest_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
     sigma_mps, scale_m = (each[:, 0].tolist() for each in entry.scales(lowest_m))
@@ -269,7 +270,7 @@ def _of_channel(scenario: Scenario, loop: Loop, delay_s: float, axis: str) -> Co
 
 
 def _of_mode(scenario: Scenario, loop: Loop, delay_s: float) -> Complex:
-    """Return the same of a mode of the consensus; none of the speed that all have in common."""
+    """Return the same for a mode of the consensus law; 0 for the speed that all vehicles have in common."""
     s = 1j * FREQUENCIES
     (_, integral), (_, damping) = loop.plant.state
     if integral != 1.0 and damping == -1.0:

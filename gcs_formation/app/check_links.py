@@ -1,9 +1,9 @@
-"""What `check` says of links: unequal delays, too little telemetry, and how long a start over them takes.
+"""What `check` says about links: asymmetric delays, too little telemetry, and how long a start over them takes.
 
-A round trip doesn't tell how it is split, so half of it is taken each way. A vehicle whose uplink takes d longer than
-its downlink then has its clock mapped d/2 too early, and is kept where it should have been d/2 ago. What leader and
+A round trip doesn't tell how it is split, so half of it is assumed each way. If a vehicle's uplink takes d longer than
+its downlink, its clock is mapped d/2 too early, and it is kept where it should have been d/2 ago. What leader and
 follower have in common cancels; the rest, (d_follower - d_leader)/2, is a distance along the path. A vehicle whose
-clock is mapped by UTC has no such d.
+clock is mapped by UTC has no such error.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from gcs_formation.guidance.tracking import JoinRoute
 from gcs_formation.vehicle.acknowledgement import RETRY_S
 
 PLANES_MOST_HZ = 40.0
-"""Four fifths of SCHED_LOOP_RATE, beyond which ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL."""
+"""Four fifths of SCHED_LOOP_RATE; ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL beyond that."""
 LEAST_M = 0.05
-"""Smallest error that is worth a warning."""
+"""Smallest error that a warning is given for."""
 SURE = 0.95
-"""Share of starts that the estimate covers."""
+"""Share of starts that are at least as fast as the estimate."""
 FRAME_BYTES = 12
-"""Of a MAVLink 2 frame, besides its payload."""
+"""Size of a MAVLink 2 frame without its payload."""
 GAP = 2.5
 """Periods of telemetry from one state to the next if a message is lost in between."""
 CELL_S = 0.1
@@ -44,7 +44,7 @@ MOST_S = 120.0
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
-    """Yield the largest constant error along the path that each follower is left with, where it is worth saying."""
+    """Yield each follower's largest constant error along the path, from `LEAST_M` on."""
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
     for vehicle in scenario.followers:
         at_s = max(times_s, key=lambda at_s: abs(_behind_m(scenario, vehicle, at_s)))
@@ -60,7 +60,7 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def _what_does(scenario: Scenario, follower: Vehicle) -> str:
-    """Return what tells how a delay is split, or whose UTC doesn't."""
+    """Return what would tell how a delay is split, or which vehicles' UTC can't be used for that."""
     if not scenario.telemetry.by_utc:
         return "telemetry.clock: gnss does"
     without = (each for each in (scenario.leader, follower) if each is not None and not _by_utc(scenario, each))
@@ -68,9 +68,9 @@ def _what_does(scenario: Scenario, follower: Vehicle) -> str:
 
 
 def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
-    """Return whether a vehicle's clock is mapped by its UTC: what is off it by more than causality allows isn't used.
+    """Return whether a vehicle's clock is mapped by its UTC. UTC that contradicts causality isn't used.
 
-    Nothing arrives before it was sent, over the link that the flight begins with.
+    Nothing arrives before it was sent, over the link as it is when the flight begins.
     """
     up_s, down_s = ways_s(scenario.link_steps(vehicle)[0])
     known = vehicle.clock.utc and -up_s - UTC_SLACK_S <= vehicle.clock.utc_error_s <= down_s + UTC_SLACK_S
@@ -78,7 +78,7 @@ def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
 
 
 def narrow_links(scenario: Scenario) -> Iterator[str]:
-    """Yield links whose `rate_kbps` is less than what goes over them."""
+    """Yield links whose `rate_kbps` is less than their traffic."""
     for vehicle in scenario.vehicles:
         each = scenario.link_steps(vehicle)
         if not any(step.uplink.rate_kbps or step.downlink.rate_kbps for step in each):
@@ -95,9 +95,9 @@ def narrow_links(scenario: Scenario) -> Iterator[str]:
 
 
 def _traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
-    """Return what goes up and down at most, kbit/s: setpoints and telemetry, and the answers to each other's requests.
+    """Return the largest traffic up and down, kbit/s: setpoints, telemetry, and the answers to requests.
 
-    A setpoint is told, and acknowledged, at every tick if it changes.
+    At most a setpoint is sent and acknowledged at every tick.
     """
     autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
     rates_hz = autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)
@@ -116,13 +116,13 @@ def _bits(message_id: int) -> float:
 
 
 def _behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:
-    """Return how far behind its slot the splits of its link and the leader's leave a follower, m."""
+    """Return how far behind its slot a follower flies because its link's delay and the leader's are asymmetric, m."""
     early_s = [_early_s(scenario, each, at_s) for each in (vehicle, scenario.leader)]
     return scenario.path.speed_mps * (early_s[0] - early_s[1])
 
 
 def _early_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> float:
-    """Return by how much too early a vehicle's clock is mapped, s; that of a virtual leader is ours."""
+    """Return by how much a vehicle's clock is mapped too early, s; 0 for a virtual leader, which uses our clock."""
     if vehicle is None or _by_utc(scenario, vehicle):
         return 0.0
     up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
@@ -152,7 +152,7 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
 
 
 class Assembly(NamedTuple):
-    """What a start in the air needs as run-in, None from the ground; and the lap that follows a missed one."""
+    """The run-in that a start in the air needs (None for one from the ground), and the lap after a missed start."""
 
     least_run_in_s: float | None
     lap_s: float
@@ -176,13 +176,13 @@ def assembly(scenario: Scenario) -> Assembly:
 
 
 def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
-    """Return the leader's way from where it turns off before its path to the straight before it."""
+    """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
     return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
 
 
 def cramped_lap(scenario: Scenario) -> str | None:
-    """Return where a lap before the path has too little room in the fence, None if it has enough."""
+    """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
@@ -198,7 +198,7 @@ def cramped_lap(scenario: Scenario) -> str | None:
 
 
 def goes_round(scenario: Scenario) -> str | None:
-    """Return why the leader will go round before its path, None if the run-in is long enough."""
+    """Return why the leader will fly a lap before its path; None if the run-in is long enough."""
     planned, found_s = assembly(scenario), scenario.start.run_in_s
     if planned.least_run_in_s is None or found_s >= planned.least_run_in_s:
         return None
@@ -214,7 +214,7 @@ def goes_round(scenario: Scenario) -> str | None:
 
 
 def no_time_for_a_lap(scenario: Scenario) -> str | None:
-    """Return that who misses the first pass isn't waited for until the next one; None if everybody is.
+    """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
     The leader's first pass is over after its run-in, and a lap follows.
     """
@@ -232,9 +232,9 @@ def no_time_for_a_lap(scenario: Scenario) -> str | None:
 def _least_run_in_s(scenario: Scenario) -> float:
     """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
 
-    Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot. A heartbeat that
-    is lost costs a second, a request or its answer `RETRY_S`. By these alone one start of twenty would take longer; of
-    40 flown with four vehicles at 20 % loss and 100 ms, 5 did.
+    Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot. A lost heartbeat
+    costs a second, a lost request or answer costs `RETRY_S`. By these alone 1 start in 20 would take longer; of 40
+    starts flown with four vehicles at 20 % loss and 100 ms, 5 did.
     """
     telemetry, tick_s = scenario.telemetry, 1.0 / scenario.law.rate_hz
     autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
@@ -247,10 +247,10 @@ def _least_run_in_s(scenario: Scenario) -> float:
 
 
 def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
-    """Return the time that losses add until the last vehicle is ready, s, in all but the worst of the starts.
+    """Return the time that losses add until the last vehicle is ready, s, as `SURE` of the starts keep it.
 
-    Each has its number of requests. They begin when everybody has been heard, so the slowest heartbeat and the slowest
-    answers add up.
+    `starts`: each vehicle's number of requests and its link. Requests begin when all vehicles have been heard, so the
+    slowest heartbeat and the slowest answers add up.
     """
     losses = np.arange(round(MOST_S / CELL_S), dtype=np.float64)
     heard, answered = np.ones(losses.size), np.ones(losses.size)
@@ -259,30 +259,30 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
         both = up * down
         if both <= 0.0:
             return MOST_S
-        heard *= np.cumsum(_spaced(_chance(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spaced(_chance(losses, requests, both), RETRY_S))
+        heard *= np.cumsum(_spread_over_time(_loss_probabilities(losses, 1, down), HEARTBEAT_S))
+        answered *= np.cumsum(_spread_over_time(_loss_probabilities(losses, requests, both), RETRY_S))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
     return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
 
 
-def _chance(losses: Array, passed: int, each: float) -> Array:
-    """Return the probability of each number of losses before as many as `passed` got through (negative binomial).
+def _loss_probabilities(losses: Array, passed: int, each: float) -> Array:
+    """Return the probability of each number of losses before `passed` messages got through (negative binomial).
 
-    Each loss more multiplies it by (1 - each) (losses + passed - 1)/losses.
+    Each further loss multiplies it by (1 - each) (losses + passed - 1)/losses.
     """
     ratios = np.append(1.0, (1.0 - each) * (losses[1:] + passed - 1.0) / losses[1:])
     return np.cumprod(ratios, dtype=np.float64) * each**passed
 
 
-def _spaced(chance: Array, each_s: float) -> Array:
-    """Return the probability of each time that losses take, in cells; `chance` is that of 0, 1, 2 … losses."""
+def _spread_over_time(chance: Array, each_s: float) -> Array:
+    """Return the probability of each delay by losses, in cells of `CELL_S`; `chance` is that of 0, 1, 2 … losses."""
     spread, step = np.zeros(round(MOST_S / CELL_S)), round(each_s / CELL_S)
     spread[::step] = chance[: len(spread[::step])]
     return spread
 
 
 def too_old(scenario: Scenario) -> str | None:
-    """Return whose telemetry is older than what is predicted from, as it is before the next comes; None if nobody's."""
+    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
     most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
         (ways_s(step)[1] + between_s, step.at_s, vehicle)
@@ -303,9 +303,9 @@ def too_old(scenario: Scenario) -> str | None:
 
 
 def too_old_after_a_loss(scenario: Scenario) -> str | None:
-    """Return whose telemetry gets older than what is predicted from once a message is lost; None if nobody's.
+    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if nobody's.
 
-    Position, attitude and airspeed aren't sent at one time: the next state is known up to half a period later.
+    Position, attitude and airspeed are sent at different times, so the next state is known up to half a period later.
     """
     most_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
     lossy = [
@@ -326,7 +326,7 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
 
 
 def refused_rate(scenario: Scenario) -> str | None:
-    """Return that real ArduPlanes refuse the rate of the telemetry as they are shipped; None where they don't."""
+    """Return that a real ArduPlane with default parameters refuses the telemetry rate; None if it doesn't."""
     planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
     rate_hz = scenario.telemetry.rate_hz
     if not planes or rate_hz <= PLANES_MOST_HZ:
@@ -338,7 +338,7 @@ def refused_rate(scenario: Scenario) -> str | None:
 
 
 def bursts_of_nothing(scenario: Scenario) -> str | None:
-    """Return that losses are said to come in bursts where nothing is lost; None where they aren't."""
+    """Return that `mean_burst` is set where `loss` is 0; None otherwise."""
     for vehicle in scenario.vehicles:
         for ways in zip(*(step[1:] for step in scenario.link_steps(vehicle)), strict=True):
             bursts = [way.mean_burst for way in ways if way.mean_burst is not None]

@@ -1,13 +1,13 @@
-"""What `check` says of room: of speeds to hold slots with, for places that drift apart, and for circles at the end.
+"""What `check` says about room: speed left to hold slots, drift of inertial navigation, circles at the end.
 
 Vehicles that navigate by inertia drift. Growth of single errors from an exact start, flown straight (Titterton and
-Weston, Strapdown Inertial Navigation Technology (2004), 12.3), with ws = sqrt(g/R) of Schuler's oscillation and
-k = sqrt(2 g/R) of the height's divergence: a bias b of an accelerometer leaves b/ws^2 (1 - cos ws t) north or east and
+Weston, Strapdown Inertial Navigation Technology (2004), 12.3), with ws = sqrt(g/R) of Schuler's oscillation and k =
+sqrt(2 g/R) of the height's divergence: a bias b of an accelerometer leaves b/ws^2 (1 - cos ws t) north or east and
 b/k^2 (cosh kt - 1) up, a bias e of a gyroscope R e (t - sin(ws t)/ws) north or east. White noise leaves the integral of
-the squared response to an impulse: sin(ws t)/ws and sinh(kt)/k of velocity, R (1 - cos ws t) of angle. An aligned start
-errs less, until it turns.
+the squared response to an impulse: sin(ws t)/ws and sinh(kt)/k of velocity, R (1 - cos ws t) of angle. After an
+alignment errors are smaller, until the vehicle turns.
 
-At the end vehicles climb to their circles, over ground that comes before these.
+At the end vehicles climb to their circles; where ground interferes, it decides their heights.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from gcs_formation.mission.vertical_separation import Stack, stacked
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 GUST_SIGMAS = 2.0
-"""Standard deviations of the difference of two vehicles' gusts along the path that should be left of a speed."""
+"""Gusts along the path that the remaining speed must cover: standard deviations of two vehicles' difference."""
 LIGHT_MPS = 3.0
-"""Wind 6 m above ground in whose turbulence every formation should keep its slots."""
+"""Wind 6 m above ground in whose turbulence every formation should hold its slots."""
 PLENTY = (math.inf, "")
 SEEN_S = 0.9
-"""After this, and a round trip, one brakes that flies behind a multirotor that brakes against its orders."""
+"""Time, besides a round trip, until a follower brakes behind a multirotor that brakes against its orders."""
 STEP_S = 0.5
 SHORT_M = 0.5
-"""A lack of clearance that isn't worth a warning."""
+"""A lack of clearance up to this isn't reported."""
 DRIFT_SIGMAS = 3.0
-"""Standard deviations of a drift that what is left must hold."""
+"""Standard deviations of the drift that must fit into the room left."""
 MICRO_G = 1e-6 * 9.80665
 DEGREE_PER_HOUR = math.radians(1.0) / 3600.0
 DEGREE_PER_ROOT_HOUR = math.radians(1.0) / 60.0
 
 
 def little_left(scenario: Scenario) -> Iterator[str]:
-    """Yield which speeds leave some fixed wing too little to hold its slot against gusts, faster or slower.
+    """Yield the speeds at which some fixed wing has too little speed left to hold its slot against gusts.
 
-    What hovers holds its velocity over ground by itself.
+    Multirotors hold their velocity over ground by themselves.
     """
     if scenario.hovers:
         return
@@ -74,9 +74,10 @@ def little_left(scenario: Scenario) -> Iterator[str]:
 
 
 def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
-    """Yield where multirotors fly too near behind each other for one to stop behind another that stops unasked.
+    """Yield where multirotors fly too close behind each other for one to stop behind another that stops unasked.
 
-    It goes on at its speed until it is told to, and then brakes as hard; aside and upwards it gets no more than 2 m.
+    The follower flies on at its speed until it is commanded, then brakes as hard as the other. Evading sideways or
+    upwards gains it 2 m at most.
     """
     least_m, kept = scenario.safety.separation_m, scenario.safety.avoidance.enabled
     if not scenario.hovers or not kept:
@@ -94,7 +95,7 @@ def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
 
 
 def gusts_mps(scenario: Scenario) -> float:
-    """Return which difference of airspeed along the path gusts ask for, m/s: those of the scenario, or light ones."""
+    """Return the difference of airspeed along the path that gusts ask for, m/s: the scenario's gusts, or light ones."""
     height_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
     found = [_dryden_mps(DrydenTurbulence(at_s=0.0, kind="dryden", wind_6m_mps=LIGHT_MPS), height_m)]
     for each in scenario.disturbances:
@@ -112,9 +113,9 @@ def _dryden_mps(keys: DrydenTurbulence, height_m: Array) -> float:
 def _left(
     scenario: Scenario, points: PathPoints, step: SlotStep, speed_mps: float
 ) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
-    """Return what each follower has left below its slot's least speed and above its highest, m/s, in words too.
+    """Return each follower's speed left below its slot's slowest and above its slot's fastest, m/s, with words.
 
-    With the wind behind it a leader turns faster than in still air.
+    A leader with the wind behind it turns faster than in still air.
     """
     flight, windy = LeaderFlight.along(points, speed_mps), 1.0 + scenario.wind.speed_mps / speed_mps
     flight = flight._replace(turn_rate_rps=windy * flight.turn_rate_rps)
@@ -132,7 +133,7 @@ def _left(
 
 
 def level_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tuple[float, float]:
-    """Return the standard deviations of a vehicle's error north or east, m: what biases leave, and what noise does."""
+    """Return the standard deviations of a vehicle's error north or east, m: by biases, and by noise."""
     gravity, radius_m = _earth(lat_rad)
     ws = math.sqrt(gravity / radius_m)
     turned = ws * after_s
@@ -146,7 +147,7 @@ def level_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tup
 
 
 def height_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tuple[float, float]:
-    """Return the same of a height by inertia alone."""
+    """Return the same for a height by inertia alone."""
     gravity, radius_m = _earth(lat_rad)
     k = math.sqrt(2.0 * gravity / radius_m)
     grown = k * after_s
@@ -156,14 +157,14 @@ def height_drift(keys: InertialNavigation, lat_rad: float, after_s: float) -> tu
 
 
 def drifts(scenario: Scenario) -> Iterator[str]:
-    """Yield how far places drift apart, and heights off, by the flight's end, where there isn't that much room."""
+    """Yield by how much positions drift apart and heights drift by the end of the flight, where it exceeds the room."""
     after_s, lat_rad = scenario.start.run_in_s + planned_end_s(scenario), math.radians(scenario.origin.lat_deg)
     each = [_navigation(vehicle) for vehicle in scenario.vehicles]
     adrift = [keys for keys in each if isinstance(keys, InertialNavigation) and keys.aiding != "gnss"]
     if not adrift:
         return
     level = [level_drift(keys, lat_rad, after_s) for keys in adrift]
-    # Biases that all have alike move everybody alike.
+    # Equal biases move all vehicles alike.
     alike = all(keys == each[0] and keys.biases == "keys" for keys in adrift) and len(adrift) == len(each)
     apart_m = math.hypot(*sorted(noise_m if alike else math.hypot(bias_m, noise_m) for bias_m, noise_m in level)[-2:])
     kept_m, words = _left_between_m(scenario), f"(1 sigma) within {after_s:.0f} s"
@@ -185,7 +186,7 @@ def _navigation(vehicle: Vehicle) -> Navigation:
 
 
 def _left_between_m(scenario: Scenario) -> float:
-    """Return by how much the nearest two slots are farther apart than the separation, m."""
+    """Return by how much the distance of the nearest two slots exceeds the required separation, m."""
     first, nearest_m = 0 if scenario.leader else 1, math.inf
     for step in slot_schedule(scenario):
         places_m = step.places_m[first:]
@@ -195,7 +196,7 @@ def _left_between_m(scenario: Scenario) -> float:
 
 
 def _left_below_m(scenario: Scenario) -> float:
-    """Return by how much the path is higher above ground than the clearance, where it is lowest, m."""
+    """Return by how much the path's height above ground exceeds the required clearance where it is lowest, m."""
     points = SampledPath.along(scenario.leader_path).points
     over_m = points.height_m - scenario.ground.height(points.north_m, points.east_m)
     return float(over_m.min()) - scenario.safety.clearance_m
@@ -207,7 +208,7 @@ def _earth(lat_rad: float) -> tuple[float, float]:
 
 
 def _sensors(keys: InertialNavigation) -> tuple[float, float, float, float]:
-    """Return biases, m/s2 and rad/s, root mean squares of the axes; and noise, m/s and rad per root of a second."""
+    """Return the root mean square over the axes of biases (m/s2, rad/s) and of noise (m/s, rad per root second)."""
     sensors = keys.sensors
     return (
         MICRO_G * _root_mean_square(sensors.accel_bias_ug),
@@ -223,9 +224,9 @@ def _root_mean_square(of_axes: float | tuple[float, float, float] | None) -> flo
 
 
 def final_circles(scenario: Scenario) -> Iterator[str]:
-    """Yield which ground the vehicles' last circles are lifted for, and where they come too near to it before.
+    """Yield what is wrong with the vehicles' last circles: ground below them or on the way there, or the fence.
 
-    And how far above the fence they are: one above the other, many vehicles need much height.
+    Circles are one above the other, so many vehicles need much height.
     """
     terrain, fence = scenario.terrain, scenario.safety.fence
     if terrain is None and fence is None:
@@ -238,7 +239,7 @@ def final_circles(scenario: Scenario) -> Iterator[str]:
 
 
 class _Climb:
-    """The climb of all vehicles to their circles, straight on from where the flight is planned to end."""
+    """The climb of all vehicles to their circles, straight on from the planned end of the flight."""
 
     def __init__(self, scenario: Scenario, clearance_m: float) -> None:
         self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
@@ -297,7 +298,7 @@ class _Climb:
         return way_ahead(self._path, self._end_m, seconds * self._speed_mps)
 
     def _too_low(self) -> Iterator[str]:
-        """Yield the lowest clearance on the way straight on, until the last vehicle is at its height."""
+        """Yield the lowest clearance straight on until the last vehicle is at its height, if it is too low."""
         goals_m = [self._stack.heights_m[identity] for identity in self._begin]
         times_s = np.arange(0.0, self._limit_s, STEP_S)
         ways = zip(self._models, self._begin.values(), goals_m, strict=True)
@@ -314,14 +315,14 @@ class _Climb:
             )
 
     def _places(self, ahead_m: Array) -> tuple[Array, Array]:
-        """Return how far north and east everybody is (V, T) where the leader is so far (T,) beyond the end."""
+        """Return positions north and east (V, T) of all vehicles when the leader is `ahead_m` (T,) beyond the end."""
         points = self._path.at(self._end_m + ahead_m)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]
         return beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
 
 
 def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, count: int) -> list[float]:
-    """Return the heights of a vehicle that is told another one, every `STEP_S`."""
+    """Return the heights, every `STEP_S`, of a vehicle that climbs to `goal_m`."""
     state = FlightState(0.0, 0.0, begin.height_m, begin.climb_mps, model.speed_min_mps, 0.0, 0.0, 0.0)
     heights_m = [state.height_m]
     for _ in range(count - 1):

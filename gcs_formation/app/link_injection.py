@@ -1,4 +1,4 @@
-"""What a scenario injects: impairments around the station and the delays that they caused, and faults as events."""
+"""What a scenario injects: link impairments around the station, their realised delays, and faults as events."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Both = tuple[Impairment, Impairment]
 
 
 class InjectedFaults:
-    """Records each fault when it's due by mission time. The station isn't told: it has to notice by itself."""
+    """Records each fault when it's due by mission time. The station isn't told: it has to notice."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
         self._recorder = recorder
@@ -54,9 +54,9 @@ def _planned(scenario: Scenario) -> Iterator[tuple[float, VehicleId, str, bool]]
 
 
 def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> float:
-    """Return the mission time from which a planned fault had silenced a vehicle when the flight ended; else infinity.
+    """Return the mission time from which a fault silenced a vehicle until the flight ended; infinity if none did.
 
-    `ended_s` is when that was, NaN before the path.
+    `ended_s`: mission time of the end, NaN if the flight ended before the path.
     """
     ends_s = math.inf
     for fault in scenario.faults:
@@ -68,9 +68,9 @@ def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> flo
 
 
 def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
-    """Return the station wrapped in the scenario's links, None if these never impair anything.
+    """Return the station wrapped in the scenario's links; None if these never impair anything.
 
-    Links change with mission time; before t = 0 they are those of t = 0.
+    Links change with mission time; before t = 0 they are as at t = 0.
     """
     times_s, links = dict[VehicleId, list[float]](), dict[VehicleId, list[Both]]()
     for vehicle in scenario.vehicles:
@@ -89,24 +89,24 @@ def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
 
 
 def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float, float]:
-    """Return the mean delays up and down that a link had so far, s, 0 where nothing was sent, and the losses."""
+    """Return a link's mean injected delays up and down so far, s (0 where nothing was sent), and its losses."""
     up, down = statistics
     up_s, down_s = (way.mean_delay_s if way.delivered else 0.0 for way in statistics)
     return up_s, down_s, up.loss, down.loss
 
 
 class InjectedDelays:
-    """Delays that were injected into every link, tick by tick."""
+    """Delays that were injected into each link, for every tick."""
 
     def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None, otherwise_s: float) -> None:
-        """Read the statistics of `links`; without any, each delay is `otherwise_s`: 0, or NaN where it isn't known."""
+        """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known."""
         self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
         self._series_s = {vehicle: array("d") for vehicle in (self._sums if links else ())}
         self._ticks = 0
 
     def note(self, ticks: int) -> None:
-        """Record what was injected since the previous tick, if there has been a new one."""
+        """Record what was injected since the previous tick, once for every new tick."""
         if ticks == self._ticks:
             return
         if self._links is not None:
@@ -117,7 +117,7 @@ class InjectedDelays:
     def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
         """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
 
-        `ticks`: T, those before a resumption included.
+        `ticks`: T, including those before a resumption.
         """
         series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
         for vehicle, each_s in series_s.items():

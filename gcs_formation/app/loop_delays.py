@@ -1,4 +1,4 @@
-"""How late the law's loops are by a scenario's links: delays, losses, bursts of losses that silence somebody."""
+"""Delays of the law's loops over a scenario's links: by delay, by losses, and by bursts that silence an uplink."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
 from gcs_formation.from_scenario import autopilot_for
 
 BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
-"""Rates of the law that are tried where bursts of losses last too long."""
+"""Values of law.rate_hz that are tried where bursts of losses last too long."""
 NO_LOSS = 0.5
-"""Mean age of the newest of periodic messages, in periods, where none is lost."""
+"""Mean age of the newest periodic message, in periods, without loss."""
 
 
 def message_age(way: Impairment) -> tuple[float, float]:
-    """Return mean and variance of the newest message's age, in periods, over a way that loses some; delay apart.
+    """Return mean and variance of the newest message's age, in periods, over a lossy link, without its delay.
 
-    Messages are lost by Gilbert's two-state channel; where nothing arrives both are infinite.
-    N being the periods from one message that arrives to the next, the age has the mean E[N^2]/(2 E[N]) and the mean
-    square E[N^3]/(3 E[N]). With the probability g = loss/(b (1 - loss)) a run of losses follows an arrival; its
-    length is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and
-    E[N^3] = 1 + g (b + 6 b^3). If each is lost on its own, b = 1/(1 - loss) and the mean is
-    (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
+    Messages are lost by Gilbert's two-state channel; both are infinite where nothing arrives.
+    Let N be the periods from one message that arrives to the next. The age has the mean E[N^2]/(2 E[N]) and the mean
+    square E[N^3]/(3 E[N]). With the probability g = loss/(b (1 - loss)) a run of losses follows an arrival; its length
+    is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and E[N^3] = 1 + g (b + 6 b^3).
+    With independent losses b = 1/(1 - loss), and the mean is (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
     """
     if way.outage or way.loss >= 1.0:
         return math.inf, math.inf
@@ -42,7 +41,7 @@ def message_age(way: Impairment) -> tuple[float, float]:
 
 
 class Hold(NamedTuple):
-    """For how long a setpoint is held until the next one comes, on average, s."""
+    """How long a setpoint is held on average until the next one comes, s."""
 
     mean_s: float
     ticks: float
@@ -57,8 +56,8 @@ class Hold(NamedTuple):
 def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float:
     """Return the longest loop delay, s, that the scenario's links cause at any time of the run.
 
-    Under a mutual law every loop waits for the latest state of all vehicles. With `lossy`, states and setpoints are
-    older on average by what losses add; what nothing comes over is left out.
+    Under a mutual law every loop waits for the latest state of all vehicles. `lossy` adds the mean age that losses
+    cause; links on which nothing arrives are left out.
     """
     sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
     ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
@@ -72,7 +71,7 @@ def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float
 
 
 def longest_hold(scenario: Scenario) -> Hold:
-    """Return the longest mean hold of a setpoint over any link that the law commands somebody over."""
+    """Return the longest mean hold of a setpoint over any link of a vehicle that the law commands."""
     holds = [Hold(NO_LOSS / scenario.law.rate_hz, NO_LOSS, 0.0)]
     for step in commanded_steps(scenario):
         held, _ = _mean_ages(step)
@@ -82,7 +81,7 @@ def longest_hold(scenario: Scenario) -> Hold:
 
 
 def commanded_steps(scenario: Scenario) -> list[LinkStep]:
-    """Return the states of the links of all vehicles that the law commands."""
+    """Return the link steps of all vehicles that the law commands."""
     mutual = law_kind(scenario).mutual
     following = {} if mutual else planned_slots(scenario)
     flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
@@ -100,10 +99,11 @@ def _mean_ages(step: LinkStep) -> tuple[float, float]:
 
 
 def long_silences(scenario: Scenario) -> str | None:
-    """Return that bursts of losses silence uplinks for so long that vehicles leave the formation; None if hardly ever.
+    """Return that bursts of losses silence uplinks so long that vehicles leave the formation; None if hardly ever.
 
-    The fewer datagrams are sent, the longer a burst of them lasts. Whoever hears nothing flies on as it was told last,
-    can't give way, and has to come back: in slots near each other some pass others at less than the distance kept.
+    The fewer datagrams are sent, the longer a burst lasts. A vehicle that hears nothing flies on by its last setpoint,
+    can't evade, and has to come back. With slots close to each other, vehicles then pass others below the required
+    separation.
     """
     every_s = 1.0 / _silences_hz(scenario, scenario.law.rate_hz)
     if every_s > scenario.duration_s:

@@ -1,4 +1,4 @@
-"""The operator at the terminal: options of a flight, interrupts, and the word that vehicles may be armed."""
+"""The operator at the terminal: options of a flight, interrupts, and confirmation that vehicles may be armed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ClockName = Literal["real", "virtual"]
 Record = Literal["full", "series", "summary", "none"]
-"""What is kept of a flight: everything, all but the frames, the summary alone, nothing."""
+"""What is kept of a flight: everything, all but the frames, only the summary, nothing."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """SIGHUP: the terminal was closed, or the connection to it was lost."""
 YES = ("y", "yes")
@@ -49,15 +49,15 @@ class RunOptions:
     record: Record = "full"
     """What is written to `out`; the summary is returned in any case."""
     measure: tuple[Expectation, ...] = ()
-    """Figures over windows of time that the summary is to have besides; their bounds don't count."""
+    """Further figures over windows of time for the summary; their bounds aren't judged."""
     confirm: bool = False
-    """`fly` alone: whether somebody's word is awaited before anybody is commanded."""
+    """`fly` only: whether the operator must confirm before any vehicle is commanded."""
     dry_run: bool = False
-    """`fly` alone: whether the run ends there."""
+    """`fly` only: whether the run ends before the first command."""
     resume: bool = False
-    """`fly` alone: whether the unfinished run in `out` goes on."""
+    """`fly` only: whether the unfinished run in `out` is continued."""
     retake: bool = False
-    """With `resume`: whether vehicles on their way home are taken too."""
+    """With `resume`: whether vehicles that are returning home are taken over too."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""
@@ -78,10 +78,10 @@ def _is_number(found: object, least: float, most: float) -> bool:
 
 
 class Interrupts:
-    """While entered, counts the signals that request our end, instead of being terminated by them.
+    """While entered, counts termination signals instead of being terminated by them.
 
-    With each a flight goes one step further to its end. The first: the formation opens and loiters; the second: all go
-    home at once; the third: nobody is waited for any longer.
+    Each signal takes the flight one step further to its end. First: the formation spreads out and loiters. Second: all
+    vehicles return home at once. Third: the run ends without waiting for vehicles.
     """
 
     def __init__(self) -> None:
@@ -104,11 +104,11 @@ class Interrupts:
             signal.signal(number, handler)
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
-        # A closed terminal is signalled by both the shell and the system: that isn't a second request.
+        # Both the shell and the kernel signal a closed terminal: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
 
     def heed(self, course: Course, now: Instant) -> bool:
-        """Carry out what the interrupts so far ask for; return whether the flight is left as it is."""
+        """Do what the interrupts so far ask for; return whether the run ends without waiting for vehicles."""
         while self._heeded < self.count:
             self._heeded += 1
             if self._heeded == 1:
@@ -119,7 +119,7 @@ class Interrupts:
 
 
 class Confirmation:
-    """Puts the question when it is due, and passes the answer on."""
+    """Asks the operator when it is time to, and passes the answer on."""
 
     def __init__(self, gate: PreFlight, recorder: Recorder, terminal: int, decline: Callable[[str], None]) -> None:
         """Ask for `gate` on the file descriptor of a terminal; `decline` ends the run with the reason."""
@@ -129,7 +129,7 @@ class Confirmation:
         self._typed = b""
 
     def poll(self, now: Instant) -> None:
-        """Ask, or look for the answer."""
+        """Ask, or look for an answer."""
         if self._answered:
             return
         if self._gate.awaits_word and not self._asked:

@@ -15,10 +15,10 @@ from gcs_formation.errors import NothingRunningError
 
 SOCKET = "orders.sock"
 STATUS = "status"
-"""Asks for a page on the flight. It isn't an order: a scenario can't plan it."""
+"""Asks for a status page. Not an order, so a scenario can't plan it."""
 MOST_BYTES = 400
 MOST_CALLERS = 8
-"""With more, the earliest is dropped: a caller sends its order at once."""
+"""Beyond this the oldest connection is dropped: a caller sends its order at once."""
 ANSWER_S = 10.0
 """Longest wait for an answer; a running flight answers within a tick."""
 
@@ -34,7 +34,7 @@ class OrderSocket:
         self._take = take
         self._listening: socket.socket | None = None
         self._callers: dict[socket.socket, bytes] = {}
-        """What each has said so far, in the order in which they came."""
+        """Bytes received from each caller, oldest caller first."""
 
     def __enter__(self) -> Self:
         """Start listening; if that fails, the flight goes on without orders."""
@@ -61,7 +61,7 @@ class OrderSocket:
             return
         for caller in list(self._callers):
             self._listen_to(caller)
-        with suppress(OSError):  # nobody waits, or this process may open no more files: then later
+        with suppress(OSError):  # nobody waits, or too many files are open: try again later
             for _ in range(MOST_CALLERS):
                 caller, _ = self._listening.accept()
                 caller.setblocking(False)
@@ -96,7 +96,7 @@ class OrderSocket:
 
 
 def tell(directory: Path, order: str) -> Answer:
-    """Give an order to the flight that records into `directory`, and return what came of it.
+    """Give an order to the flight that records into `directory`; return its answer.
 
     Raises:
         NothingRunningError: no flight answers there.

@@ -1,4 +1,4 @@
-"""Which events are told to a user while a flight lasts, and in which words."""
+"""Which events a user is told during a flight, and in which words."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from gcs_formation.recorder import Event
 from gcs_formation.station import Station
 
 QUIET = ("mode", "statustext", "ready")
-"""Kinds that every start is full of. They are in events.jsonl."""
+"""Kinds that every start has many of; they are in events.jsonl only."""
 PASSING = {"link": ("stale",), "parameters": (IN_ORDER,)}
 USUAL = {"link": ("connected",), "member": ("flying in formation", "starting")}
-"""Words that are worth telling only after others of the kind: a link is back, a vehicle is in the formation again."""
+"""Texts that are told only after another text of the same kind: a link is back, a vehicle rejoined the formation."""
 
 
 def words(event: Event) -> str:
-    """Return an event in words: `vehicle 3, link: lost`; phases by their name and what led to them."""
+    """Return an event in words: `vehicle 3, link: lost`; a phase by its name and cause."""
     if event.kind == "phase":
         return f"{event.text}: {event.details['cause']}" if "cause" in event.details else event.text
     kind = event.kind.replace("_", " ")
@@ -37,18 +37,18 @@ def words(event: Event) -> str:
 
 
 class Progress:
-    """A line for each phase and each event of weight; a log has no place that is rewritten to show where it stands."""
+    """Prints a line for each phase and each important event. A stream that isn't a terminal gets no status line."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        """Write to `stream`; without one show nothing. Nothing unusual has been told of any vehicle yet."""
+        """Write to `stream`; without one print nothing."""
         self._stream = stream
         self._unusual = set[tuple[str, VehicleId | None]]()
 
     def show(self, station: Station) -> None:
-        """Show where the station stands, if there is a place for it; called a few times a second."""
+        """Show the station's status, where there is a status line; called a few times a second."""
 
     def note(self, event: Event, mission_s: float) -> None:
-        """Say an event if it has weight; `mission_s` is NaN before the path has begun."""
+        """Print an event if it is important; `mission_s` is NaN before the path has begun."""
         if self._has_weight(event):
             begun = not math.isnan(mission_s)
             since = f"t     = {mission_s:6.1f} s" if begun else f"start + {event.now / NANOSECONDS:6.1f} s"
@@ -57,7 +57,7 @@ class Progress:
     def say(self, line: str) -> None:
         """Write a line."""
         if self._stream is not None:
-            with suppress(OSError, ValueError):  # nobody reads on while the vehicles still fly
+            with suppress(OSError, ValueError):  # the reader is gone while the vehicles still fly
                 self._stream.write(f"{line}\n")
                 self._stream.flush()
 
@@ -77,7 +77,7 @@ class Progress:
 
 
 class StatusLine(Progress):
-    """One line at the bottom of a terminal, rewritten; events of weight as lines above it."""
+    """A status line at the bottom of a terminal, rewritten in place; important events are printed above it."""
 
     def __init__(self, stream: TextIO) -> None:
         from rich.console import Console  # noqa: PLC0415 - rich takes 5 % of a short flight to import
@@ -91,7 +91,7 @@ class StatusLine(Progress):
         self._live.start()
 
     def show(self, station: Station) -> None:
-        """Show time, worst error, delay and links, as much as fits."""
+        """Show time, worst error, delay and links, as far as they fit."""
         with suppress(OSError):  # the terminal was closed while the vehicles still fly
             # A line as wide as the terminal would move the cursor to the next one.
             text = result_text.line(progress_parts(station), self._console.width - 1)
@@ -110,14 +110,14 @@ class StatusLine(Progress):
 
 
 def progress_on(stream: TextIO | None) -> Progress:
-    """Return what shows a flight's progress on a stream; None is one that was closed from the start."""
+    """Return what shows progress on a stream; None is a stream that was closed from the start."""
     if stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb":
         return StatusLine(stream)
     return Progress(stream)
 
 
 def progress_parts(station: Station) -> Sequence[tuple[str, ...]]:
-    """Return the parts of the status line, the most important first, each in wordings from long to short."""
+    """Return the parts of the status line, most important first, each in wordings from long to short."""
     return _where(station), _worst_error(station), _links(station), _delay(station)
 
 

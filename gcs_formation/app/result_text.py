@@ -1,4 +1,4 @@
-"""What a user is shown of a run in text that fits a terminal: its result, and its status while it flies."""
+"""Text for a terminal: the result of a run, and its status during the flight."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ GAP = "  "
 WIDE = 10**6
 MOST_ROWS = 24
 WHOLE = 0.995
-"""Share of the time that is said to be all of it."""
+"""Share of the time from which a follower counts as having followed all of it."""
 WIDTH = 80
-"""Of a status page, and of tables in a pipe or a file; lines of words are whole there."""
+"""Width of a status page, and of tables in a pipe or file; there, sentences aren't wrapped."""
 SHORT = {
     Member.STARTING: "starting",
     Member.FLYING: "in formation",
@@ -35,16 +35,16 @@ SHORT = {
 
 
 class ColumnGroup(NamedTuple):
-    """Columns of a table that stay or go together."""
+    """Columns of a table that are kept or dropped together."""
 
     heads: tuple[str, ...]
     rows: Sequence[Sequence[str]]
     keep: int
-    """The groups of the lowest number go first where the table is too wide."""
+    """Groups with the lowest number are dropped first where the table is too wide."""
 
 
 def table(groups: Sequence[ColumnGroup], width: int) -> list[str]:
-    """Return a table's lines, with as many groups as fit; at least the one to keep longest."""
+    """Return a table's lines with as many groups as fit, at least the one with the highest `keep`."""
     chosen = list(groups)
     lines = _lines(chosen)
     while len(chosen) > 1 and max(map(len, lines)) > width:
@@ -54,7 +54,7 @@ def table(groups: Sequence[ColumnGroup], width: int) -> list[str]:
 
 
 def line(parts: Sequence[tuple[str, ...]], width: int) -> str:
-    """Return parts beside each other; where they don't fit, each takes its next wording or goes, the last first."""
+    """Return parts beside each other. While they don't fit, parts are shortened, then dropped, the last one first."""
     wordings = [[*each, ""] for each in parts]
     while len(_joined(wordings)) > width:
         longest = max(map(len, wordings))
@@ -63,7 +63,7 @@ def line(parts: Sequence[tuple[str, ...]], width: int) -> str:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Return a text in lines of whole words; all but the first are indented."""
+    """Return a text wrapped at word boundaries; all lines but the first are indented."""
     lines = textwrap.wrap(text, max(width, 1), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return lines or [""]
 
@@ -73,7 +73,7 @@ def _joined(wordings: Sequence[Sequence[str]]) -> str:
 
 
 def _lines(groups: Sequence[ColumnGroup]) -> list[str]:
-    """Return a row a line: the first column, and texts in the last, set left; figures right."""
+    """Return one line for each row: the first column and texts are left-aligned, figures right-aligned."""
     heads = [head for group in groups for head in group.heads]
     rows = [heads, *([cell for row in each for cell in row] for each in zip(*(g.rows for g in groups), strict=True))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -87,7 +87,7 @@ def _lines(groups: Sequence[ColumnGroup]) -> list[str]:
 
 
 def summary_text(summary: Summary, directory: Path, width: int | None = None) -> str:
-    """Return the run's figures as a table, the verdicts, and where its files are; `width`: of a terminal, if on one."""
+    """Return a run's figures as a table, its verdicts, and where its files are; `width`: of the terminal, if any."""
     figures = summary.to_dict()
     words = [_headline(figures), _source(figures)]
     rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
@@ -110,7 +110,7 @@ def result_line(summary: Summary) -> str:
 
 
 def unjudged(summary: Summary) -> list[str]:
-    """Return the line that says how many expectations weren't judged, and why; none where all were."""
+    """Return the line that says how many expectations weren't judged, and why; no line if all were."""
     reasons = [verdict.reason for verdict in summary.verdicts if verdict.held is None]
     counts = f"{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
     return [f"{counts} ({'; '.join(dict.fromkeys(reasons))})"] if reasons else []
@@ -121,7 +121,7 @@ def _wrapped(lines: Sequence[str], width: int | None) -> list[str]:
 
 
 def _verdicts(summary: Summary) -> list[str]:
-    """Return a line for each expectation; of many, only those that didn't hold and a count."""
+    """Return a line for each expectation; if there are many, only those that didn't hold, and a count."""
     if len(summary.verdicts) <= MOST_ROWS:
         return [f"expect {verdict}" for verdict in summary.verdicts]
     held, waiting = (sum(verdict.held is state for verdict in summary.verdicts) for state in (True, None))
@@ -131,7 +131,7 @@ def _verdicts(summary: Summary) -> list[str]:
 
 
 def _headline(figures: dict[str, Any]) -> str:
-    """Return what was flown, and how long it all took; the factor is that of all simulated seconds."""
+    """Return what was flown and how long it took; the factor counts all simulated seconds."""
     begun_s, wall_s, factor = figures["begun_s"], figures["wall_s"], figures["real_time_factor"]
     flown = "didn't reach its path" if begun_s is None else f"flew {figures['duration_s']:.1f} s of its path"
     before = f" after {begun_s:.1f} s of take-off and assembly" if begun_s else ""
@@ -146,7 +146,7 @@ def _source(figures: dict[str, Any]) -> str:
 
 
 def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
-    """Return the table's columns: the largest errors stay longest, then when each settled."""
+    """Return the table's columns. The largest errors are kept longest, then the settling time."""
     shown = dict(list(figures["followers"].items())[:MOST_ROWS])
     axes = {vehicle: [follower[f"error_{axis}_m"] for axis in "xyz"] for vehicle, follower in shown.items()}
     links = [figures["links"][vehicle] for vehicle in shown]
@@ -162,7 +162,7 @@ def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
 
 
 def _partly(figures: dict[str, Any]) -> list[str]:
-    """Return of what share of the time the errors of those are that didn't follow all of it."""
+    """Return the share of the time that errors cover, for vehicles that didn't follow all the time."""
     shares = {vehicle: follower["followed_share"] for vehicle, follower in figures["followers"].items()}
     partly = [f"{vehicle} {share:.0%}" for vehicle, share in shares.items() if share is not None and share < WHOLE]
     return [f"errors of a part of the time, in which they followed: {', '.join(partly)}"] if partly else []
@@ -188,7 +188,7 @@ def _number(value: float | None, digits: int = 2) -> str:
 
 
 def status_page(station: Station, now: Instant, width: int = WIDTH) -> str:
-    """Return phase and time, and each vehicle's place, errors (slot minus vehicle, m), delays and margin in use."""
+    """Return phase and time, and each vehicle's errors (slot minus vehicle, m), delays, margin in use and state."""
     return "\n".join([*wrapped(_where(station, now), width), *table(_groups(station), width)])
 
 
@@ -201,7 +201,7 @@ def _where(station: Station, now: Instant) -> str:
 
 
 def _groups(station: Station) -> list[ColumnGroup]:
-    """Return the table's columns; errors and states stay longest."""
+    """Return the table's columns; errors and states are kept longest."""
     vehicles, tick = station.vehicles, station.last_tick
     errors = [UNKNOWN if tick is None else tick.error_of(each.column) for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
@@ -218,7 +218,7 @@ def _groups(station: Station) -> list[ColumnGroup]:
 
 
 def _state(station: Station, vehicle: Vehicle) -> str:
-    """Return what a vehicle does: its link if that isn't well, else its start-up, its lead, or its membership."""
+    """Return a vehicle's state: its link if that isn't connected, else its start-up, its lead, or its membership."""
     tick, link = station.last_tick, vehicle.connection.state
     if link is not LinkState.CONNECTED:
         return f"link {link.value}"

@@ -1,4 +1,4 @@
-"""`gcs-formation run` and `fly`: the ground station with emulated vehicles, alone, or in a rehearsal.
+"""`gcs-formation run` and `fly`: the ground station with emulated vehicles, alone, or in a dry run.
 
 The only module of this package that imports `sim_vehicles`: `run` starts the vehicles and adds their ground truth to
 the record.
@@ -46,12 +46,12 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthError, TruthRecord, TruthWriter
 
 IMPORTED_AHEAD = ("scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial")
-"""What only some flights need, and these at any moment: a tick that has to import it is late by a second."""
+"""Only some flights need these, but a tick that first has to import them would be late by a second."""
 END_S = 5.0
-"""Wall time that the emulators get to end by themselves, s."""
+"""Wall time that the emulators get to exit by themselves, s."""
 PARAMETERS = ("param1", "param2", "param3", "param4")
 SETPOINTS = "setpoints"
-"""Sent at every tick; the values are those of its slot at the path's start."""
+"""`when` of messages that are sent at every tick; their values are those of the slot at the path's start."""
 
 
 def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -67,7 +67,7 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
 
 
 def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly in one process, as fast as it goes: the same engines on a network in memory."""
+    """Fly in one process, as fast as the processor allows: the same engines on an in-memory network."""
     clock = VirtualClock()
     session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
@@ -96,13 +96,13 @@ def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, inter
 
 
 def import_ahead() -> None:
-    """Import what a flight by the real clock may need, before it begins."""
+    """Import what a flight under the real clock may need, before it begins."""
     for module in IMPORTED_AHEAD:
         import_module(module)
 
 
 def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
-    """Return a session with emulated vehicles, that says which of them stand for real ones."""
+    """Return a session with emulated vehicles; an event says which of them stand in for real autopilots."""
     session = Session(scenario, options, clock, progress, interrupts, emulated=True)
     text = stand_ins(scenario)
     if text:
@@ -112,13 +112,13 @@ def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progr
 
 @contextmanager
 def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen[bytes]]:
-    """Have the emulated vehicles in a process of their own; it ends when this process does, in whatever way."""
+    """Run the emulated vehicles in a process of their own, which ends with this one in any case."""
     directory = session.recorder.path
     command = [sys.executable, "-m", "sim_vehicles", str(directory / SCENARIO)]
     command += ["--speedup", str(session.options.speedup), "--clock-origin", str(clock.origin_ns)]
     command += ["--truth", str(directory / TRUTH)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
-    # A session of its own, so that Ctrl-C only reaches us and we can tell the vehicles to loiter first.
+    # A session of its own: Ctrl-C reaches only us, so that we can tell the vehicles to loiter first.
     pipe = subprocess.PIPE
     process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True)
     if process.stdout is not None:
@@ -135,11 +135,11 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
 
 
 def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
-    """Attend to a flight, which fails if its vehicles' process has ended; return whether it is over."""
+    """Attend to a flight, which fails if its emulators' process has ended; return whether it is over."""
     course = session.station.course
     if emulators.stdout is not None:
         session.begin_to_wait()
-        if emulators.stdout.read(1) is not None:  # they are up, or have ended
+        if emulators.stdout.read(1) is not None:  # the emulators are up, or have exited
             emulators.stdout.close()
             emulators.stdout = None
     if course.failure is None and emulators.poll() is not None and not session.station.flight.ended:
@@ -150,7 +150,7 @@ def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
 
 
 def _conclude(session: Session) -> Summary:
-    """Return the summary; without one, the ground truth stays in the directory for `report`."""
+    """Return the summary. If there is none, the ground truth stays in the directory for `report`."""
     directory = session.recorder.path
     truth = recorded_truth(directory)
     summary = session.conclude(None if truth is None else truth.between)
@@ -159,7 +159,7 @@ def _conclude(session: Session) -> Summary:
 
 
 def recorded_truth(directory: Path) -> TruthRecord | None:
-    """Return the emulators' ground truth as far as it was written, None if they wrote none."""
+    """Return the emulators' ground truth as far as it was written; None if they wrote none."""
     try:
         record = TruthRecord(directory / TRUTH)
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
@@ -168,7 +168,7 @@ def recorded_truth(directory: Path) -> TruthRecord | None:
 
 
 def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:
-    """Do all that `fly` does up to the first command, and return what vehicles would be sent.
+    """Do all that `fly` does before the first command; return what vehicles would be sent.
 
     Raises:
         RunAbortedError: as `fly`, or it was interrupted before every vehicle was ready.
@@ -214,7 +214,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
 
 
 def clock_behind(options: RunOptions, behind_s: float) -> str:
-    """Return in words that the machine's clock is behind a record that goes on, and what else may be why."""
+    """Return in words that the machine's clock is behind the record that is continued, and a possible cause."""
     text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
     began = recorded_speedup(options.out)
     if began == options.speedup:
@@ -223,7 +223,7 @@ def clock_behind(options: RunOptions, behind_s: float) -> str:
 
 
 def resolve_peers(session: Session) -> None:
-    """Have vehicles that are sent to by the names of their hosts known by the numbers that their answers come from."""
+    """Replace host names of vehicles' addresses by IP addresses, because answers come from these."""
     for vehicle in session.station.vehicles.values():
         link = vehicle.connection
         if link.peer is not None:
@@ -231,7 +231,7 @@ def resolve_peers(session: Session) -> None:
 
 
 def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resumption, float]:
-    """Return the clock of a record that goes on, where its flight stands, and how far the machine's clock is behind, s.
+    """Return the clock of a continued record, the flight's state, and how far the machine's clock is behind it, s.
 
     Raises:
         RecordError: as `read_past`.
@@ -244,7 +244,7 @@ def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resump
 
 
 def rehearsed(station: Station) -> dict[str, Any]:
-    """Return what `--dry-run --json` prints: for each vehicle its state, its parameters' findings and the messages."""
+    """Return what `--dry-run --json` prints: each vehicle's state, its parameters' findings and the messages."""
     places = first_setpoints(station.scenario)
     return {
         "rate_hz": station.scenario.law.rate_hz,
@@ -264,7 +264,7 @@ def rehearsed(station: Station) -> dict[str, Any]:
 
 
 def rehearsal_text(report: dict[str, Any]) -> str:
-    """Return the same for a person, degrees in 1e-7 with all their digits."""
+    """Return the same as text, with all digits of degrees in 1e-7."""
     lines: list[str] = []
     for each in report["dry_run"]:
         where, armed = "in the air" if each["airborne"] else "on the ground", "armed" if each["armed"] else "disarmed"
@@ -279,7 +279,7 @@ def rehearsal_text(report: dict[str, Any]) -> str:
 
 
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
-    """Return each vehicle's setpoint in its slot when the leader is at the path's start, and where that is."""
+    """Return each vehicle's setpoint when the leader is at the path's start, and its state in its slot there."""
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         if vehicle is not None:
@@ -321,7 +321,7 @@ def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, A
 
 
 def _sent(message: Message) -> dict[str, Any]:
-    """Return a setpoint that is no command: its values in SI units, without those that are 0."""
+    """Return a setpoint that isn't a command: its non-zero values in SI units."""
     values: dict[str, float] = message.values()
     fields = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
     return {"when": SETPOINTS, "message": message.kind().name, "command": "", "values": fields}

@@ -1,4 +1,4 @@
-"""One flight from start to summary, under either clock: what `run` and `fly` have in common."""
+"""One flight from start to summary, under either clock: the common part of `run` and `fly`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MOST_DIGITS = 5
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
 HURRY = 10.0
-"""Many times real time: then 30 s are fewer than 3 of the machine's."""
+"""A --speedup above this may be too high for the machine: 30 s of flight then pass in under 3 s of wall time."""
 
 
 class TimedStation(Station):
@@ -58,10 +58,10 @@ class TimedStation(Station):
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
         self._watch = Stopwatch()
         self._times = BytesWriter()
-        """Three numbers of 64 bits for each: when it was due, when it began, ns, and how long it took, s."""
+        """Three 64-bit floats for each tick: when it was due and when it began, ns, and how long it took, s."""
 
     def handle_timer(self, now: Instant) -> None:
-        """Do what is due; record when, if it was a tick that commanded the formation."""
+        """Do what is due; record the times of a tick that commanded the formation."""
         due, ticks = self.next_timer(), self.controlled_ticks
         began_s = self._watch.wall_s
         super().handle_timer(now)
@@ -71,7 +71,7 @@ class TimedStation(Station):
             write_f64_le(self._times, self._watch.wall_s - began_s)
 
     def times_s(self) -> Array:
-        """Return (3, K): when all ticks were due, when they began, and how long they took."""
+        """Return (3, K), s: when each tick was due, when it began, and how long it took."""
         due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
         return np.array((due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s))
 
@@ -96,11 +96,11 @@ class Session:
             scenario: what is flown.
             options: how, and where it is recorded.
             clock: the run's.
-            progress: shows it.
-            interrupts: what the operator's signals are counted by.
-            emulated: whether the vehicles are our emulators, with the scenario's faults in them and nothing unknown on
-                their links.
-            begun: of a flight that goes on, when its clock began, microseconds since 1970, and where it stands.
+            progress: shows the run's progress.
+            interrupts: counts the operator's signals.
+            emulated: whether the vehicles are our emulators, which simulate the scenario's faults, over links that add
+                nothing to the injected delays.
+            begun: for a flight that is continued, when its clock began, microseconds since 1970, and its state.
 
         Raises:
             RecordError: the run directory can't be written, or holds other files.
@@ -148,7 +148,7 @@ class Session:
         return self._orders
 
     def attend(self) -> bool:
-        """Heed the operator and show progress, after every event; return whether the flight has ended."""
+        """Serve the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         left = self.interrupts.heed(self.station.course, self.clock.now())
@@ -171,14 +171,14 @@ class Session:
         return True
 
     def port_failed(self, error: PortError) -> RunAbortedError:
-        """Close the record of a run that got no port, and return what to raise; one that was resumed goes on later."""
+        """Close the record of a run that got no port; return what to raise. A resumed run can be resumed again."""
         if self._resumed is None:
             self.station.course.fail(str(error), self.clock.now(), begun=False)
         self.recorder.close()
         return RunAbortedError(str(error))
 
     def begin_to_wait(self) -> None:
-        """Give vehicles all the time to answer from now on: they weren't up before."""
+        """Start the vehicles' time to answer now: they weren't up before."""
         self.station.flight.resume(self.clock.now(), None)
 
     def _confirming(self) -> Confirmation:
@@ -188,7 +188,7 @@ class Session:
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
-        """Close the record, and write the time series and the summary: those of a flight that was flown, in any case.
+        """Close the record, and write the time series and the summary, also if it failed after the flight itself.
 
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
@@ -209,7 +209,7 @@ class Session:
         return summary
 
     def _hurry(self) -> str:
-        """Return the note that a high --speedup may have caused a failure; "" at a lower one."""
+        """Return the note that a high --speedup may have caused a failure; "" at a lower speedup."""
         speedup = self.options.speedup
         return f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > HURRY else ""
 
@@ -263,9 +263,9 @@ class Session:
         return summary
 
     def _due_to_s(self, identity: VehicleId) -> float:
-        """Return the mission time from which a planned fault silenced a vehicle to the end; infinite if none did.
+        """Return the mission time from which a planned fault silenced a vehicle to the end; infinity if none did.
 
-        The time that is spent on ending doesn't count.
+        The time spent on ending the flight doesn't count.
         """
         return planned_end_s(self.scenario, identity, self.station.flight.mission_time_s(self._ended))
 
@@ -274,7 +274,7 @@ class Session:
         return self._left_at or self.clock.now()
 
     def _heard_to_s(self, identity: VehicleId) -> float:
-        """Return the mission time at which a vehicle that was lost by the end was heard last; infinite otherwise."""
+        """Return the mission time at which a vehicle that was lost by the end was last heard; infinity for others."""
         heard = self.station.vehicles[identity].connection.last_heard
         known = seconds_between(heard, self._ended) >= LOST_AFTER_S and self.station.flight.path_began is not None
         return self.station.flight.mission_time_s(heard) if known else math.inf
@@ -287,7 +287,7 @@ class Session:
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
         if not self._keeps_utc:
-            probes[:, 2:] = np.nan  # a common error of all vehicles' UTC is in how their round trips are split
+            probes[:, 2:] = np.nan  # a UTC error that all vehicles share would show up in the split
         return LinkFigures(
             delays_s=probes[:, 1:],
             delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
@@ -302,7 +302,7 @@ class Session:
         )
 
     def _worst_loop_delay_s(self) -> float | None:
-        """Return the longest loop delay that was measured, sampling and hold included; in real time computing too."""
+        """Return the longest measured loop delay, sampling and hold included; in real time with computing time."""
         computes = self.options.clock == "real" and self.station.controlled_ticks > 0
         compute_s = percentile(self.station.times_s()[2], 50) if computes else 0.0
         return if_finite(self.station.margins.longest_s + compute_s)

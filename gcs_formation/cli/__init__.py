@@ -25,7 +25,7 @@ COMMANDS = {
     "report": ("gcs_formation.cli.no_flight", "Draw the figures and the page of a finished run."),
     "run": ("gcs_formation.cli.run_and_fly", "Fly a scenario with emulated vehicles."),
     "schema": ("gcs_formation.cli.no_flight", "Print the JSON schema of scenarios, or the reference of their keys."),
-    "stress": ("gcs_formation.cli.study", "Fly random scenarios and look for what must never be."),
+    "stress": ("gcs_formation.cli.study", "Fly random scenarios and check invariants."),
     "study": ("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": ("gcs_formation.cli.no_flight", "Give a flight under way an order."),
 }

@@ -1,4 +1,4 @@
-"""The commands that fly nothing: `init`, `check` and `schema`; `tell` while another flies, `report` afterwards."""
+"""The commands that fly nothing: `init`, `check`, `schema`, `tell` (to a running flight) and `report` (after it)."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ REPORT_EXAMPLES = examples("gcs-formation report runs/quickstart      writes run
 
 SUFFIX = ".yaml"
 IN_THE_TREE = "configs"
-"""Directory of the examples in the sources; an installed package contains them."""
+"""Directory of the examples in the source tree; an installed package contains a copy."""
 
 
 def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
-    """Return a scenario, or end with what's wrong in it."""
-    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - an order waits for no scenario
+    """Return a scenario, or exit with what's wrong in it."""
+    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - `tell` starts faster without it
 
     try:
         return load_scenario(scenario, overrides)
@@ -106,7 +106,7 @@ def init(directory: Path, example: str) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
 def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
-    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor for margins
+    from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor margins
     from gcs_formation.app.check import check_report, check_text, refusal_report  # noqa: PLC0415
 
     try:
@@ -119,14 +119,14 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 
 
 @click.command(epilog=SCHEMA_EXAMPLES)
-@click.option("--study", is_flag=True, help="Of study files instead.")
-@click.option("--markdown", is_flag=True, help="The reference of all keys instead, for people.")
+@click.option("--study", is_flag=True, help="The JSON schema of study files instead.")
+@click.option("--markdown", is_flag=True, help="The reference of all keys as text instead.")
 def schema(study: bool, markdown: bool) -> None:
     """Print the JSON schema of scenarios, for editors and validators."""
-    from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415 - a second of keys
+    from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415 - importing the keys takes a second
 
     if study:
-        from gcs_formation.studies import study_schema  # noqa: PLC0415 - what has no study needs none of its keys
+        from gcs_formation.studies import study_schema  # noqa: PLC0415 - only this option needs it
 
         click.echo(json.dumps(study_schema(), indent=1, ensure_ascii=False))
         return
@@ -158,7 +158,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def report(run_dir: Path) -> None:
     """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
-    from gcs_formation.report.page import write_report  # noqa: PLC0415 - an order waits for no figures
+    from gcs_formation.report.page import write_report  # noqa: PLC0415 - `tell` starts faster without figures
     from gcs_formation.studies.dataset import STUDY  # noqa: PLC0415
     from gcs_formation.studies.report import write_study_report  # noqa: PLC0415
 

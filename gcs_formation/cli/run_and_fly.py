@@ -49,11 +49,11 @@ CLOCKS = click.Choice(["real", "virtual"])
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
 Fly = Callable[[Scenario, RunOptions, Progress, Interrupts], Result]
-"""Flies or rehearses a scenario."""
+"""Flies a scenario, or does a dry run of it."""
 
 
 def _options(command: Command) -> Command:
-    """Add what `run` and `fly` have in common."""
+    """Add the options that `run` and `fly` have in common."""
     for option in reversed(
         (
             click.option(
@@ -105,12 +105,12 @@ def fly(**given: Any) -> None:
 
 
 NOT_RESUMED = ("scenario", "seed", "overrides", "out", "overwrite", "dry_run")
-"""What an unfinished run has its own of."""
+"""Options that `--resume` refuses: the unfinished run has its own."""
 OPTION = {"scenario": "SCENARIO", "overrides": "--set"}
 
 
 def _resume(given: dict[str, Any]) -> None:
-    """Put the scenario and the directory of the run to resume, if there is one, among what stands on `fly`'s line."""
+    """Add scenario and directory of the run to resume, if one is given, to `fly`'s arguments."""
     resumed: Path | None = given["resume"]
     given["resume"] = resumed is not None
     if resumed is None:
@@ -131,9 +131,9 @@ def _resume(given: dict[str, Any]) -> None:
 def _done(
     flown: Fly[Result], conclude: Callable[..., Status], *, scenario: Path, quiet: bool, as_json: bool, **given: Any
 ) -> Status:
-    """Fly or rehearse what stands on the command line, tell what came of it, and return the exit status.
+    """Fly, or do a dry run, as the command line says; report the result, and return the exit status.
 
-    `given` are the scenario's seed and other keys, where it is recorded, and the fields of `RunOptions` by their names.
+    `given`: `seed`, `overrides`, `out`, and the fields of `RunOptions` by their names.
     """
     seed, overrides, out = (given.pop(name) for name in ("seed", "overrides", "out"))
     seeded = () if seed is None else (f"seed={seed}",)
@@ -154,7 +154,7 @@ def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
 
 
 def _flown(fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts: Interrupts, *, quiet: bool) -> Result:
-    """Return what came of a flight, or end with why it couldn't begin or go on."""
+    """Return the result of a flight, or exit with the reason why it couldn't begin or go on."""
     shown = Progress() if quiet else progress_on(sys.stderr)
     try:
         return fly(scenario, options, shown, interrupts)
@@ -178,7 +178,7 @@ def _tell_rehearsal(
 
 
 def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool) -> Status:
-    """Tell what came of a flight, on a terminal in its width; where standard error is a log, in a line as well."""
+    """Print the result of a flight, wrapped to the terminal if there is one; also as one line where stderr is a log."""
     if as_json:
         click.echo(json.dumps(summary.to_dict(), indent=2))
     if not quiet:
@@ -209,14 +209,14 @@ SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)
 @click.option("--out", type=click.Path(path_type=Path), help=f"Vehicle file; default: {VEHICLE_FILE} in the run.")
 @click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")
 @click.option("--overwrite", is_flag=True, help="Replace the files at --out, and an earlier run in --run-dir.")
-@click.option("--vehicle", type=WholeNumber(1), help="Of this system id alone; default: all, as of one kind.")
-@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Of simulated autopilots that fly the steps.")
+@click.option("--vehicle", type=WholeNumber(1), help="Use this system id only; default: all, as one kind.")
+@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Simulated autopilots: X times faster.")
 @OVERRIDES
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
-    from gcs_formation import identify as identification  # noqa: PLC0415 - a flight fits and draws nothing
+    from gcs_formation import identify as identification  # noqa: PLC0415 - only `identify` fits and draws
 
     out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
     believed = None if source.is_dir() or source.suffix.lower() in LOGS else _to_be_flown(source, overrides, vehicle)
@@ -239,7 +239,7 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
 
 
 def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None) -> Scenario:
-    """Return the scenario whose vehicles are to fly steps, the one asked for among them, or end with what's wrong."""
+    """Return the scenario whose vehicles are to fly steps, or exit with what's wrong in it; `vehicle` must be in it."""
     try:
         scenario = load_scenario(source, overrides)
     except ScenarioError as error:
@@ -253,7 +253,7 @@ def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None) 
 
 
 def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: Any) -> None:
-    """Fly the steps, recorded in a directory; `given` are fields of `RunOptions` from the command line."""
+    """Fly the steps and record them in `directory`; `given` are fields of `RunOptions` from the command line."""
     emulated = all(each.autopilot == "emulator" for each in scenario.vehicles)
     if emulated and given["speedup"] != 1.0:
         found = f"found {given['speedup']:g} of emulated vehicles alone, which fly as fast as the processor allows"
@@ -266,8 +266,8 @@ def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: 
 
 
 def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly the steps: emulated vehicles at once, others where they are, at the scenario's endpoints."""
-    from gcs_formation.identify import identification_scenario  # noqa: PLC0415 - a flight fits and draws nothing
+    """Fly the steps: with emulators, or with vehicles at the scenario's endpoints."""
+    from gcs_formation.identify import identification_scenario  # noqa: PLC0415 - only `identify` fits and draws
 
     flown = run_scenario if options.clock == "virtual" else fly_scenario
     return flown(identification_scenario(scenario), options, progress, interrupts)

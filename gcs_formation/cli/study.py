@@ -56,7 +56,7 @@ COMPARE_EXAMPLES = examples(
 
 Row = dict[str, Any]
 MOST_LINES = 60
-"""Of a table that is shown."""
+"""Longest table that is printed, in lines."""
 
 
 def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -79,7 +79,7 @@ def study() -> None:
 @click.option("--scheduler", callback=_address, metavar="tcp://HOST:PORT", help="Fly on this Dask cluster instead.")
 @click.option("--resume", is_flag=True, help="Fly what an interrupted study in --out lacks.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier study in --out.")
-@click.option("--yes", is_flag=True, help=f"More than {MANY:,} flights are meant.")
+@click.option("--yes", is_flag=True, help=f"Allow more than {MANY:,} flights.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
@@ -149,7 +149,7 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
 
 
 def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
-    """Yield what is said at a study's end: its table, what it took, and what came of it."""
+    """Yield the lines printed at a study's end: its table, its cost, its verdicts."""
     figures = outcome.figures
     if outcome.text.count("\n") < MOST_LINES:
         yield outcome.text
@@ -172,11 +172,11 @@ def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
 @click.option("--out", type=OUT, help="Keep the record of the one flight here (--count 1).")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
 def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool) -> None:
-    """Fly seeded random scenarios under the virtual clock and look for what must never be.
+    """Fly seeded random scenarios under the virtual clock and check invariants.
 
-    Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record is held
-    against invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained;
-    every tenth is flown twice and compared byte for byte. A broken one is named with its seed; exit status 1.
+    Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record must
+    keep the invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained.
+    Every tenth is flown twice and compared byte for byte. A broken invariant is named with its seed; exit status 1.
     """
     if out is not None and count != 1:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
@@ -205,7 +205,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
 
 
 def _name_broken(rows: Iterable[Row], command: str) -> int:
-    """Name what each flight broke; return how many broke something. RunAbortedError: one couldn't be flown."""
+    """Print what each flight broke; return how many broke something. RunAbortedError: one couldn't be flown."""
     wrong = 0
     for row in rows:
         if row[INVARIANTS] is None:
@@ -236,7 +236,7 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
     without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
     """
-    from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - what a study needn't import
+    from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - only `compare` needs it
 
     overrides = (*given.pop("overrides"), *(() if seed is None else (f"seed={seed}",)))
     directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))

@@ -133,16 +133,23 @@ class FormationLaw(Law):
         """Return the followers' setpoints; the controllers of those that aren't active are kept at rest."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
-        its_model, decided = self._models[self._leader].held(dt_s), list[Decided]()
-        for column in self._followers:
-            controller, state = self._controllers[column], situation.states.of(column, column)
-            if situation.active[column]:
-                controller.decide(self._pair(situation, column, state, its_model, dt_s), dt_s)
-            else:
+        its_model, states = self._models[self._leader].held(dt_s), situation.states
+        # Stage by stage for all: the code of a stage stays in the processor's cache, that of all stages doesn't fit.
+        flown = [states.of(column, column) for column in self._followers]
+        pairs = list[Pair | None]()
+        for i, column in enumerate(self._followers):
+            active = situation.active[column]
+            pairs.append(self._pair(situation, column, flown[i], its_model, dt_s) if active else None)
+        for i, pair in enumerate(pairs):
+            controller = self._controllers[self._followers[i]]
+            if pair is None:
                 controller.forget()
-            decided.append(
-                Decided(column, state, controller.setpoint, controller.error_m, controller.mixed, controller.gains)
-            )
+            else:
+                controller.decide(pair, dt_s)
+        decided = list[Decided]()
+        for i, column in enumerate(self._followers):
+            of = self._controllers[column]
+            decided.append(Decided(column, flown[i], of.setpoint, of.error_m, of.mixed, of.gains))
         return decided
 
     def _pair(

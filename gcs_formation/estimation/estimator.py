@@ -189,13 +189,13 @@ class VehicleFilter:
         stamp: int,
         predicted: FlightState,
         model: AutopilotModel,
-        walk: tuple[float, float, float],
+        *,
+        commanded: bool,
     ) -> None:
-        """Correct the state `predicted` for the time of a sample by its values.
-
-        `walk`: how far climb, airspeed and heading stray by themselves in a square root of a second.
-        """
-        elapsed_s, along = (stamp - self.stamp) / NANOSECONDS, self._along
+        """Correct the state `predicted` for the time of a sample by its values; `commanded`: by our setpoints."""
+        elapsed_s, along, before = (stamp - self.stamp) / NANOSECONDS, self._along, self.state
+        follows = commanded and before is not None and abs(before.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
+        walk = COMMANDED_WALK if follows else UNCOMMANDED_WALK
         variances = self.noise.values
         self.stray.learn(values, elapsed_s, variances)
         self._carry(elapsed_s, model, walk)
@@ -336,18 +336,33 @@ class StateEstimator:
         """Set a column's state."""
         self.filters[column].place(state, stamp)
 
-    def take(self, column: int, sample: Sample, model: AutopilotModel, *, commanded: bool) -> None:
-        """Take a column's newest sample; `model`: its autopilot, `commanded`: it follows our setpoints."""
+    def take(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
+        """Take the newest samples of those that have one, all (C,); who is `commanded` follows our setpoints.
+
+        All are predicted, then all are corrected: the code of both wouldn't stay in a processor's first cache.
+        """
+        predicted = [
+            None if sample is None else self._predict(column, sample, models[column])
+            for column, sample in enumerate(samples)
+        ]
+        for column, state in enumerate(predicted):
+            sample = samples[column]
+            if state is not None and sample is not None:
+                each, model = self.filters[column], models[column]
+                stamp, values = max(int(sample.stamp), each.stamp), sample.values(_least_mps(model))
+                each.correct(values, stamp, state, model, commanded=commanded[column])
+
+    def _predict(self, column: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
+        """Return a column's state at its newest sample; None where it begins with that sample."""
         each, stamp = self.filters[column], int(sample.stamp)
         each.read_by(sample.airspeed_ratio)
-        values = sample.values(_least_mps(model))
-        if each.state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
-            each.begin(values, stamp)
-            return
-        predicted, stamp = each.state.copy(), max(stamp, each.stamp)
-        self._history.carry(predicted, each.stamp, stamp, column, model)
-        follows = abs(each.state.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
-        each.correct(values, stamp, predicted, model, COMMANDED_WALK if commanded and follows else UNCOMMANDED_WALK)
+        state = each.state
+        if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
+            each.begin(sample.values(_least_mps(model)), stamp)
+            return None
+        predicted = state.copy()
+        self._history.carry(predicted, each.stamp, max(stamp, each.stamp), column, model)
+        return predicted
 
 
 def _least_mps(model: AutopilotModel) -> float:

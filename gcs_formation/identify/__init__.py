@@ -1,4 +1,4 @@
-"""`gcs-formation identify`: from a recorded flight, or from one flown for it, to a vehicle file and a figure."""
+"""`gcs-formation identify`: fits a vehicle's model to a recorded flight; writes a vehicle file and a figure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.fit import AIRFRAME_KEYS, CHANNELS, LAGS, Fit, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.output_error import ALIKE_S
+from gcs_formation.identify.output_error import INDEPENDENT_AFTER_S
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
@@ -28,21 +28,21 @@ from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, new_figu
 REST_S, HELD_S = 8.0, 9.0
 SPEED_MPS, SLOW_MPS, HEADING_DEG, HEIGHT_M = 2.0, 1.0, 15.0, 8.0
 SPACING_S = 3.0
-"""Followers keep at least as far away as they fly within this time: slots that are farther off swing with the leader's
-steps of heading faster than anybody follows."""
+"""Followers stay at least this flight time away: farther slots swing with the leader's steps of heading, faster than
+any vehicle follows."""
 LEGS = 12
-"""Waypoints of the straight path."""
+"""Number of waypoints of the straight path."""
 HEIGHT_CM = 14.0
 LEAST_ERROR = 1e-9
-"""A model's own flight has no error, and nothing flies that better."""
+"""Floor of errors: a model that flies its own recording has none, and nothing is better than that."""
 UNITS = ("m/s", "rad", "m")
 EQUATION, AIRFRAME = "equation (7)", "airframe"
-"""What the models are called."""
+"""Names of the models."""
 FIGURE = ".png"
 
 
 def steps(spare_mps: float) -> list[Step]:
-    """Return the steps, one after another; no speed beyond what vehicles can spare."""
+    """Return the steps, one after another, within the vehicles' spare speed."""
     fast, slow = min(SPEED_MPS, 0.6 * spare_mps), min(SLOW_MPS, 0.3 * spare_mps)
     each: list[dict[str, float]] = [
         {"speed_mps": fast}, {"speed_mps": -fast},
@@ -55,13 +55,13 @@ def steps(spare_mps: float) -> list[Step]:
     found, at_s = list[Step](), REST_S
     for index, keys in enumerate(each):
         found.append(Step(at_s=at_s, for_s=HELD_S, **keys))
-        # A step and the opposite one after it are a doublet.
+        # Each step and the opposite one after it form a doublet.
         at_s += HELD_S + (0.0 if index % 2 == 0 else REST_S)
     return found
 
 
 def identification_scenario(scenario: Scenario) -> Scenario:
-    """Return the flight by which to identify the vehicles of a scenario: from its path's start straight on.
+    """Return a flight that identifies the vehicles of a scenario: steps along a straight line from its path's start.
 
     Raises:
         ScenarioError: it can't be flown there, because of ground or fence.
@@ -97,7 +97,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
 
 
 def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
-    """Draw a recording and the models' flights by its setpoints alone, (3, K) each by its name, as a PNG."""
+    """Draw a recording and simulated flights by its setpoints, (3, K) by the model's name, as a PNG."""
     at_s: Array = STEP_S * np.arange(recording.seen.shape[1], dtype=np.float64)
     scales = (1.0, 180.0 / np.pi, 1.0)
     with print_style():
@@ -115,12 +115,12 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
 
 
 def require_writable(file: Path, *, overwrite: bool, given: bool = False) -> None:
-    """Refuse a vehicle file that is there, or whose figure is, unless with `overwrite`, and one named as a figure.
+    """Refuse a vehicle file that exists, or whose figure does, unless with `overwrite`; and one named like the figure.
 
-    The directory of one that is `given`, and not by default, is made, so that it is known to be writable.
+    If the file is `given` by the user, its directory is made, to find out now whether it is writable.
 
     Raises:
-        RecordError: which it is.
+        RecordError: what was found and what is allowed.
     """
     if file.is_dir():
         raise RecordError(f"--out: found {file}, a directory; allowed: a vehicle file (*.yaml)")
@@ -147,15 +147,15 @@ def _require_directory(file: Path) -> None:
 def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
-    The model written has an airframe where that flies the recording so much better that it is worth its parameters,
-    and then the lags of its slow changes. Errors
-    `flown_rms` are of a flight by the setpoints alone, by the model's name.
+    The written model has an airframe if that fits the recording so much better that its parameters are worth it; its
+    lags are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints alone, by the
+    model's name.
 
     Args:
         source: a run directory or a telemetry log.
         file: the vehicle file to write.
-        vehicle: whose flight alone; None: all vehicles', as of one kind.
-        believed: the scenario, whose first vehicle's limits stay; None: the run directory's.
+        vehicle: system id to use; None: all vehicles, as one kind.
+        believed: the scenario, whose first vehicle's limits are kept; None: the run directory's.
 
     Raises:
         RecordError: nothing to read, too little movement, or no such vehicle.
@@ -191,7 +191,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
 
 
 def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
-    """Return what a run directory or a log has of all vehicles, or of one alone.
+    """Return the recordings of all vehicles in a run directory or a log, or of one vehicle.
 
     Raises:
         RecordError: nothing to read, or no such vehicle.
@@ -207,7 +207,7 @@ def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
 
 
 def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
-    """Return the model that is worth its parameters, and a recording's flight (3, K) by each, by the model's name."""
+    """Return the model that is worth its parameters, and the flight (3, K) by each model, by its name."""
     flown = {EQUATION: flown_by_lags(recording, fitted.model)}
     if begin.hovers or begin.prompt_share < 1.0:
         return fitted.model, flown
@@ -219,7 +219,7 @@ def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[Veh
 
 
 def report(found: Mapping[str, Any]) -> str:
-    """Return it for a person."""
+    """Return the result as text."""
     recorded = zip(found["vehicles"], found["recorded_s"], strict=True)
     whose = ", ".join(f"{system} ({duration_s:.0f} s)" for system, duration_s in recorded)
     lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
@@ -241,16 +241,16 @@ def report(found: Mapping[str, Any]) -> str:
 
 
 def is_nearer(errors: Array, others: Array, more: int) -> bool:
-    """Return whether a model flies so much nearer to what was recorded that its further parameters are worth it.
+    """Return whether a model fits the recording so much better that its further parameters are worth it.
 
-    By Schwarz's information criterion: n ln(mean square) over the channels, and ln(n) for each parameter. Of errors
-    that stay alike for a while only so many count as tell something of their own: n = K / (1 + 2 sum of their
-    correlations), of the model whose errors are fewer. Source: Ljung, "System Identification", 2nd ed., 16.4.
+    By Schwarz's information criterion: n ln(mean square) over the channels, and ln(n) for each parameter. n is the
+    number of independent errors, K / (1 + 2 sum of their autocorrelations), the smaller one of the two models'. Source:
+    Ljung, "System Identification", 2nd ed., 16.4.
 
     Args:
-        errors: (3, K) of its flight of airspeed, heading and height.
-        others: (3, K) of the other's flight.
-        more: how many parameters more than the other it has.
+        errors: (3, K) of its flight: airspeed, heading and height.
+        others: (3, K) of the other model's flight.
+        more: by how many parameters it exceeds the other model.
     """
     counts = np.minimum(_independent(errors), _independent(others))
     squares, other_squares = (np.maximum(np.mean(each**2, axis=1), LEAST_ERROR**2) for each in (errors, others))
@@ -259,9 +259,9 @@ def is_nearer(errors: Array, others: Array, more: int) -> bool:
 
 
 def _independent(errors: Array) -> Array:
-    """Return how many of (3, K) errors count as independent in each channel, at least 1: by Bartlett's window."""
+    """Return the number of independent errors among (3, K) in each channel, at least 1: by Bartlett's window."""
     points = errors.shape[1]
-    lags = min(round(ALIKE_S / STEP_S), points - 1)
+    lags = min(round(INDEPENDENT_AFTER_S / STEP_S), points - 1)
     power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
     alike = np.fft.irfft(power, 2 * points)[:, 1 : lags + 1] * (1.0 - np.arange(1, lags + 1) / (lags + 1))
     square = np.maximum(np.sum(errors**2, axis=1), LEAST_ERROR**2)
@@ -269,7 +269,7 @@ def _independent(errors: Array) -> Array:
 
 
 def measured(value: float, sigma: float) -> str:
-    """Return a value with two significant digits of its standard deviation, and no more of its own."""
+    """Return a value and its standard deviation, to two significant digits of the latter."""
     digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0.0 else 3
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
@@ -281,7 +281,7 @@ def _begin(believed: Scenario | None, system: int) -> VehicleModel:
 
 
 def _delays_s(directory: Path) -> dict[int, float]:
-    """Return the measured delay of each vehicle's link, both ways, as far as the summary knows it."""
+    """Return the measured round-trip delay of each vehicle's link, s, as far as the summary has it."""
     try:
         summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,8 +1,9 @@
-"""Fits a vehicle's model to recordings by the error of its predictions (Ljung, "System Identification", 2nd ed., 7.2).
+"""Fits a vehicle's model to recordings by prediction errors (Ljung, "System Identification", 2nd ed., 7.2).
 
-Equation (7), which the law predicts and feeds forward by: from every point of the recording the model flies on from
-what was measured, by the setpoints since, for as long as `HORIZON_S`. The airframe, which emulators fly: one flight
-from the recording's first point to its last by the setpoints alone, with all perturbed aircraft side by side.
+Equation (7), by which the law predicts and feeds forward, is fitted to whole flights (`output_error`) and judged by
+predictions: from points all along the recording the model flies on from the measured state, by the recorded setpoints,
+for `HORIZON_S`. The airframe, which emulators fly, is fitted to one flight from the recording's first point to its last
+by the setpoints alone; all perturbed aircraft are simulated side by side.
 """
 
 from __future__ import annotations
@@ -26,45 +27,46 @@ from gcs_formation.identify.output_error import RESOLUTION, Search, simulated
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 HORIZON_S = 6.0
-"""Of the predictions that equation (7) is fitted by: as long as what the law feeds forward takes to arrive."""
+"""Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
 STRIDE = 5
-"""Points between the beginnings of predictions."""
+"""Points between the starts of two predictions."""
 CORRELATED_S = 2.0
 """Residuals this far apart count as independent in the search."""
 WAIT_SIGMA_S = CYCLE_S / 2.0
-"""How well it is known when setpoints acted: anywhere within a cycle of the vehicle's, and alike in a whole flight. As
-far as that is from its middle, so that the deviations hold for who always acts at its end."""
+"""Standard deviation of the time at which setpoints act. They act anywhere within the vehicle's cycle, but always at
+the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
+acts at the end."""
 UNKNOWN = 0.5
-"""Standard deviation of a lag's logarithm before anything was flown."""
+"""Prior standard deviation of a lag's logarithm."""
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
-"""By how much each setpoint must have changed for its channel to be learnt."""
+"""Least change of each setpoint from which its channel can be identified."""
 CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
-"""What recordings and models are compared by."""
+"""Quantities in which recordings and models are compared."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 REST = ("prompt_share", "rest_s")
-"""Fitted too of vehicles that are believed to leave part of a change of speed to an integrator."""
+"""Also fitted for vehicles believed to leave part of a speed change to an integrator."""
 LEAST_SHARE = 0.2
 QUICK_MPS = 0.2
 """A larger change of a multirotor's velocity setpoint within `STEP_S` isn't gentle."""
 QUICK_S = 5.0
-"""For so long after it nothing is learnt of lags."""
+"""Lags aren't fitted to what was measured within this time after such a change."""
 LEAST_KEPT = 0.2
-"""Share of a recording that must be left then."""
+"""Share of a recording that must be left after that."""
 AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
-"""Standard deviations of these parameters' logarithms before anything was flown."""
+"""Prior standard deviations of these parameters' logarithms."""
 ITERATIONS = 7
 NUDGE = 0.02
-"""Of a logarithm, for its slope."""
+"""Step of a logarithm for the numerical derivative."""
 STEP_MAX = 0.4
 LEAST_VARIANCE = 1e-9
 SLOW_RADPS = 0.15
-"""Bends and climbs of a formation's path change no faster."""
+"""Turns and climbs of a formation's path change no faster than this."""
 LEAST_LAG_S = 0.2
 
 
 class Estimate(NamedTuple):
-    """One parameter and its standard deviation: by the scatter between stretches, and by when setpoints acted."""
+    """A parameter and its standard deviation: by the scatter of the errors, and by when setpoints acted."""
 
     value: float
     sigma: float
@@ -72,20 +74,20 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model and how well it predicts, each by its name."""
+    """A fitted model and how well it predicts each quantity, by its name."""
 
     model: VehicleModel
     estimates: dict[str, Estimate]
     residual_rms: dict[str, float]
-    """Of airspeed (m/s), heading (rad) and height (m) over the horizon."""
+    """Errors of airspeed (m/s), heading (rad) and height (m) over the horizon."""
     explained: dict[str, float]
     """Share of the change over the horizon that the predictions explain."""
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
-    """Return the model of equation (7) that predicts recordings of one kind of vehicle best.
+    """Return the model of equation (7) that fits recordings of one kind of vehicle best, and how well it predicts.
 
-    `begin` has the limits, which stay, and the lags that the search begins with.
+    `begin` has the limits, which are kept, and the lags that the search begins with.
 
     Raises:
         RecordError: a channel was hardly moved in the recordings.
@@ -114,11 +116,11 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
 
 
 def _gentle(recording: Recording) -> Recording:
-    """Return a multirotor's recording with its airspeeds and courses after gentle changes of its setpoints alone.
+    """Return a multirotor's recording without the airspeeds and courses that follow a quick change of its setpoints.
 
-    Its jerk is limited, which is no lag: of ArduCopter, that a step of 2 m/s takes half as long again as one of
-    0.3 m/s. A formation changes its setpoints gently, and the law leads them by the lag of such changes. Where too
-    little is left, all counts.
+    Quick changes are limited in jerk, which isn't a lag: an ArduCopter takes half as long again for a step of 2 m/s as
+    for one of 0.3 m/s. A formation changes its setpoints gently, and the law leads them by the lag of gentle changes.
+    If too little is left, the whole recording counts.
     """
     speed, course, _ = recording.commanded
     quick: Indices = np.flatnonzero(np.abs(np.diff(speed * np.exp(1j * course))) > QUICK_MPS) + 1
@@ -135,7 +137,7 @@ def _gentle(recording: Recording) -> Recording:
 
 
 def _known(recording: Recording) -> Recording:
-    """Return a recording from where it is known what acts: setpoints act as late as the link makes them."""
+    """Return a recording from the point on where its setpoints act, which is late by the link's delay."""
     late = math.ceil(recording.delay_s / STEP_S)
     measured = tuple((at[at >= late] - late, value[at >= late]) for at, value in recording.measured())
     seen, commanded = recording.seen[:, late:], recording.commanded[:, late:]
@@ -145,16 +147,16 @@ def _known(recording: Recording) -> Recording:
 def _as_flown(
     recordings: Sequence[Recording], limits: VehicleModel, logs: Array, later_s: float = 0.0
 ) -> tuple[list[Array], AutopilotModels]:
-    """Return what acts on each vehicle with these parameters, from where it is known, and the model that flies it."""
+    """Return the setpoints that act on each vehicle with these parameters, and the model that flies it."""
     values, acting = np.exp(logs), list[Array]()
     for each in recordings:
         late = math.ceil(each.delay_s / STEP_S)
-        acting.append(_told(_with_rest(each, limits, values), later_s)[:, late:])
+        acting.append(_acting_setpoints(_with_rest(each, limits, values), later_s)[:, late:])
     return acting, _columns(values[:4], limits, 1)
 
 
-def _told(recording: Recording, later_s: float = 0.0) -> Array:
-    """Return setpoints, and the lateral acceleration to turn with, (4, K), as they act."""
+def _acting_setpoints(recording: Recording, later_s: float = 0.0) -> Array:
+    """Return setpoints and the lateral acceleration of turns, (4, K), when they act."""
     commanded = recording.commanded
     turning = np.broadcast_to(recording.lateral_mps2, commanded[:1].shape)
     return _acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
@@ -165,10 +167,10 @@ def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Rec
 
 
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
-    """Return a recording as if the vehicle had been commanded at once what its integrator comes to slowly.
+    """Return a recording with the setpoints that the vehicle aims at while its integrator catches up.
 
-    Of a velocity w commanded it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s. A
-    fixed wing's is its airspeed alone.
+    With a commanded velocity w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
+    For a fixed wing this is its airspeed only.
     """
     share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
     speed, heading, height = recording.commanded
@@ -193,18 +195,18 @@ def _require_movement(recordings: Sequence[Recording]) -> None:
 
 @dataclass(frozen=True)
 class _Windows:
-    """Stretches of a recording, W of them, that predictions go through."""
+    """Stretches of a recording, W of them, that predictions cover."""
 
     state: FlightStates
-    """(W,) as measured at their beginnings."""
+    """(W,) measured states at their starts."""
     commanded: Array
     """(P, 3, W) setpoints of each step."""
     seen: Array
-    """(3, P, W) as measured at the end of each."""
+    """(3, P, W) measurements at the end of each step."""
 
     @classmethod
     def of(cls, recording: Recording) -> _Windows:
-        """Cut a recording; the link's delay is taken out of when setpoints acted."""
+        """Cut a recording into windows; setpoints are delayed by the link's delay."""
         points, late = round(HORIZON_S / STEP_S), math.ceil(recording.delay_s / STEP_S)
         begins: Indices = np.arange(late, recording.seen.shape[1] - points, STRIDE, dtype=np.intp)
         steps: Indices = np.arange(points, dtype=np.intp)[:, None]
@@ -215,7 +217,7 @@ class _Windows:
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
-        """Return (3, P, W): predicted less measured, by equation (7) with these lags."""
+        """Return (3, P, W): predicted minus measured, by equation (7) with these lags."""
         model = _columns(lags, limits, self.commanded.shape[2])
         state, step_s, ends = self.state, np.full(self.commanded.shape[2], STEP_S), list[Array]()
         for commanded in self.commanded:
@@ -226,7 +228,7 @@ class _Windows:
         return error
 
     def changes(self) -> Array:
-        """Return (3, P, W): how far what was measured came from where it began."""
+        """Return (3, P, W): change of the measurements since the start of each window."""
         begin = np.array((self.state.airspeed_mps, self.state.heading_rad, self.state.height_m))
         return self.seen - begin[:, None]
 
@@ -245,20 +247,21 @@ def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
 
 
 def _weighed(errors: Array) -> Array:
-    """Return errors of airspeed, heading and height, (3, ...), in units of `RESOLUTION`, in one row."""
+    """Return errors of airspeed, heading and height, (3, ...), in units of `RESOLUTION`, as one row."""
     return (errors.reshape(3, -1) / RESOLUTION[:, None]).ravel()
 
 
 def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float) -> Array:
-    """Return the logarithms (P,) of the parameters that come nearest to what was measured.
+    """Return the logarithms (P,) of the parameters that fit the measurements best.
 
-    Gauss-Newton with errors beyond one resolution weighed by their size, held by a normal prior about `start`.
+    Gauss-Newton, robust: errors beyond one resolution count by their size, not its square. A normal prior about `start`
+    holds the parameters.
 
     Args:
         start: (P,) where the search begins.
-        errors_of: returns the weighed errors (T, M) of T sets of logarithms.
-        spreads: (P,) standard deviations before anything was flown.
-        repeated: how many errors tell what one does.
+        errors_of: returns the weighted errors (T, M) of T sets of logarithms.
+        spreads: (P,) prior standard deviations.
+        repeated: number of successive errors that carry as much information as one.
     """
     logs = start
     prior: Array = np.diag(spreads**-2.0)
@@ -273,7 +276,7 @@ def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spread
 
 
 def _linear(logs: Array, errors_of: Callable[[Sequence[Array]], Array]) -> tuple[Array, Array, Array]:
-    """Return the weighed errors (M,) there, their slopes (P, M) and what each error counts, (M,)."""
+    """Return the weighted errors (M,) at `logs`, their slopes (P, M) and their robust weights (M,)."""
     errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(len(logs)))])
     error: Array = errors[0]
     return error, (errors[1:] - error) / NUDGE, 1.0 / np.maximum(np.abs(error), 1.0)
@@ -284,7 +287,7 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
-    return simulated([_told(recording)], columns, recording.seen[:, :1].T)[0]
+    return simulated([_acting_setpoints(recording)], columns, recording.seen[:, :1].T)[0]
 
 
 def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps: float) -> tuple[EnergyAirframe, Array]:
@@ -304,10 +307,10 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
 
 
 def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the lags by which an airframe answers slow changes: what the law feeds forward by.
+    """Return the model with the airframe and its lags for slow changes, which the law feeds forward by.
 
-    Its answer to steps is slower, for the energy's rates are limited, and its answer to quick changes larger: neither
-    is a lag of equation (7).
+    An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
+    amplitude: neither is a lag of equation (7).
     """
     at = airframe_responses(np.array([SLOW_RADPS]), AirframeParameters.of(airframe.parameters()), speed_mps)
     lag_s = [max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)]
@@ -322,7 +325,7 @@ def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
 
 
 def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
-    """Return airspeed as sensed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
+    """Return sensed airspeed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
     p = AirframeParameters.of(airframe.parameters())
     airspeed, heading, height, climb = recording.seen[:, 0].tolist()
     aircraft = energy.Aircraft(height, climb, airspeed, heading)

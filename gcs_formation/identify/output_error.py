@@ -1,14 +1,14 @@
-"""Estimation of equation (7) from whole flights by their setpoints alone, with a model of the noise (Box and Jenkins).
+"""Estimates equation (7) from whole flights by their setpoints alone, with a model of the noise (Box and Jenkins).
 
 Ljung, "System Identification", 2nd ed., 4.2; Jategaonkar, "Flight Vehicle System Identification", chapter 4. No
-measurement enters the simulation, so noise of the telemetry doesn't bias what is found: the states at a recording's
-beginning, and what a channel is constantly off its setpoint, are estimated with the parameters. Errors are taken where
-something was measured, not between: setpoints answer to what was measured before them.
+measurement enters the simulation, so telemetry noise doesn't bias the estimate. The states at a recording's start, and
+each channel's constant offset from its setpoint, are estimated with the parameters. Errors are taken at the
+measurements only, not at interpolated points, because setpoints depend on earlier measurements.
 
-What disturbs a vehicle lasts, and the law answers it by its setpoints: a gust from ahead comes together with a lower
-setpoint of speed, as if the vehicle hardly followed setpoints. So what counts of an error is what the errors before it
-don't tell: an autoregressive model predicts it by them. With that the parameters are found in closed loop too (Ljung,
-13.4). Where errors are white, the model has no coefficient, and this is output-error estimation.
+Disturbances last, and the law answers them by its setpoints: a headwind gust coincides with a lower speed setpoint,
+which looks as if the vehicle hardly followed setpoints. So an autoregressive model predicts each error from earlier
+ones, and only the remainder counts. This makes the estimate consistent in closed loop too (Ljung, 13.4). If errors are
+white, the autoregressive model has no coefficients, and this is output-error estimation.
 """
 
 from __future__ import annotations
@@ -25,56 +25,56 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from gcs_formation.identify.recording import STEP_S, Recording
 
 RESOLUTION = np.array([0.05, 0.005, 0.1])
-"""Errors of airspeed (m/s), heading (rad) and height (m) count as no smaller."""
+"""Least standard deviations of errors of airspeed (m/s), heading (rad) and height (m)."""
 BEGIN_NUDGES = np.array([0.1, 0.01, 0.3, 0.1])
-"""Of airspeed, heading, height and climb at the beginning, for their slopes."""
+"""Steps of airspeed, heading, height and climb at the start, for numerical derivatives."""
 BEGINS, CHANNELS = len(BEGIN_NUDGES), len(RESOLUTION)
 HUBER = 2.0
-"""Errors larger than so many standard deviations count by their size, not by its square."""
+"""Errors larger than this many standard deviations count by their size, not its square."""
 ORDER_MAX = 40
-"""Errors before one that it is predicted by, at most."""
+"""Highest order of the autoregressive model."""
 OUTLYING = 4.0
-"""Errors larger than so many standard deviations count as so large in the model of the noise."""
-ALIKE_S = 20.0
-"""Errors this far apart count as independent in the deviations."""
+"""Larger errors, in standard deviations, are clipped to this when the noise model is fitted."""
+INDEPENDENT_AFTER_S = 20.0
+"""Errors this far apart count as independent in the standard deviations of the estimate."""
 ITERATIONS = 15
 NUDGE = 0.02
-"""Of a parameter's logarithm, for its slope."""
+"""Step of a parameter's logarithm for the numerical derivative."""
 STEP_MAX = 0.4
 CLOSE = 1e-5
-"""A change of all logarithms so small that the search is over."""
+"""Change of the logarithms below which the search ends."""
 TINY = 1e-9
 LEAST_KNOWN = 1e-8
-"""Information by the most there is: of less, nothing is known."""
+"""Directions with less information than this, relative to the largest, count as unknown."""
 LEAST_SPEED_MPS = 1.0
-"""Below it nobody turns by a lateral acceleration."""
+"""Below this speed no lateral acceleration turns a vehicle."""
 
 Flown = Callable[[Array], tuple[Sequence[Array], AutopilotModels]]
-"""Of parameters' logarithms: what acts on each recording's vehicle, (4, K), and the model that flies it, one column."""
+"""From the parameters' logarithms to what acts on each recording's vehicle, (4, K), and its model, one column."""
 
 
 class Point(NamedTuple):
-    """What the search knows at a set of parameters, of one recording: M errors in standard deviations, in one row."""
+    """One recording at a set of parameters: M errors in standard deviations, as one row."""
 
     error: Array
-    """(M,) weighed, what the errors before don't tell, less what the beginning and the offsets explain."""
+    """(M,) weighted, what earlier errors don't predict, without what the start and the offsets explain."""
     slopes: Array
-    """(P, M) by the parameters, likewise."""
+    """(P, M) derivatives by the parameters, likewise."""
     begin: Array
-    """(7, M) by the beginning and the offsets, weighed."""
+    """(7, M) derivatives by the start and the offsets, weighted."""
     full: Array
-    """(M,) weighed errors as they are."""
+    """(M,) weighted errors with what the start and the offsets explain."""
     full_slopes: Array
     """(P, M)."""
 
 
 class Search:
-    """Gauss-Newton's search for the parameters of one kind of vehicle, whose flights were recorded."""
+    """Gauss-Newton search for the parameters of one kind of vehicle, from recorded flights."""
 
     def __init__(self, recordings: Sequence[Recording], flown: Flown, start: Array, spreads: Array) -> None:
-        """Begin with logarithms `start` (P,), held by a normal prior of these standard deviations.
+        """Begin at the logarithms `start` (P,), held by a normal prior with standard deviations `spreads`.
 
-        Recordings begin where it is known what acts.
+        Each recording must begin where its setpoints act.
         """
         self.logs = start
         self._flown, self._start = flown, start
@@ -87,9 +87,9 @@ class Search:
         self._predictors: list[Array] = [np.ones(1)] * CHANNELS
 
     def find(self) -> None:
-        """Search; against the prior errors count as seldom as they are repeated.
+        """Search for the parameters. Correlated errors count less against the prior, by their effective number.
 
-        First as if errors were white: far from the parameters, what is wrong with those isn't noise.
+        The first search takes errors as white: far from the solution, model errors would be taken for noise.
         """
         self._search()
         self._coloured = True
@@ -100,7 +100,7 @@ class Search:
             points = self.points(self.logs)
             count = sum(int(each.there.sum()) for each in self._measured)
             lasting = sum(
-                _lasting(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True)
+                _long_run_variance(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True)
             )
             worth = 1.0 / max(lasting / count, TINY)
             information = worth * sum(each.slopes @ each.slopes.T for each in points) + self._prior
@@ -114,7 +114,7 @@ class Search:
                 return
 
     def points(self, logs: Array, *, anew: bool = True) -> list[Point]:
-        """Return what is known of each recording at these logarithms; `anew`: by the noise of the errors there."""
+        """Return errors and slopes of each recording at these logarithms; `anew`: fit the noise model to them first."""
         tried = [logs, *(logs + NUDGE * each for each in np.eye(len(logs))), *[logs] * BEGINS]
         nudged = np.vstack((np.zeros((1 + len(logs), BEGINS)), np.diag(BEGIN_NUDGES)))
         errors = self._errors(tried, nudged)
@@ -142,32 +142,34 @@ class Search:
         return found
 
     def covariance(self, late: Flown) -> Array:
-        """Return the covariance (P, P) of the logarithms found, by errors that stay alike for a while.
+        """Return the covariance (P, P) of the estimated logarithms, with autocorrelated errors.
 
         Morelli and Klein, "Accuracy of aerodynamic model parameters estimated from flight test data", Journal of
-        Guidance, Control, and Dynamics 20 (1997): each error pulls at the parameters as errors of such a spectrum do.
+        Guidance, Control, and Dynamics 20 (1997): the covariance of the score follows from the errors' spectrum.
 
         Args:
             late: flown with setpoints that act one standard deviation later.
         """
         points = self.points(self.logs)
         information = sum(each.slopes @ each.slopes.T for each in points) + TINY * self._prior
-        pulls = sum(_pulls(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True))
+        pulls = sum(
+            _score_covariance(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True)
+        )
         flown, self._flown = self._flown, late
         later = self.points(self.logs, anew=False)
         self._flown = flown
         moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
         values, directions = np.linalg.eigh(information)
-        known = values > LEAST_KNOWN * values[-1]  # of two lags that are alike the flight tells the sum alone
+        known = values > LEAST_KNOWN * values[-1]  # two equal lags: the flight determines only their sum
         seen = directions[:, known]
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
         return np.linalg.inv(weighed @ np.linalg.inv(pulled) @ weighed.T + self._prior).astype(np.float64)
 
     def _errors(self, tried: Sequence[Array], nudged: Array) -> list[list[Array]]:
-        """Return the errors (3, K) of each recording's flight with each set of logarithms, T of them.
+        """Return simulated minus measured, (3, K), for each of T sets of logarithms and each recording.
 
-        Of a flight with its offsets, less measured. `nudged` (T, 4) is added to its beginning.
+        Simulated flights include their offsets. `nudged` (T, 4) is added to their starting states.
         """
         flown = [self._flown(logs) for logs in tried]
         commanded = [each for of_all, _ in flown for each in of_all]
@@ -180,16 +182,16 @@ class Search:
         return found
 
     def _there(self, errors: Sequence[Array], channel: int) -> list[Array]:
-        """Return each recording's errors of a channel, where something was measured."""
+        """Return each recording's errors of a channel, at its measurements."""
         return [error[channel, of.there[channel]] for error, of in zip(errors, self._measured, strict=True)]
 
     def _unpredicted(self, errors: Array) -> Array:
-        """Return of errors (3, M) what those before them don't tell."""
+        """Return the part of the errors (3, M) that earlier errors don't predict."""
         each = zip(errors, self._predictors, strict=True)
         return np.stack([np.convolve(error, weights)[: error.size] for error, weights in each])
 
     def _counted(self, place: int) -> Mask:
-        """Return which errors (3, M) of a recording count: where something was measured, and enough before it."""
+        """Return which errors (3, M) of a recording count: measured ones with enough before them."""
         there = self._measured[place].there.copy()
         for channel, weights in enumerate(self._predictors):
             there[channel, : weights.size - 1] = False
@@ -197,15 +199,15 @@ class Search:
 
 
 class _Measured(NamedTuple):
-    """What was measured of each channel, (3, M), filled up where one has less."""
+    """Measurements of each channel, (3, M), padded to the same length."""
 
     point: Indices
-    """Of the grid, before it."""
+    """Grid point before each measurement."""
     part: Array
-    """Of a step, after that point."""
+    """Share of a step after that point."""
     value: Array
     there: Mask
-    """Whether it was measured."""
+    """False for padding."""
 
     @classmethod
     def of(cls, recording: Recording) -> _Measured:
@@ -217,7 +219,7 @@ class _Measured(NamedTuple):
         return cls(point, steps - point, value, steps >= 0.0)
 
     def errors(self, motion: Array, offsets: Array) -> Array:
-        """Return how far a motion (3, K) with these offsets is off (3, M); 0 where nothing was measured."""
+        """Return the errors (3, M) of a motion (3, K) with these offsets; 0 for padding."""
         before, after = (np.take_along_axis(motion, self.point + more, axis=1) for more in (0, 1))
         error = (1.0 - self.part) * before + self.part * after + offsets[:, None] - self.value
         error[1] = wrap(error[1])
@@ -225,12 +227,12 @@ class _Measured(NamedTuple):
 
 
 def predictor(errors: Sequence[Array]) -> Array:
-    """Return the weights (1 + P,) of an error and of those before it, whose sum is what those before it don't tell.
+    """Return weights (1 + P,) of an error and the P before it; their sum is what the earlier ones don't predict.
 
-    By the equations of Yule and Walker, of the order P that is worth its coefficients by Schwarz's criterion.
+    By the Yule-Walker equations, with the order P that minimises Schwarz's criterion.
 
     Args:
-        errors: of each recording (M,), one after another, in units of what counts as white noise whatever they are.
+        errors: of each recording (M,), in time order, in units of `RESOLUTION`; white noise of one unit is added.
     """
     count, alike = sum(each.size for each in errors), np.eye(1, ORDER_MAX + 1)[0]
     for each in errors:
@@ -248,18 +250,18 @@ def predictor(errors: Sequence[Array]) -> Array:
 
 
 def _sigma(errors: Array) -> float:
-    """Return the standard deviation of errors by the median of their sizes."""
+    """Return the standard deviation of errors, from the median of their sizes."""
     return 1.4826 * float(np.median(np.abs(errors)))
 
 
 def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array) -> list[Array]:
-    """Return airspeed, heading and height (3, K) of N flights by setpoints (4, K) alone, K as each has.
+    """Return airspeed, heading and height (3, K) of N flights simulated by setpoints (4, K) alone; K may differ.
 
     Args:
-        commanded: setpoints of speed, heading and height as they act, `STEP_S` apart, and the lateral acceleration to
-            turn with.
+        commanded: setpoints of speed, heading and height as they act, `STEP_S` apart, and the lateral acceleration of
+            turns.
         models: (N,) columns, whose turn rates are changed.
-        begins: (N, 4) airspeed, heading, height and climb at the beginning.
+        begins: (N, 4) airspeed, heading, height and climb at the start.
     """
     count, most = len(commanded), max(each.shape[1] for each in commanded)
     held = np.stack([np.pad(each, ((0, 0), (0, most - each.shape[1])), mode="edge") for each in commanded], axis=2)
@@ -274,24 +276,24 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
     return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]
 
 
-def _alike(point: Point, duration_s: float) -> Array:
-    """Return how errors of each channel are correlated over the following ones, (3, L), by Bartlett's window."""
+def _autocovariance(point: Point, duration_s: float) -> Array:
+    """Return the autocovariance of each channel's errors, (3, L), with Bartlett's window."""
     errors = point.error.reshape(CHANNELS, -1)
     points = errors.shape[1]
-    lags = min(round(ALIKE_S / duration_s * points), points - 1)
+    lags = min(round(INDEPENDENT_AFTER_S / duration_s * points), points - 1)
     power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
     return np.fft.irfft(power, 2 * points)[:, : lags + 1] / points * (1.0 - np.arange(lags + 1) / (lags + 1))
 
 
-def _lasting(point: Point, duration_s: float) -> float:
-    """Return the variance of one recording's errors if each counts as often as it is repeated, summed over them."""
-    alike = _alike(point, duration_s)
+def _long_run_variance(point: Point, duration_s: float) -> float:
+    """Return the long-run variance of one recording's errors (spectral density at 0), summed over them."""
+    alike = _autocovariance(point, duration_s)
     return float((2.0 * alike.sum(axis=1) - alike[:, 0]).sum()) * point.error.size / CHANNELS
 
 
-def _pulls(point: Point, duration_s: float) -> Array:
-    """Return the covariance (P, P) of what one recording's errors pull at, by their spectrum in each channel."""
-    slopes, alike = point.slopes.reshape(len(point.slopes), CHANNELS, -1), _alike(point, duration_s)
+def _score_covariance(point: Point, duration_s: float) -> Array:
+    """Return the covariance (P, P) of one recording's score, by the spectrum of each channel's errors."""
+    slopes, alike = point.slopes.reshape(len(point.slopes), CHANNELS, -1), _autocovariance(point, duration_s)
     size, lags, found = 2 * slopes.shape[2], alike.shape[1] - 1, np.zeros((len(point.slopes), len(point.slopes)))
     for channel, each in enumerate(alike):
         spectrum = np.fft.rfft(np.concatenate((each, np.zeros(size - 2 * lags - 1), each[:0:-1]))).real

@@ -1,4 +1,4 @@
-"""What a vehicle was commanded and how it flew, out of a telemetry log, on one grid of time."""
+"""Reads what a vehicle was commanded and how it flew from a telemetry log, on a uniform time grid."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
 
 STEP_S = 0.1
-"""Of the grid."""
+"""Step of the grid."""
 SILENT_S = 1.0
 """A state older than this breaks the recording."""
-UNTOLD_S = 2.5 * REPEAT_S
-"""So does a setpoint older than this: one that doesn't change is told each `REPEAT_S` and a tick, and may be lost."""
+SETPOINT_SILENT_S = 2.5 * REPEAT_S
+"""A setpoint older than this breaks it too. Constant ones are repeated each `REPEAT_S` and a tick; one may be lost."""
 SETTLING_S = 15.0
-"""What comes of a take-off, before the setpoints alone steer, isn't learnt from."""
+"""Take-off transients within this time aren't used."""
 CYCLE_S = 0.02
-"""Of a fixed wing's main loop (50 Hz, ArduPlane's SCHED_LOOP_RATE), for whose next turn a setpoint waits."""
+"""Cycle of a fixed wing's main loop (50 Hz, ArduPlane's SCHED_LOOP_RATE); a setpoint waits for the next one."""
 MOVES_MPS = 1.0
-"""What flies more slowly has no course to learn from."""
+"""Below this speed a course isn't used."""
 LEAST_S = 30.0
-"""Shorter stretches under setpoints tell too little."""
+"""Shorter stretches under setpoints aren't used."""
 COMMANDS = {
     m.MAV_CMD_GUIDED_CHANGE_SPEED: "speed",
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
@@ -48,10 +48,10 @@ DATAFLASH_FIELDS = {
     "POS": (("alt", "Alt", 1.0),),
     "TECS": (("climb", "dh", 1.0),),
 }
-"""Of each kind of message: what it tells, in which field, and the field's unit."""
+"""For each message type: the quantity, its field, and the factor to our unit."""
 SYSTEM_PARAMETERS = ("MAV_SYSID", "SYSID_THISMAV")
 FREELY_MPS2 = 1e3
-"""Lateral acceleration of who may turn as it can."""
+"""Lateral acceleration that doesn't limit turns."""
 LABELS = {
     "airspeed": "airspeed, m/s",
     "speed seen": "ground speed, m/s",
@@ -61,38 +61,40 @@ LABELS = {
 }
 SEEN = ("airspeed", "yaw", "alt", "climb")
 SENT_TO_PLACES_SEEN = ("airspeed", "course", "alt", "climb")
-"""Of one that is told places ahead: it flies courses over ground."""
+"""For a vehicle commanded to places ahead: it flies courses over ground."""
 HOVERING_SEEN = ("speed seen", "course", "alt", "climb")
-"""Of one that is told velocities over ground."""
+"""For a vehicle commanded velocities over ground."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One vehicle's longest stretch under setpoints, K points `STEP_S` apart."""
+    """One vehicle's longest stretch under setpoints: K points, `STEP_S` apart."""
 
     system: int
     seen: Array
     """(4, K) airspeed (m/s), heading (rad, not wrapped), height (m above sea level) and climb (m/s)."""
     commanded: Array
-    """(3, K) setpoints of speed, heading and height as taken: the mean over the step that begins there."""
+    """(3, K) setpoints of speed, heading and height as received: the mean over the step that begins there."""
     delay_s: float = 0.0
-    """Of the link, both ways: that much of what is late isn't the vehicle's."""
+    """Round-trip delay of the link, which isn't the vehicle's lag."""
     names: tuple[str, ...] = SEEN
-    """What `seen` is."""
+    """Names of the quantities in `seen`."""
     lateral_mps2: Array = field(default_factory=lambda: np.array([FREELY_MPS2]))
-    """(K,) or (1,) lateral acceleration that it is commanded to turn with, m/s2: the faster, the more slowly."""
+    """(K,) or (1,) lateral acceleration of commanded turns, m/s2: it limits the turn rate, the more the faster it
+    flies."""
 
     samples: tuple[tuple[Array, Array], ...] = ()
-    """Of each of the three channels when it was measured, in steps from the first point on, and what; none: at each."""
+    """Times, in steps since the first point, and values of each of the three channels' measurements; if empty, `seen`.
+    """
 
     def measured(self) -> tuple[tuple[Array, Array], ...]:
-        """Return of each channel when it was measured, in steps from the first point on, and what."""
+        """Return the times, in steps since the first point, and values of each channel's measurements."""
         points: Array = np.arange(self.seen.shape[1], dtype=np.float64)
         return self.samples or tuple((points, each) for each in self.seen[:3])
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the channels are called in a figure, with their units."""
+        """Labels of the channels in a figure, with units."""
         return tuple(LABELS[name] for name in self.names[:3])
 
     @property
@@ -106,7 +108,7 @@ class _Samples:
 
     def __init__(self) -> None:
         self.seen: tuple[str, str, str, str] = SEEN
-        """What of it follows the setpoints of speed, heading and height, and its climb rate."""
+        """Names of the quantities that follow the setpoints of speed, heading and height, and of the climb rate."""
         self.of: dict[str, list[tuple[float, float]]] = {}
 
     def add(self, at_s: float, values: Mapping[str, float]) -> None:
@@ -115,13 +117,11 @@ class _Samples:
 
 
 def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[Recording]:
-    """Return what a telemetry log (.tlog) or a vehicle's own (.bin) holds of each vehicle that flew under setpoints.
-
-    They are in the order of their ids.
+    """Return the recording of each vehicle that flew under setpoints, from a .tlog or an ArduPilot log (.bin), by id.
 
     Args:
         log: the file.
-        delays_s: delay of each system's link, both ways.
+        delays_s: round-trip delay of each system's link.
 
     Raises:
         RecordError: the log can't be read, or no vehicle flew under setpoints for `LEAST_S`.
@@ -152,7 +152,7 @@ def _of_telemetry(log: Path) -> dict[int, _Samples]:
 
 
 def _of_dataflash(log: Path) -> dict[int, _Samples]:
-    """Return what ArduPlane wrote down itself: what it was commanded as it took it (OFG), and how it flew."""
+    """Read ArduPlane's own log: setpoints as it took them (OFG), and how it flew."""
     samples, system = _Samples(), 1
     for kind, fields in m.dataflash_messages(str(log), ("PARM", *DATAFLASH_FIELDS)):
         try:
@@ -190,8 +190,8 @@ def _take(vehicles: defaultdict[int, _Samples], at_s: float, frame: Frame) -> No
 
 
 def _take_place(samples: _Samples, at_s: float, place: CommandInt) -> None:
-    """Take the airspeed, the course and the height that a fixed wing is sent to a place ahead with."""
-    flies = place.param1 > 0.0  # or whatever is usual: the formation is at its end
+    """Take airspeed, course and height from a command that sends a fixed wing to a place ahead."""
+    flies = place.param1 > 0.0  # 0 or less: the usual speed, at the formation's end
     if flies and "lat" in samples.of:
         samples.seen = SENT_TO_PLACES_SEEN
         (_, lat_rad), (_, lon_rad) = samples.of["lat"][-1], samples.of["lon"][-1]
@@ -201,7 +201,7 @@ def _take_place(samples: _Samples, at_s: float, place: CommandInt) -> None:
 
 
 def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLocalNed) -> None:
-    """Take the velocity that a multirotor is commanded; its height setpoint is what the vertical velocity leads to."""
+    """Take a multirotor's commanded velocity; its height setpoint is where the vertical velocity leads."""
     samples.seen = HOVERING_SEEN
     if "alt" in samples.of:
         north, east, height_m = velocity.vx_mps, velocity.vy_mps, samples.of["alt"][-1][1] - HEIGHT_S * velocity.vz_mps
@@ -209,7 +209,7 @@ def _take_velocity(samples: _Samples, at_s: float, velocity: SetPositionTargetLo
 
 
 def _gridded(system: int, samples: _Samples, delay_s: float, wait_s: float) -> Recording | None:
-    """Return the longest stretch in which all is there, setpoints taken `wait_s` late; None where it is too short."""
+    """Return the longest stretch without gaps, with setpoints taken `wait_s` late; None if it is too short."""
     names = samples.seen
     if any(len(samples.of.get(name, ())) < 2 for name in (*CHANNELS, *names)):
         return None
@@ -222,7 +222,7 @@ def _gridded(system: int, samples: _Samples, delay_s: float, wait_s: float) -> R
         every[angle][:, 1] = np.unwrap(every[angle][:, 1])
     commanded = np.array([_held(every[name], at_s - wait_s) for name in CHANNELS])
     seen: Array = np.array([np.interp(at_s, every[name][:, 0], every[name][:, 1]) for name in names])
-    limits_s = {name: UNTOLD_S if name in CHANNELS else SILENT_S for name in every}
+    limits_s = {name: SETPOINT_SILENT_S if name in CHANNELS else SILENT_S for name in every}
     fresh = np.all([at_s - _newest_s(each, at_s) < limits_s[name] for name, each in every.items()], axis=0)
     fresh[: round(SETTLING_S / STEP_S)] = False
     if names == HOVERING_SEEN:
@@ -239,7 +239,7 @@ def _gridded(system: int, samples: _Samples, delay_s: float, wait_s: float) -> R
 
 
 def _within(samples: Array, at_s: Array) -> tuple[Array, Array]:
-    """Return when samples were taken within a grid of time, in its steps, and what they are."""
+    """Return the times of samples within a time grid, in its steps, and their values."""
     steps = (samples[:, 0] - at_s[0]) / STEP_S
     inside = (steps >= 0.0) & (steps <= len(at_s) - 1.0)
     return steps[inside], samples[inside, 1]

@@ -1,4 +1,4 @@
-"""A run, read back from its directory: a finished one, or what one left that has no summary."""
+"""Reads a run back from its directory: a finished one, or an unfinished one without a summary."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ UNKNOWN_IN_LINKS = (
 )
 UNKNOWN_IN_CONTROL = ("late_ticks",)
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
-"""Figures that only the process which flew could have given."""
+"""Figures that only the process that flew could know."""
 WORST_WITHOUT_ERRORS = -1.0
 NUMBERS = "biuf"
 """Numpy's kinds of numbers and flags."""
 EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
-"""Columns of every time series."""
+"""Columns that every time series must have."""
 AXIS: Shape = dict.fromkeys(("rms", "max", "steady_max"), NUMBER_OR_NULL)
 SUMMARY_SHAPE: Shape = {
     **dict.fromkeys(("name", "clock"), TEXT),
@@ -96,12 +96,12 @@ SUMMARY_SHAPE: Shape = {
     ),
     "undone": Maybe(Each(TEXT)),
 }
-"""What a report reads of summary.json (docs/summary.schema.json)."""
+"""What a report reads from summary.json (docs/summary.schema.json)."""
 
 
 @dataclass(frozen=True)
 class RunData:
-    """A run as its figures need it. `whole` has every tick; `flown`, those from the path's start to its end."""
+    """A run as its figures need it. `whole` has every tick, `flown` those from the path's start to its end."""
 
     scenario: Scenario
     summary: Mapping[str, Any]
@@ -111,11 +111,11 @@ class RunData:
     clock_s: Array
     """(T,) times of all ticks on the run's clock."""
     zero_s: float
-    """The clock's time at mission time 0; of the first tick where the path was never begun."""
+    """The clock's time at mission time 0; at the first tick if the path was never begun."""
     begun: bool
     """Whether the leader ever started along its path. If not, `flown` is everything."""
     missing: tuple[str, ...] = ()
-    """What the record lacks, in words: that of an unfinished run, or of an earlier version."""
+    """What the record of an unfinished run, or of an earlier version, lacks; in words."""
 
     @property
     def whole_time_s(self) -> Array:
@@ -129,7 +129,7 @@ class RunData:
 
     @property
     def scenario_in_force(self) -> Scenario:
-        """The scenario with the gains that it was flown by at the end: slow links have them designed anew."""
+        """The scenario with the gains in force at the end: gains by design are redesigned for slow links."""
         return _in_force(self.scenario, self.events)
 
     @property
@@ -139,12 +139,12 @@ class RunData:
 
     @property
     def followers(self) -> tuple[VehicleId, ...]:
-        """The vehicles that follow, in the scenario's order, and last the leader where that has followed another."""
+        """The followers in the scenario's order; last the leader, if it followed another vehicle for a while."""
         led = (self.leader,) if self.leader is not None and self.flown.has_followed(self.leader) else ()
         return (*(vehicle.vehicle_id for vehicle in self.scenario.followers), *led)
 
     def worst_first(self) -> list[VehicleId]:
-        """Return the followers by falling root mean square of their flown errors."""
+        """Return the followers by decreasing root mean square of their flown errors."""
 
         def rms(vehicle: VehicleId) -> float:
             known = self.flown.error(vehicle)
@@ -180,7 +180,7 @@ def load_run(directory: Path) -> RunData:
 
 
 def _scenario(path: Path) -> tuple[Scenario, tuple[str, ...]]:
-    """Return what was flown, and in words why it wouldn't be any more: an earlier version refused less."""
+    """Return the scenario, and in words what this version would refuse in it."""
     try:
         return load_scenario(path), ()
     except ScenarioError as error:
@@ -189,7 +189,7 @@ def _scenario(path: Path) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _is_finished(directory: Path) -> bool:
-    """Return whether a run wrote all that it had to; what one without a summary recorded is in its spool."""
+    """Return whether a run wrote all its files; an unfinished one must have a spool, or RecordError is raised."""
     if not directory.is_dir():
         raise RecordError(f"found no directory {directory}; expected: the directory of a run")
     if not (directory / SCENARIO).is_file():
@@ -269,7 +269,7 @@ def _run_data(
 
 
 def _vehicles(path: Path, scenario: Scenario, columns: Mapping[str, Array]) -> dict[VehicleId, Columns]:
-    """Return each vehicle's columns: at every tick the file has a row for each, always in the same order."""
+    """Return each vehicle's columns. The file has one row for each vehicle at every tick, always in the same order."""
     count, rows = len(scenario.vehicles), columns["t_s"].size
     if rows == 0:
         raise RecordError(f"found no control tick in {path}: nothing was flown")
@@ -289,7 +289,7 @@ def _names(vehicles: Iterable[VehicleId]) -> str:
 
 
 def _unfinished(directory: Path, scenario: Scenario) -> RunData:
-    """Return what an unfinished run recorded: from its spool, its events, and the ground truth if that was written."""
+    """Return what an unfinished run recorded: its spool, its events, and the ground truth if there is any."""
     from gcs_formation.app.run import recorded_truth  # noqa: PLC0415 - few reports need what flies
     from gcs_formation.record.unfinished import recorded_events  # noqa: PLC0415
 
@@ -346,7 +346,7 @@ def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
 
 
 def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return the summary without the figures that only the process which flew could have given."""
+    """Return the summary without the figures that only the process that flew could know."""
     return summary | {
         "wall_s": None,
         "links": {name: link | dict.fromkeys(UNKNOWN_IN_LINKS) for name, link in summary["links"].items()},

@@ -1,4 +1,4 @@
-"""Formation errors over time: what came before them, what displaced vehicles, and those of laws side by side."""
+"""Figures of formation errors over time, of what came before them, of disturbances, and of several laws compared."""
 
 from __future__ import annotations
 
@@ -26,35 +26,35 @@ from gcs_formation.report.time_axes import (
 )
 
 SHORTEST_S = 5.0
-"""A flight that begins in the air and at once has no assembly to show."""
+"""A shorter time before the path isn't shown as an assembly: the flight began in the air."""
 IN_SLOT_M = 0.01
 """Smallest distance that the figure shows; its scale is logarithmic."""
 MARGIN = 0.06
 LABELS = ("north, m/s", "east, m/s", "down, m/s")
 LEAST_MPS = 0.1
-"""What the axes reach to at least, upwards and downwards."""
+"""The axes reach at least this far upwards and downwards."""
 AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
 WIDTHS = (0.42, 1.0)
-"""Of the axes of the transient and of the rest."""
+"""Widths of the axes of the transient and of the rest."""
 HIDES = 3.0
-"""The transient gets axes of its own where it's this many times what follows, and doesn't count as settled."""
+"""The transient gets axes of its own if it is this many times as large as what follows, and not yet settled."""
 LONGEST_TRANSIENT = 0.4
-"""Share of the flown time; what comes later shows what the errors are in steady flight."""
+"""Share of the flown time in which the transient ends; what comes later counts as steady flight."""
 STEADY = 1.3
 """The transient is over once no error exceeds this many times the largest one in steady flight."""
 STEADY_AT_LEAST_M = 0.02
 GONE_M = 10.0
 STANDS_OUT = 50.0
-"""An error above `GONE_M` and this many times the median is of a vehicle that left; the scale becomes logarithmic."""
+"""An error above `GONE_M` and this many times the median means that a vehicle left; the scale becomes logarithmic."""
 LEAST_M = 0.012
-"""What the axes reach to at least, upwards and downwards: less than a centimetre isn't magnified."""
+"""The axes reach at least this far upwards and downwards, so that less than a centimetre isn't magnified."""
 AROUND_S = 1.0
-"""Errors cross zero, so laws are compared by the largest one within this time before and after each tick."""
+"""Laws are compared by the largest error within this time before and after each tick, because errors cross zero."""
 SIZES = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
 LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
 LEAST_SIZE_M = 1e-3
-"""Smallest |error| that laws are compared by; that scale is logarithmic."""
+"""Smallest |error| in the comparison of laws, whose scale is logarithmic."""
 LEAST = r"least possible: $|D|\,T + D^2/2a$"
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
@@ -95,13 +95,13 @@ def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
 
 
 def disturbed(run: RunData) -> bool:
-    """Whether any vehicle is known to have been disturbed; only ground truth knows."""
+    """Whether ground truth shows that any vehicle was disturbed."""
     own = run.flown.vehicles.values()
     return run.flown.truth and any(np.nan_to_num(each[name]).any() for each in own for name in DISTURBANCE)
 
 
 def disturbance(run: RunData) -> Figure:
-    """Draw the true disturbance of every vehicle; the down component where there is any."""
+    """Draw the true disturbance of every vehicle; the down component only if there is any."""
     group = everyone(run)
     values = [[run.flown.vehicles[vehicle][name] for vehicle in group.vehicles] for name in DISTURBANCE]
     shown = 3 if np.nan_to_num(np.array(values[2])).any() else 2
@@ -137,7 +137,7 @@ def errors(run: RunData) -> Figure:
 
 
 def transient_end_s(run: RunData) -> float | None:
-    """Return when the transient of the errors is over, None where it doesn't hide what follows it."""
+    """Return when the transient of the errors is over; None if it doesn't hide what follows."""
     if not run.followers:
         return None
     time_s = run.time_s
@@ -154,7 +154,7 @@ def transient_end_s(run: RunData) -> float | None:
 
 
 def error_windows(run: RunData) -> list[Mask]:
-    """Return (T,) masks of the flown ticks in the transient and of the rest; one mask of all where it hides nothing."""
+    """Return (T,) masks of the flown ticks in the transient and after it; one mask of all if it hides nothing."""
     time_s = run.time_s
     split_s = transient_end_s(run)
     if split_s is None:
@@ -173,7 +173,7 @@ def _panel(axes: Axes, group: Group, time_s: Array, values: Array) -> None:
 
 
 def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
-    """Draw the bounds that the scenario sets, where the axes reach to about them."""
+    """Draw the scenario's bounds that are near the range of the axes."""
     low, high = axes.get_ylim()
     begin, end = axes.get_xlim()
     for bound in wanted:
@@ -184,7 +184,7 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
 
 
 def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
-    """Draw the least error that any law can achieve after each gust on followers only, and the bound on ours."""
+    """Draw, after each gust on followers only, the least error possible under any law and the allowed one."""
     begin, end = axes.get_xlim()
     for error in gusted:
         reach = max(begin, error.at_s), min(end, error.to_s)
@@ -199,7 +199,7 @@ def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, 
 
 
 def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]) -> Figure:
-    """Draw the largest |error| of runs by several laws over spans of time beside each other, with the first's marks."""
+    """Draw the largest |error| under several laws over spans of time, with the marks of the first run."""
     figure = style.new_figure(13.5)
     lines = {law: (run.time_s, largest_around_m(run)) for law, run in runs.items() if run.followers}
     if not lines:
@@ -215,7 +215,7 @@ def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]
 
 
 def largest_around_m(run: RunData) -> Array:
-    """Return (T, 3) the largest |error| of any follower within `AROUND_S` of each tick."""
+    """Return (T, 3): the largest |error| of any follower within `AROUND_S` of each tick."""
     import scipy  # noqa: PLC0415 - few reports compare laws
 
     errors = np.fmax.reduce(np.abs(np.stack([run.flown.error(vehicle) for vehicle in run.followers])))

@@ -1,4 +1,4 @@
-"""Gusts on followers that don't reach their leader, and the errors that follow from them whatever the law."""
+"""Gusts on followers that don't reach their leader, and bounds on the errors after them that hold for any law."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from formation_scenario.surroundings import StepDisturbance
 from gcs_formation.report import RunData
 
 SHARE, SPARE_M = 1.5, 0.05
-"""What a law is held to: so many times the least possible, and this much more."""
+"""Allowed error: this many times the least possible, and this much more."""
 LOOP_S = 0.02
 """Period of an emulated vehicle's main loop."""
 SAME_S = 1e-3
-"""Instants that differ by less are the same: clocks aren't known better."""
+"""Instants closer than this are taken as equal: clocks aren't known better."""
 MEASURED_OVER_S = 10.0
-"""Before the gust: the time over which the delay is the median of what was measured."""
+"""Time before the gust over which the median of the measured delay is taken."""
 
 
 def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
@@ -40,33 +40,33 @@ def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, acc
     return gust * np.asarray(round_trip_s) + gust**2 / (2.0 * np.asarray(accel_max_mps2))
 
 
-def met_s(at_s: float) -> float:
-    """Return when an emulated vehicle meets a gust that is due at `at_s` of its time: in its main loop's next pass."""
+def gust_acts_s(at_s: float) -> float:
+    """Return when a gust that is due at `at_s` acts on an emulated vehicle: in the next pass of its main loop."""
     return LOOP_S * math.ceil(at_s / LOOP_S - SAME_S)
 
 
 def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> float:
-    """Return T of one gust, s: from its beginning until the first setpoint acts that a sample taken since then led to.
+    """Return T of one gust, s: from its start until the first setpoint acts that follows from a later sample.
 
-    The round trip in the mean is no bound for one gust: the wait for a sample and for a tick depends on when it begins.
+    The mean round trip is no bound for a single gust: the wait for a sample and for a tick depends on when it begins.
 
     Args:
         begun_s: when the gust reaches the vehicle.
         tick_s: (T,) instants at which setpoints are decided, in order.
         stamp_s: (T,) when the newest sample at each was taken; NaN where there is none.
-        up_s: how long a setpoint is on its way.
+        up_s: delay of the uplink.
     """
     seen = np.flatnonzero((stamp_s >= begun_s - SAME_S) & (tick_s >= begun_s))
     return float(tick_s[seen[0]] + up_s - begun_s) if seen.size else np.nan
 
 
 def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
-    """Return the maximum error, m, that a law is held to after such a step."""
+    """Return the maximum error, m, that is allowed after such a step."""
     return SHARE * least_gust_error_m(gust_mps, round_trip_s, accel_max_mps2) + SPARE_M
 
 
 class GustError(NamedTuple):
-    """One follower's error along one slot axis after a gust, until the next one, and what it's held against, m."""
+    """One follower's error along one slot axis after a gust, until the next one, and its bounds, m."""
 
     at_s: float
     to_s: float
@@ -80,9 +80,10 @@ class GustError(NamedTuple):
 
 
 def gusts(run: RunData) -> list[GustError]:
-    """Return the errors after each step of the relative velocity of followers and the vehicle that leads.
+    """Return the errors after each step of the relative velocity between followers and the leading vehicle.
 
-    On each axis it is that of the follower nearest to what it's allowed, or beyond; none without such a leader.
+    For each axis: that of the follower nearest to its allowed error, or farthest beyond it. Empty without a real
+    leader.
     """
     if not run.begun:
         return []
@@ -110,7 +111,7 @@ def _worst(run: RunData, at_s: float, to_s: float) -> Iterator[GustError]:
 
 
 def _gust_mps(run: RunData, vehicle: Vehicle, leader: VehicleId, at_s: float) -> Array:
-    """Return by how much a vehicle's disturbance changes at an instant, north and east, beyond its leader's."""
+    """Return by how much a vehicle's disturbance changes at an instant, north and east; 0 if its leader's does too."""
     change = np.zeros(2)
     for step in run.scenario.disturbances:
         hit = run.scenario.selected(step.vehicles)
@@ -139,10 +140,10 @@ def _errors(
 def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> float:
     """Return T of a gust on a vehicle, by the delay measured before it and the samples' own stamps.
 
-    Vehicles have the mission time by the station's message: late by the way up, at which a gust begins for them.
+    For a vehicle a gust begins late by the uplink's delay, because it has the mission time from the station's message.
     """
     own, before = run.flown.vehicles[vehicle], max(0, tick - round(MEASURED_OVER_S * run.scenario.law.rate_hz))
     measured_s = own["delay_s"][before : tick + 1]
     known_s = measured_s[np.isfinite(measured_s)]
     up_s = float(np.median(known_s)) if known_s.size else math.nan
-    return response_s(met_s(at_s) + up_s, run.time_s, run.time_s - own["age_s"], up_s)
+    return response_s(gust_acts_s(at_s) + up_s, run.time_s, run.time_s - own["age_s"], up_s)

@@ -1,4 +1,4 @@
-"""The control loops over time: setpoints and the responses to them, scheduled gains, delays; and distances."""
+"""Figures of the control loops over time: setpoints and responses, scheduled gains, delays; and of separation."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from gcs_formation.report.time_axes import Group, draw_line, everyone, finished,
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
 COLUMNS = {"speed": "speed_mps", "heading": "heading_rad", "height": "height_m"}
-"""Of a setpoint; the response to a speed is an airspeed."""
+"""Names of setpoint columns; the response to a speed is an airspeed."""
 STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
 LEAST_STEP = 0.01
-"""What an axis of steps reaches to at least."""
+"""The axis of steps reaches at least this far."""
 LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
 SILENT = 8.0
-"""How many times the median age the axis of ages reaches at most: a silent vehicle would flatten all others."""
+"""The axis of ages ends at this many times the median age: a silent vehicle would flatten all others."""
 
 
 def setpoints(run: RunData) -> Figure:
@@ -54,7 +54,7 @@ def setpoints(run: RunData) -> Figure:
 
 
 def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Array]:
-    """Return setpoint and response (K,) of a channel over the flown time; headings in degrees, without jumps."""
+    """Return setpoint and response (K,) of a channel over the flown time; headings in degrees, unwrapped."""
     columns = run.flown.vehicles[vehicle]
     asked, true = COLUMNS[channel], "true_" if run.flown.truth else ""
     setpoint, response = columns[f"setpoint_{asked}"], columns[true + asked.replace("speed", "airspeed")]
@@ -66,12 +66,12 @@ def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Arr
 
 
 def has_gains(run: RunData) -> bool:
-    """Whether anybody followed by a law that has gains."""
+    """Whether any vehicle followed under a law that has gains."""
     return any(_ticks_following(run.flown.vehicles[vehicle]) for vehicle in run.followers)
 
 
 def gains(run: RunData) -> Figure:
-    """Draw one follower's gains as shares of their nominal values: the worst of those that follow longest."""
+    """Draw one follower's gains relative to their nominal values: the worst of those that follow longest."""
     figure = style.new_figure(11.0)
     windows = error_windows(run)
     grid = style.axes_grid(figure, 3, len(windows), sharex="col", sharey="row", width_ratios=WIDTHS[-len(windows) :])
@@ -83,7 +83,7 @@ def gains(run: RunData) -> Figure:
 
 
 def steps(run: RunData) -> Figure:
-    """Draw how far each follower's setpoints moved from tick to tick."""
+    """Draw the steps of each follower's setpoints from tick to tick."""
     group = followers_of(run)
     figure = style.new_figure(11.0)
     grid = style.axes_grid(figure, len(STEPS), 1, sharex=True)
@@ -122,7 +122,7 @@ def _gain(axes: Axes, run: RunData, columns: Columns, gain: str, window: Mask) -
 
 
 def _unwrapped_deg(heading_rad: Array) -> Array:
-    """Return headings without jumps of a turn, the first known one from -180 to 180 degrees."""
+    """Return unwrapped headings, the first known one from -180 to 180 degrees."""
     unwrapped: Array = np.full(heading_rad.shape, np.nan)
     known = np.isfinite(heading_rad)
     unwrapped[known] = np.degrees(np.unwrap(heading_rad[known]))
@@ -131,7 +131,7 @@ def _unwrapped_deg(heading_rad: Array) -> Array:
 
 
 def latency(run: RunData) -> Figure:
-    """Draw each link's one-way delay, injected and measured, how old telemetry was, and what was used of the margin."""
+    """Draw each link's one-way delay (injected and measured), the age of telemetry, and the margin in use."""
     group, followers = _slowest(run, everyone(run)), _slowest(run, followers_of(run))
     figure = style.new_figure(12.5)
     grid = style.axes_grid(figure, 3, 1, sharex=True)
@@ -170,7 +170,7 @@ def separation(run: RunData) -> Figure:
 
 
 def _used(run: RunData, vehicle: VehicleId, name: str) -> Array:
-    """Return (T,) values of a vehicle's link, NaN while it isn't commanded."""
+    """Return (T,) values of a vehicle's link, NaN while the vehicle isn't commanded."""
     own = run.flown.vehicles[vehicle]
     return np.where(own["active"] > 0, own[name], np.nan)
 
@@ -183,7 +183,7 @@ def _slowest(run: RunData, group: Group) -> Group:
 
 
 def _age_scale(axes: Axes, ages_ms: Array) -> None:
-    """Begin at 0; where a vehicle falls silent, end at what the others need and say how far it goes."""
+    """Begin at 0. If a vehicle falls silent, end where the others fit, and print its largest age."""
     _from_zero(axes)
     known = ages_ms[np.isfinite(ages_ms)]
     most_ms = SILENT * max(float(np.median(known)), 1.0) if known.size else np.inf
@@ -194,12 +194,12 @@ def _age_scale(axes: Axes, ages_ms: Array) -> None:
 
 
 def _from_zero(axes: Axes) -> None:
-    """Begin at 0, and leave room above the largest value."""
+    """Begin the axis at 0, and leave room above the largest value."""
     axes.set_ylim(0.0, max(1.15 * float(axes.dataLim.y1), 1.0))
 
 
 def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
-    """Draw each follower's share of its delay margin in use, and the share from which an event reports it."""
+    """Draw the share of its delay margin that each follower uses, and the share from which an event reports it."""
     used = [100.0 * run.flown.vehicles[vehicle]["margin_used"] for vehicle in followers.vehicles]
     if not used:
         style.note(axes, "no followers: no loops")
@@ -210,7 +210,7 @@ def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
 
 
 def _limit(axes: Axes, limit: float) -> None:
-    """Draw a safety limit, with the axes from 0 on."""
+    """Draw a safety limit, and let the axis begin at 0 or below."""
     axes.axhline(limit, color=style.LIMIT, lw=0.9, ls=(0, (5, 2)), label="safety limit")
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.0), max(high, 1.5 * limit))

@@ -1,4 +1,4 @@
-"""report.html: one file that needs nothing but itself."""
+"""Writes report.html, one self-contained file, and the figures beside it."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from gcs_formation.report.time_axes import Group, everyone
 
 ERROR_POINTS = 80_000
 TRACK_NUMBERS = 100_000
-"""What all series together may have; a page of 100 vehicles is then below 2 MB of data."""
+"""Limits for all series together, which keep the data of a page of 100 vehicles below 2 MB."""
 FEWEST_BUCKETS, MOST_BUCKETS = 50, 1500
 MOST_TRACK_POINTS = 1500
 PATH_POINTS = 400
 GROUND_CELLS = 120
-"""Along the longer side of the ground that is shown."""
+"""Number of cells along the longer side of the ground that is shown."""
 GROUND_AROUND_M = 1000.0
 ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
 GROUND_CAPTION = " The browner the ground, the higher."
@@ -50,7 +50,7 @@ SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
 
 
 def always(_: RunData) -> bool:
-    """Whether a figure that every run has is shown."""
+    """Condition of a figure that every run has."""
     return True
 
 
@@ -66,11 +66,11 @@ PLATES: dict[Callable[[RunData], Figure], Callable[[RunData], bool]] = {
     separation: always,
     latency: always,
 }
-"""What draws each figure, and whether a run has anything for it to show; it is left out otherwise."""
+"""What draws each figure, and the condition on which a run has anything to show in it."""
 
 
 def embedded(run: RunData) -> dict[str, Any]:
-    """Return the data of the page's plots, ready for JSON; times are mission times in s, unknown values None."""
+    """Return the data of the page's plots for JSON; times are mission times in s, unknown values None."""
     group, everybody = everyone(run), list(everyone(run).vehicles)
     return {
         "begun": run.begun,
@@ -109,7 +109,7 @@ def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
 
 
 def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
-    """Return each follower's errors at their extremes, with the times of these."""
+    """Return each follower's errors, reduced to extremes and their times."""
     buckets = int(np.clip(ERROR_POINTS // (6 * max(len(run.followers), 1)), FEWEST_BUCKETS, MOST_BUCKETS))
     found: list[dict[str, Any]] = []
     for index, vehicle in enumerate(group.vehicles):
@@ -171,7 +171,7 @@ def _rounded(values: Array, digits: int) -> list[float | None]:
 
 
 def write_figures(run: RunData, directory: Path) -> Iterator[Path]:
-    """Draw every figure that the run has something for into a file of its name in a directory; yield the files."""
+    """Draw every figure that the run has something to show in, one file each, into a directory; yield the files."""
     directory.mkdir(exist_ok=True)
     for draw, has_something in PLATES.items():
         path = directory / f"{draw.__name__}.png"
@@ -184,7 +184,7 @@ def write_figures(run: RunData, directory: Path) -> Iterator[Path]:
 
 
 def page(run: RunData, figures: Iterable[Path]) -> str:
-    """Return the page of a run with its figures' files."""
+    """Return the page of a run; `figures` are its pictures' files."""
     summary, compared = run.summary, page_parts.beside_the_paper(run) + page_parts.after_gusts(run)
     gallery = "".join(figure(path.stem, path) for path in figures)
     return document(
@@ -237,7 +237,7 @@ def _error_source(run: RunData) -> str:
 def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
-    `lacks` is called with each thing that the record lacks, in words.
+    `lacks` is called for each thing that the record lacks, in words.
 
     Raises:
         RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: their frame, and what a run's page has in words, tables and cards."""
+"""Self-contained HTML pages: their frame, and the texts, tables and cards of a run's page."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ MOST_EVENTS = 500
 AXES = ("x", "y", "z")
 NONE = "–"
 STEP_MPS = 0.6
-"""What the paper adds north and east to every vehicle from 500 s on (figure 11)."""
+"""Disturbance that the paper adds north and east to every vehicle from 500 s on (figure 11)."""
 REPORTED_M = {"x": 0.22, "y": 0.5}
-"""The largest errors that the paper reads from figure 12, the transient at the beginning left out."""
+"""Largest errors that the paper reads from figure 12, without the initial transient."""
 SIGNS = {"below": "<", "above": ">"}
 
 
 def document(title: str, template: str, **parts: str) -> str:
-    """Return a whole page. The body's template, a file, takes `title` and `parts`, which are HTML already."""
+    """Return a whole page. `template` is the body's file; it takes `title`, and `parts`, which are HTML already."""
     name = escape(title)
     body = Template(asset(template)).substitute(title=name, **parts)
     return Template(asset("page.html")).substitute(title=name, style=asset("report.css"), body=body)
@@ -45,7 +45,7 @@ CAPTIONS: dict[str, dict[str, str]] = yaml.safe_load(asset("captions.yaml"))
 
 
 def figure(name: str, path: Path, title: str = "", first: str = "") -> str:
-    """Return a picture with its caption, its file embedded; `first` is said before what is said of all such figures."""
+    """Return an embedded picture with its caption; `first` precedes the caption that all figures of a kind share."""
     said, image = CAPTIONS[name.partition("-")[0]], b64encode(path.read_bytes()).decode("ascii")
     title = escape(title or said["title"])
     return (
@@ -71,7 +71,7 @@ def brief(value: float | None) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], text_columns: Iterable[int] = (0,)) -> str:
-    """Return a table; columns of text are set left, figures right."""
+    """Return a table; text columns are left-aligned, figures right-aligned."""
     kinds = [' class="text"' if i in set(text_columns) else "" for i in range(len(heads))]
     head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for kind, name in zip(kinds, heads, strict=True))
     body = "\n".join(
@@ -160,7 +160,7 @@ def _settled(followers: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def followers(summary: Mapping[str, Any]) -> str:
-    """Return the errors of every follower, and how much its setpoints moved."""
+    """Return the errors of every follower, and the steps of its setpoints."""
     keys = [(axis, key) for axis in AXES for key in ("rms", "max", "steady_max")]
     heads = ["Vehicle", *(f"{axis} {key.replace('_', ' ')}" for axis, key in keys)]
     rows = [
@@ -251,7 +251,7 @@ def _share(value: float | None) -> str:
 
 
 def beside_the_paper(run: RunData) -> str:
-    """Return the paper's figures beside the run's as HTML, nothing where they can't be compared."""
+    """Return the paper's figures beside the run's as HTML; nothing if they can't be compared."""
     step = _step(run)
     if step is None:
         return ""
@@ -271,7 +271,7 @@ def beside_the_paper(run: RunData) -> str:
 
 
 def after_gusts(run: RunData) -> str:
-    """Return the errors after gusts on followers only beside their bounds as HTML, nothing where there was no gust."""
+    """Return as HTML the errors after gusts on followers only, beside their bounds; nothing without such gusts."""
     rows = [
         [
             f"{error.at_s:g} s, {error.axis}",
@@ -288,7 +288,7 @@ def after_gusts(run: RunData) -> str:
 
 
 def _step(run: RunData) -> StepDisturbance | None:
-    """Return the paper's disturbance in this run, None where there is none or the run ends within 60 s of it."""
+    """Return the paper's disturbance in this run; None if there is none or the run ends within 60 s of it."""
     if not run.begun or not run.followers:
         return None
     alike = (

@@ -1,4 +1,4 @@
-"""The flight seen from above and in three dimensions, with the formation at chosen times."""
+"""Figures of the flight from above and in three dimensions, with the formation at chosen times."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from gcs_formation.report import RunData, style
 from gcs_formation.report.time_axes import Group, everyone, span, time_label
 
 SPACE_RATIO = 0.4
-"""Height of the space by its length, once heights are stretched."""
+"""Height of the box by its length, after heights are stretched."""
 NARROWEST = 0.35
-"""Shorter side of the space by its longer one, at least."""
+"""Least shorter side of the box, relative to its longer side."""
 GROUND_CELLS = 180
 """Cells of the ground along the longer side."""
 GROUND_COLOURS = LinearSegmentedColormap.from_list("ground", ("#EDF2E4", "#D9D3B8", "#B9A283"))
 STEEP = 6.0
-"""How much steeper than it is the ground is shaded."""
+"""Factor by which the ground's shading exaggerates slopes."""
 GROUND, SHADOW, TRACK = 0, 1, 2
 KILOMETRES_FROM_M = 3000.0
 SLIMMEST = 0.32
-"""Narrow side of the plan by its long side, at least."""
+"""Least short side of the plan, relative to its long side."""
 SMALLEST_M = 50.0
 MARGIN = 0.06
 LONG_CM = 14.5
 LETTERS = "ABCDEFGH"
 LETTER_PT = 15.0
 STILLS = 12
-"""Times at which everyone's place is dotted into the plan."""
+"""Number of times at which all vehicles' places are dotted into the plan."""
 BEFORE_CHANGE_S = 1.0
 SNAPSHOTS = 4
 FEW_S = 20.0
-"""A flight no longer than this is timed by tenths of a second."""
+"""Up to this length of flight, times are shown in tenths of a second."""
 
 
 Side = tuple[float, float]
 Places = npt.NDArray[np.complexfloating[Any, Any]]
-"""Complex: north and, imaginary, east."""
+"""Complex numbers: north, and east as the imaginary part."""
 
 
 class Extent(NamedTuple):
-    """Limits of the axes: (least, greatest) in m; a plan has no height."""
+    """Limits of the axes, (least, greatest) in m; a plan has no height."""
 
     north: Side
     east: Side
@@ -63,12 +63,12 @@ class Extent(NamedTuple):
 
     @property
     def unit(self) -> tuple[float, str]:
-        """Unit of the horizontal axes, in m and by name."""
+        """Unit of the horizontal axes: its length in m, and its name."""
         return (1000.0, "km") if self.longest >= KILOMETRES_FROM_M else (1.0, "m")
 
 
 def trajectory(run: RunData) -> Figure:
-    """Draw the tracks in space over the ground below, heights stretched; with terrain, also heights over time."""
+    """Draw the tracks in space over the ground, heights stretched; with terrain, also heights over time."""
     group = everyone(run)
     profile = run.scenario.terrain is not None
     figure = style.new_figure(15.0 if profile else 10.5)
@@ -111,14 +111,14 @@ def _space(run: RunData) -> Extent:
 
 
 def _sides(low: Array, high: Array, slimmest: float, smallest_m: float, share: float) -> tuple[Side, Side]:
-    """Return both sides around what reaches from `low` to `high`: `share` of them to each side, none too narrow."""
+    """Return limits that extend by `share` of the sides from the middle of `low` to `high`; no side is too narrow."""
     half = share * np.maximum(high - low, slimmest * max(float((high - low).max()), smallest_m))
     (south, west), (north, east) = ((low + high) / 2 + sign * half for sign in (-1.0, 1.0))
     return (float(south), float(north)), (float(west), float(east))
 
 
 def _ground(axes: Axes3D, run: RunData, space: Extent) -> None:
-    """Draw the terrain as a shaded surface; nothing where the scenario has none."""
+    """Draw the terrain as a shaded surface, if there is one."""
     if run.scenario.terrain is None:
         return
     cell_m = space.longest / GROUND_CELLS
@@ -152,7 +152,7 @@ def _frame_space(axes: Axes3D, space: Extent) -> None:
 
 
 def _profile(axes: Axes, run: RunData, group: Group) -> None:
-    """Draw everyone's height over time, and the ground below the leader (the first follower without one)."""
+    """Draw all heights over time, and the ground below the leader (below the first follower if there is none)."""
     shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     time_s = run.time_s[shown]
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
@@ -191,7 +191,7 @@ def _extent(run: RunData) -> Extent:
 
 
 def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float]:
-    """Return a figure, axes for the plan, small ones beside it (if tall) or below, and their height by width."""
+    """Return a figure, its axes for the plan, small axes (beside a tall plan, below others), and their aspect ratio."""
     ratio = (extent.north[1] - extent.north[0]) / (extent.east[1] - extent.east[0])
     if ratio > 1.0:
         width_cm = min(LONG_CM / ratio + 1.5, 0.5 * style.WIDTH_CM)
@@ -222,7 +222,7 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
 
 
 def _lettered(axes: Axes, stills: Sequence[Snapshot]) -> None:
-    """Name the places of the snapshots, to the right of the way that the leader goes."""
+    """Letter the places of the snapshots, to the right of the leader's direction of flight."""
     for still, letter in zip(stills, LETTERS, strict=False):
         place, away = still.reference, (LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad))
         axes.annotate(
@@ -274,7 +274,7 @@ def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Seque
 
 
 def _view(places_m: Array, aspect: float) -> tuple[Array, float]:
-    """Return the centre and the half width that show all but a vehicle that flew off."""
+    """Return the centre and half width of a view of all vehicles but one that flew off."""
     known = places_m[np.isfinite(places_m).all(axis=1)]
     if not known.size:
         return np.zeros(2), 10.0
@@ -289,18 +289,18 @@ class Snapshot(NamedTuple):
 
     tick: int
     reference: complex
-    """North and, imaginary, east of the leader, or the middle, m."""
+    """North, and east as the imaginary part, of the leader or the middle, m."""
     places_m: Array
     slots_m: Array
-    """Of the followers, (F, 2)."""
+    """(F, 2), the followers' only."""
     headings_rad: Array
     """(N,) clockwise from up."""
     up_rad: float
-    """What is up: the leader's heading, or the mean of all."""
+    """Direction that is up: the leader's heading, or the mean heading."""
 
 
 def snapshot_ticks(run: RunData) -> list[int]:
-    """Return flown ticks worth a closer look: start, end, just before changes of shape, in between."""
+    """Return flown ticks worth a closer look: start, end, just before changes of shape, and in between."""
     time_s = run.time_s
     begin, end = float(time_s[0]), float(time_s[-1])
     changes = [c.at_s - BEFORE_CHANGE_S for c in run.scenario.formation.changes if begin < c.at_s < end]
@@ -312,7 +312,7 @@ def snapshot_ticks(run: RunData) -> list[int]:
 
 
 def snapshot(run: RunData, tick: int) -> Snapshot:
-    """Return the formation at a flown tick; within, places are complex: north and, imaginary, east."""
+    """Return the formation at a flown tick; places inside are complex: north, and east as the imaginary part."""
     flight, vehicles = run.flown, list(run.flown.vehicles)
     places, errors = (
         np.array([of(vehicle)[tick, :2] for vehicle in vehicles]) @ (1.0, 1.0j)

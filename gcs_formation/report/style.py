@@ -1,4 +1,4 @@
-"""How figures look: sizes for print, a palette that colour-blind readers can tell apart, and marks of what happened."""
+"""Style of figures: sizes for print, a palette for colour-blind readers, and marks of events."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CM = 1 / 2.54
 WIDTH_CM = 16.0
 DPI = 200
 TRACK_POINTS = 3000
-"""Places of a track that a figure draws, at most."""
+"""Largest number of a track's points in a figure."""
 INK = "#000000"
 GREY = "#8C8C8C"
 LIGHT = "#C8C8C8"
@@ -41,7 +41,7 @@ FOLLOWERS = (
     "#5F8F8F",
     "#B05A7A",
 )
-"""Okabe and Ito's first, in figures and on the page alike."""
+"""Okabe and Ito's colours come first; used in figures and on the page."""
 WORST = "#D55E00"
 ASKED = "#E69F00"
 BAND = "#0072B2"
@@ -54,14 +54,14 @@ FONT_PT = 8.0
 CHARACTER_PT = 4.9
 """Mean width of a character."""
 HANDLE_EM, BETWEEN_EM = 1.8, 1.4
-"""Length of a legend's lines and what is between its columns, in sizes of the font."""
+"""Length of a legend's lines and the space between its columns, in font sizes."""
 MOST_COLUMNS = 5
 
 PATH_POINTS = 2000
 SAME_S = 0.5
-"""Marks of one label no further apart than this are one."""
+"""Marks with the same label within this time are shown once."""
 MOST_EVENTS = 12
-"""Events shown; a link that comes and goes would hide everything else."""
+"""Largest number of events shown; a link that comes and goes would hide everything else."""
 WORDS = {
     "delay_ms": "delay {:g} ms",
     "jitter_ms": "jitter {:g} ms",
@@ -73,7 +73,7 @@ WORDS = {
 
 @contextmanager
 def print_style() -> Generator[None]:
-    """Draw as `print.mplstyle` says, and leave Matplotlib's settings as they were."""
+    """Draw in the style of `print.mplstyle`; restore Matplotlib's settings afterwards."""
     with mpl.rc_context(), as_file(files("gcs_formation.report") / "assets" / "print.mplstyle") as settings:
         mpl.rcdefaults()
         mpl.rcParams.update(mpl.rc_params_from_file(settings, use_default_template=False))
@@ -86,12 +86,12 @@ def new_figure(height_cm: float) -> Figure:
 
 
 def axes_grid(figure: FigureBase, rows: int, columns: int, **shared: Any) -> list[list[Axes]]:
-    """Return axes by row and column; `shared` as Matplotlib's `subplots` takes it."""
+    """Return axes by row and column; `shared` is passed to Matplotlib's `subplots`."""
     return cast("list[list[Axes]]", figure.subplots(rows, columns, squeeze=False, **shared).tolist())
 
 
 def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes]:
-    """Return so many axes, row after row; what else the grid has stays empty."""
+    """Return `count` axes, row by row; the rest of the grid stays empty."""
     made = [axes for row in axes_grid(figure, rows, columns) for axes in row]
     for spare in made[count:]:
         spare.set_axis_off()
@@ -99,14 +99,14 @@ def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, without Matplotlib's version in it, so that the same run gives the same bytes."""
+    """Write a figure as PNG without Matplotlib's version, so that the same run gives the same bytes."""
     figure.savefig(path, format="png", metadata={"Software": None})
 
 
 def legend_below(figure: Figure, *, outside: bool = True) -> None:
-    """Name everything that has a label, once, under the axes, row after row, in as many columns as fit.
+    """Draw one legend below the axes for all labels, row by row, in as many columns as fit.
 
-    `outside`: the axes make room for it by themselves.
+    `outside`: Matplotlib's layout makes room for it.
     """
     named: dict[str, Artist] = {}
     for axes in figure.axes:
@@ -126,28 +126,28 @@ def legend_below(figure: Figure, *, outside: bool = True) -> None:
 
 
 def _width_pt(label: str) -> float:
-    """Return about how wide a legend's entry is with its line and the space after it."""
+    """Return the approximate width of a legend entry with its line and the space after it."""
     shown = re.sub(r"\\.|[$^_{}]", "", label)
     return CHARACTER_PT * len(shown) + (HANDLE_EM + BETWEEN_EM + 0.8) * FONT_PT
 
 
 def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
-    """Return the most columns, filled row after row, that have room beside each other."""
+    """Return the largest number of columns, filled row by row, that fit."""
     wide_pt = {n: sum(max(widths_pt[i::n]) for i in range(n)) for n in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1)}
     return next((columns for columns, needed_pt in wide_pt.items() if needed_pt <= room_pt), 1)
 
 
 def note(axes: Axes, text: str) -> None:
-    """Write in the middle of empty axes why they are empty."""
+    """Write into empty axes why they are empty."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
 
 
 def extremes(values: Array, buckets: int) -> Indices:
-    """Return rising indices into (T,) values that keep every extreme a plot could show.
+    """Return ascending indices into (T,) values that keep every extreme a plot could show.
 
-    The series is cut into at most `buckets` pieces; of each the smallest, the largest and, where there is one, an
-    unknown (NaN) value are kept, so that a line through them spans the same range and breaks in the same places.
-    First and last are kept too. A series of no more than 2 * `buckets` values is kept whole.
+    The series is cut into at most `buckets` pieces. In each the smallest, the largest and, if there is one, an unknown
+    (NaN) value are kept, so that a line through them has the same range and the same gaps. First and last are kept too.
+    A series of at most 2 * `buckets` values is kept whole.
     """
     size = values.size
     if size <= 2 * buckets:
@@ -168,14 +168,14 @@ def extremes(values: Array, buckets: int) -> Indices:
 
 
 def reach(places: Array) -> tuple[Array, Array]:
-    """Return the least and the greatest coordinates (D,) of those of (N, D) places that are known, 0 of none."""
+    """Return the least and the greatest coordinates (D,) of the known ones of (N, D) places; 0 if none is known."""
     known = places[np.isfinite(places).all(axis=1)]
     known = known if known.size else np.zeros_like(places[:1])
     return known.min(axis=0), known.max(axis=0)
 
 
 def evenly(size: int, count: int) -> Indices:
-    """Return at most `count` rising indices spread over a series of `size`, first and last included."""
+    """Return at most `count` ascending indices, spread over a series of `size`, first and last included."""
     if size <= count:
         return np.arange(size)
     return np.unique(np.round(np.linspace(0, size - 1, count)).astype(np.intp))
@@ -189,14 +189,14 @@ def path_m(run: RunData) -> Array:
 
 
 class Mark(NamedTuple):
-    """Something at a mission time, in a word or two."""
+    """A short label at a mission time."""
 
     time_s: float
     label: str
 
 
 def marks(run: RunData) -> list[Mark]:
-    """Return planned changes and events, changes of leader, orders and lost links, by time; those alike once."""
+    """Return marks of planned changes, changes of leader, orders and lost links, by time, without duplicates."""
     kept: list[Mark] = []
     for mark in sorted([*_planned(run), *_happened(run)]):
         alike = any(mark.time_s - other.time_s <= SAME_S and other.label == mark.label for other in kept)
@@ -228,7 +228,7 @@ def _happened(run: RunData) -> Iterator[Mark]:
 
 
 def _words(event: Mapping[str, Any]) -> str | None:
-    """Return the label of an event that is worth a mark."""
+    """Return the label of an event, None if it gets no mark."""
     match event.get("kind"), event.get("text"):
         case "link", "lost":
             return f"link lost ({event.get('vehicle', '?')})"

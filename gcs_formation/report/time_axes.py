@@ -17,21 +17,21 @@ from gcs_formation.report import RunData, style
 LEVEL_PT = 10.0
 MOST_LEVELS = 5
 BETWEEN_PT = 25.0
-"""How far a line's name may reach into the gap to the axes on the right."""
+"""How far a mark's name may reach into the gap to the axes on the right."""
 BESIDE_PT = 1.0
-"""Gap between a line's end and its name."""
+"""Gap between a mark's line and its name."""
 DARK = "#404040"
 UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": style.GREY, "lw": style.THIN}
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 LINES_UP_TO = 2 * len(style.FOLLOWERS)
-"""Followers that get a line each: once through the colours solid, once dashed."""
+"""Largest number of followers with a line each: every colour once solid, once dashed."""
 WIDTHS = (1.9, 1.5, 1.1, 0.8)
-"""Of the lines of the leader and of the first followers, so that none hides another; later ones have the last."""
+"""Line widths of the leader and the first followers, so that none hides another; later ones have the last."""
 SOLID, DASHED, DOTTED = (0, ()), (0, (7, 1.5)), (0, (1, 1.2))
 BUCKETS = 1500
-"""Pieces of a line, more than a figure has pixels across."""
+"""Pieces of a line; more than a figure has pixels across."""
 STRETCHES = 200
-"""Of time, over which is summed up what jumps from tick to tick: steps, delay and age."""
+"""Number of intervals over which values that jump at every tick are summed up: steps, delay and age."""
 
 
 def time_label(run: RunData) -> str:
@@ -40,28 +40,28 @@ def time_label(run: RunData) -> str:
 
 
 def span(axes: Axes, times_s: Sequence[float] | Array) -> None:
-    """Show the time from the first to the last of some, also of a single tick; from 0 on if it begins right after."""
+    """Set the limits of the time axis, also for a single tick; it begins at 0 if the first time is close to it."""
     begin_s, end_s = float(times_s[0]), float(times_s[-1])
     begin_s = 0.0 if 0.0 < begin_s < 0.01 * end_s else begin_s
     axes.set_xlim(begin_s, end_s if end_s > begin_s else begin_s + 1.0)
 
 
 def draw_line(axes: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """Draw a (T,) series by what a figure could show of it."""
+    """Draw a (T,) series, reduced to what a figure can show."""
     shown = style.extremes(values, BUCKETS)
     axes.plot(time_s[shown], values[shown], **look)
 
 
 def at_least(axes: Axes, low: float, high: float) -> None:
-    """Show values from `low` to `high` and whatever else is drawn; call when everything is."""
+    """Extend the axis at least to `low` and `high`; call it when everything is drawn."""
     shown = axes.get_ylim()
     axes.set_ylim(min(shown[0], low), max(shown[1], high))
 
 
 def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[style.Mark], *, labels: bool = True) -> None:
-    """Draw a line at each mark through axes above each other, named over the topmost; call after setting limits.
+    """Draw a line at each mark through stacked axes, named above the topmost; call it after setting limits.
 
-    The figure grows by the room that names above each other take.
+    The figure grows by the height of names above each other.
     """
     levels = 0
     for number, rows in enumerate(columns, 1):
@@ -80,7 +80,7 @@ def draw_marks(columns: Sequence[Sequence[Axes]], shown: Sequence[style.Mark], *
 def finished(
     figure: Figure, run: RunData, grid: Sequence[Sequence[Axes]], names: Iterable[str], *, labels: bool = True
 ) -> Figure:
-    """Return a figure with what happened marked, the rows of its axes over time named, and its legend.
+    """Mark what happened, name the rows of axes over time, add the legend, and return the figure.
 
     Call it after setting limits; `labels`: whether marks are named.
     """
@@ -96,9 +96,9 @@ def finished(
 
 
 def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
-    """Name marks above axes, beyond whose right end there is some room; return on how many levels.
+    """Name marks above axes; names may reach `beyond_pt` past the right end. Return the number of levels used.
 
-    From the last to the first, so that the lines up to later names don't run through earlier ones.
+    The last mark comes first, so that lines up to later names don't cross earlier ones.
     """
     taken: list[list[tuple[float, float]]] = [[] for _ in range(MOST_LEVELS)]
     across = axes.get_xaxis_transform()
@@ -116,9 +116,9 @@ def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
 
 
 def _place(axes: Axes, mark: style.Mark, beyond_pt: float) -> tuple[float, float, float, Literal["left", "right"]]:
-    """Let a mark's name begin at its line, or end there, or else, in narrow axes, run across it.
+    """Choose whether a mark's name begins at its line, ends there, or, in narrow axes, runs across it.
 
-    Return its begin and end from the left end of the axes, how far from the line it is aligned, in points, and how.
+    Return its begin and end from the left end of the axes and its offset from the line, in points, and its alignment.
     """
     begin, end = axes.get_xlim()
     width_pt = axes.bbox.width * 72 / style.DPI
@@ -137,15 +137,15 @@ class Group:
 
     vehicles: tuple[VehicleId, ...]
     leader: VehicleId | None
-    """The one of them that leads first, if any."""
+    """The vehicle among them that leads first, if any."""
     singled_out: VehicleId | None
-    """The one that is drawn where there are too many for a line each."""
+    """The only vehicle with a line of its own if there are too many."""
     why: str = "largest error"
-    """What it is singled out for."""
+    """Why it is singled out."""
 
     @property
     def banded(self) -> bool:
-        """Whether there are too many for a line each."""
+        """Whether there are too many vehicles for a line each."""
         return len(self.vehicles) - (self.leader is not None) > LINES_UP_TO
 
     def colour(self, vehicle: VehicleId) -> str:
@@ -157,7 +157,7 @@ class Group:
         return style.WORST if vehicle == self.singled_out else style.LIGHT
 
     def look(self, vehicle: VehicleId) -> dict[str, Any]:
-        """Return Matplotlib's colour and style of a vehicle's line: dashed for the second that has a colour."""
+        """Return Matplotlib's colour and line style for a vehicle; dashed if its colour is used for the second time."""
         second = vehicle != self.leader and not self.banded and self._number(vehicle) >= len(style.FOLLOWERS)
         return {"color": self.colour(vehicle), "ls": DASHED if second else SOLID}
 
@@ -168,7 +168,7 @@ class Group:
         return WIDTHS[0] if vehicle == self.leader else WIDTHS[1:][min(self._number(vehicle), len(WIDTHS) - 2)]
 
     def _number(self, vehicle: VehicleId) -> int:
-        """Return how many followers come before this one."""
+        """Return the vehicle's index among the followers."""
         return [v for v in self.vehicles if v != self.leader].index(vehicle)
 
     def stands_out(self, vehicle: VehicleId) -> bool:
@@ -176,7 +176,7 @@ class Group:
         return self.colour(vehicle) != style.LIGHT
 
     def label(self, vehicle: VehicleId) -> str:
-        """Return a vehicle's name in the legend; all that look alike have one."""
+        """Return a vehicle's name in the legend; all that look alike share one."""
         if vehicle == self.leader:
             return f"leader ({vehicle})"
         if not self.banded:
@@ -184,13 +184,13 @@ class Group:
         return f"vehicle {vehicle} ({self.why})" if vehicle == self.singled_out else "other followers"
 
     def _lines(self, values: Sequence[Array]) -> Iterator[tuple[VehicleId, Array]]:
-        """Yield the series that are lines of their own."""
+        """Yield the series that have a line of their own."""
         for vehicle, series in zip(self.vehicles, values, strict=True):
             if not self.banded or vehicle == self.singled_out:
                 yield vehicle, series
 
     def draw(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
-        """Draw one (T,) series of each vehicle, or how they spread and the one that is singled out."""
+        """Draw one (T,) series for each vehicle, or their spread and the vehicle singled out."""
         if self.banded:
             _bands(axes, time_s, np.stack(values, axis=1))
         for vehicle, series in self._lines(values):
@@ -200,7 +200,7 @@ class Group:
         return {"lw": self.width(vehicle), "label": self.label(vehicle), **self.look(vehicle)}
 
     def draw_spread(self, axes: Axes, time_s: Array, values: Sequence[Array]) -> None:
-        """Draw how (T,) series that jump up and down spread over stretches of time, not every jump."""
+        """Draw (T,) series that jump at every tick by their spread over intervals of time."""
         middle_s, pieces = _stretches(time_s, values)
         if self.banded:
             _bands(axes, middle_s, np.concatenate(pieces, axis=1))
@@ -210,7 +210,7 @@ class Group:
             axes.fill_between(middle_s, low, high, color=self.colour(vehicle), alpha=0.12, lw=0)
 
     def draw_medians(self, axes: Axes, time_s: Array, values: Sequence[Array], label: str) -> None:
-        """Draw (T,) series over those of `draw_spread`, dotted: their medians over the same stretches."""
+        """Draw dotted medians of (T,) series over the intervals of `draw_spread`."""
         middle_s, pieces = _stretches(time_s, values)
         for _, piece in self._lines(pieces):
             axes.plot(middle_s, _percentiles(piece, (50,))[0], color=style.INK, lw=style.LINE, ls=DOTTED, label=label)
@@ -231,7 +231,7 @@ def everyone(run: RunData) -> Group:
 
 
 def _stretches(time_s: Array, values: Sequence[Array]) -> tuple[Array, list[Array]]:
-    """Return the middles of about `STRETCHES` stretches of time (W,), and each series' values in them (W, K)."""
+    """Return the middles of about `STRETCHES` intervals (W,), and each series' values in them (W, K)."""
     width = max(1, time_s.size // STRETCHES)
     whole = time_s.size // width * width
     return time_s[:whole].reshape(-1, width).mean(axis=1), [series[:whole].reshape(-1, width) for series in values]
@@ -247,7 +247,7 @@ def _bands(axes: Axes, time_s: Array, values: Array) -> None:
 
 
 def _percentiles(values: Array, wanted: Sequence[float]) -> Array:
-    """Return (P, T) percentiles of the known ones of (T, N) values, NaN where none is."""
+    """Return (P, T) percentiles of the known ones of (T, N) values; NaN if none is known."""
     known = np.isfinite(values).any(axis=1)
     found = np.full((len(wanted), values.shape[0]), np.nan)
     if known.any():

@@ -16,9 +16,9 @@ from gcs_formation.app.operator import Record
 
 MOST_VALUES = 10_000
 INVARIANTS = "broken_invariants"
-"""How many of the invariants of `gcs-formation stress` a flight broke."""
+"""Number of invariants of `gcs-formation stress` that a flight broke."""
 FIGURES = (*METRICS, INVARIANTS)
-"""What can be measured of a flight of a study."""
+"""Figures that can be measured of a study's flight."""
 Value: TypeAlias = Any
 """Any value that YAML has."""
 
@@ -132,7 +132,7 @@ class Bisection(Keys):
 
 
 DRAWN = ("random", "latin_hypercube", "sobol")
-"""Designs of so many samples."""
+"""Designs that draw `samples` points."""
 
 
 class Study(Keys):
@@ -174,17 +174,17 @@ class Study(Keys):
 
     @property
     def cases(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """What each case of a parameter sets, by the parameter's name and the case's."""
+        """The keys that each case sets, by the parameter's name and the case's name."""
         return {name: each.cases for name, each in self.parameters.items() if isinstance(each, Cases)}
 
     @property
     def windowed(self) -> bool:
-        """Whether metrics count over a part of the flights."""
+        """Whether metrics are measured over a part of the flights only."""
         return self.from_s is not None or self.to_s is not None
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """All figures that are taken of each flight."""
+        """All figures that are measured of each flight."""
         others = [each.metric for each in self.expect] + ([self.bisect.metric] if self.bisect else [])
         return tuple(dict.fromkeys([*self.metrics, *others]))
 
@@ -195,13 +195,13 @@ class Study(Keys):
 
     @property
     def levels(self) -> dict[str, Sequence[Value]]:
-        """The values of the parameters that have some; the others have distributions."""
+        """The values of parameters that list them; parameters with distributions are left out."""
         found = {name: levels_of(each) for name, each in self.parameters.items()}
         return {name: levels for name, levels in found.items() if levels is not None}
 
     @property
     def draws(self) -> bool:
-        """Whether values of parameters, or scenarios, are drawn: then chance is in the flights of one seed too."""
+        """Whether parameters' values or scenarios are drawn, so that flights of a single seed are random too."""
         drawn = self.levels.keys() != self.parameters.keys()
         return drawn or self.design in DRAWN or self.random is not None
 
@@ -213,15 +213,15 @@ def study_schema() -> dict[str, Any]:
 
 
 LISTED = (list, Range, Cases)
-"""The kinds of parameters that have levels, which aren't drawn."""
+"""Types of parameters whose values are listed, not drawn."""
 
 
 def levels_of(parameter: Parameter) -> Sequence[Value] | None:
-    """Return a parameter's values, None for a distribution."""
+    """Return a parameter's values; None for a distribution."""
     match parameter:
         case Range(range=(first, last, count)):
             levels: list[float] = np.linspace(first, last, count).tolist()
-            whole = all(level.is_integer() for level in levels)  # for keys that count something
+            whole = all(level.is_integer() for level in levels)  # whole numbers, for keys that count something
             return [int(level) for level in levels] if whole else levels
         case Cases(cases=cases):
             return list(cases)

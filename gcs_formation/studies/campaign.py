@@ -1,4 +1,4 @@
-"""Flies a study: plans, hands out flights, collects their rows, shows how far it is, judges it by its expectations."""
+"""Flies a study: plans it, distributes its flights, collects their rows, shows progress, judges expectations."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ TABLE_EVERY_S = 10.0
 
 
 class StudyProgress:
-    """Shows flights done, their rate, the time that is left, and failures."""
+    """Shows flights done, their rate, the remaining time, and failures."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
@@ -67,12 +67,12 @@ class StudyProgress:
             self._live.stop()
 
     def say(self, text: str) -> None:
-        """Show a line that stays, unless it is empty."""
+        """Print a line, unless it is empty."""
         if text and not self._quiet:
             click.echo(text, err=True)
 
     def show(self, done: int, total: int, failed: int) -> None:
-        """Show it; `total` is how many flights there are at most."""
+        """Show the progress; `total` is the largest possible number of flights."""
         spent_s = self._spent.wall_s
         self._first = done - 1 if self._first is None else self._first
         text = progress_text(done, total, failed, (done - self._first) / max(spent_s, 1e-6))
@@ -105,14 +105,14 @@ ONE_SEED = "one seed, and nothing is drawn"
 
 
 class Verdict(NamedTuple):
-    """An expectation and what came of it."""
+    """An expectation and its result."""
 
     wanted: Wanted
     flights: int
-    """How many it concerns."""
+    """Number of flights that it applies to."""
     kept: int
     sure: str = ""
-    """Why the share is certain and has no interval, in words; "" where seeds or drawn values make it a sample's."""
+    """Why the share is exact and has no interval, in words; "" if seeds or drawn values make it a sample's share."""
 
     @property
     def share(self) -> float | None:
@@ -121,12 +121,12 @@ class Verdict(NamedTuple):
 
     @property
     def held(self) -> bool:
-        """Whether enough did; not where it concerns none."""
+        """Whether enough flights kept the bound; False if it applies to none."""
         return self.share is not None and self.share >= self.wanted.share
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The confidence interval of the share, by Clopper and Pearson (Biometrika 26, 1934); None without chance."""
+        """Confidence interval of the share by Clopper and Pearson (Biometrika 26, 1934); None if the share is exact."""
         if self.sure:
             return None
         low, high = clopper_pearson(self.kept, self.flights, self.wanted.confidence)
@@ -150,7 +150,7 @@ class Verdict(NamedTuple):
 
 
 def judge(study: Study, wanted: Wanted, rows: Sequence[Row]) -> Verdict:
-    """Return the verdict on the rows that an expectation concerns."""
+    """Return the verdict on the rows that an expectation applies to."""
     concerned = [row for row in rows if concerns(wanted, row)]
     kept = sum(keeps(wanted, row) for row in concerned)
     sure = SEED_CHANGES_NOTHING if seed_changes_nothing(study, concerned) else ""
@@ -160,31 +160,31 @@ def judge(study: Study, wanted: Wanted, rows: Sequence[Row]) -> Verdict:
 
 @dataclass(frozen=True)
 class StudyOutcome:
-    """What came of a study."""
+    """The result of a study."""
 
     table: pa.Table
     verdicts: tuple[Verdict, ...]
     figures: Mapping[str, Any]
-    """study.json."""
+    """Content of study.json."""
     text: str
-    """table.md."""
+    """Content of table.md."""
 
     @property
     def held(self) -> bool:
-        """Whether every flight was flown, and every expectation kept: the study's or, without any, the flights' own."""
+        """Whether every flight was flown, and the study's expectations held or, without any, the flights' own."""
         return not self.unflown and not self.broken and all(verdict.held for verdict in self.verdicts)
 
     @property
     def broken(self) -> Sequence[Row]:
-        """The flights that broke their own scenario's expectations or limits, where the study has none of its own.
+        """Flights that broke their own scenario's expectations or limits; empty if the study has expectations.
 
-        None of a search, which flies beyond the bound that it looks for.
+        Empty for a search too, which flies beyond its bound on purpose.
         """
         return () if self.verdicts or "bisect" in self.figures else self._ended(lambda status: status == 1)
 
     @property
     def unflown(self) -> Sequence[Row]:
-        """The flights that couldn't be flown, or not to their end."""
+        """Flights that couldn't be flown, or not to their end."""
         return self._ended(lambda status: status > 1)
 
     def _ended(self, how: Callable[[int], bool]) -> Sequence[Row]:
@@ -193,18 +193,18 @@ class StudyOutcome:
 
     @property
     def uncrossed(self) -> int:
-        """How many searches found their bound broken at the low end, or kept at the high end."""
+        """Number of searches whose bound was broken at the low end already, or kept even at the high end."""
         return sum(None in (entry["kept"], entry["broken"]) for entry in self.figures.get("bisect", ()))
 
 
 def fly_study(
     study: Study, base: Base, out: Path, workers: Workers, shown: StudyProgress, *, resume: bool, overwrite: bool
 ) -> StudyOutcome:
-    """Fly what a study lacks, and judge it.
+    """Fly the flights that are missing in `out`, and judge the study.
 
     Raises:
         RecordError: `out` holds other files or another study, or it can't be written.
-        RunAbortedError: no flight can be flown or written down any more; what was is kept.
+        RunAbortedError: no further flight can be flown or written; what was written is kept.
     """
     spent = Stopwatch()
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
@@ -225,7 +225,7 @@ def fly_study(
 def flights(
     plan: Plan, base: Base, out: Path | None, workers: Workers, shown: StudyProgress, flown: Mapping[int, Row]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a study's flights as they end, without those of `flown`; `out` keeps their records.
+    """Yield the rows of a study's flights as they end, except those in `flown`; `out` keeps their records.
 
     Raises:
         RunAbortedError: no flight can be flown any more.

@@ -1,4 +1,4 @@
-"""Flies a scenario by several laws, and sets them side by side in one window of time: as table, figure and page."""
+"""Flies a scenario by several laws and compares them over one window of time: as table, figure and page."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ LAWS: dict[str, tuple[str, ...]] = {
     for variant, overrides in kind.variants
     for way, compensated in WAYS
 }
-"""Overrides in the manner of `--set`; gains stay the scenario's, and the consensus law has its own."""
+"""Overrides of each law, as for `--set`; gains stay the scenario's, and the consensus law has its own."""
 SETTLING_S = 60.0
-"""What the left column shows, where the window begins later."""
+"""Length of the figure's left column, if the window begins later."""
 HEADS = {"rms": "rms x / y / z, m", "max": "max x / y / z, m", "steady_max": "steady x / y / z, m"}
 EFFORTS = ("variation_per_s", "step_p95")
 NAME = "comparison"
 TWO_SPANS = "Left: how each law settles; right: the window of the table. "
 Comparison = Mapping[str, Any]
-"""What comparison.json holds: what was flown, the window (s), and each law's figures.
+"""Content of comparison.json: what was flown, the window (s), and each law's figures.
 
-Errors and effort are those of the worst follower; when the last one settled is of the whole flight; None where there is
-no figure. `aborted` says why a law has none; `warnings` are those of `check`.
+Errors and effort are the worst follower's; `settled_at_s` is that of the last follower, over the whole flight; None if
+there is no figure. `aborted` says why a law has none; `warnings` are those of `check`.
 """
 
 
@@ -71,8 +71,8 @@ def compare_laws(
 ) -> tuple[Comparison, list[tuple[str, int, str]], Path, bool]:
     """Fly a scenario by each law on one seed, write the comparison and its page: a study of one parameter, the law.
 
-    Errors count between two mission times (None: the flights' end, `until_s` at the latest). Return the comparison,
-    each law's exit status and words, the page, and whether the flights were interrupted.
+    Errors count between two mission times (None: the end of the flights, `until_s` at the latest). Return the
+    comparison, each law's exit status and words, the page, and whether the flights were interrupted.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
@@ -129,7 +129,7 @@ def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: floa
 
 
 def _claim(out: Path, *, overwrite: bool) -> None:
-    """Make the directory, without what an earlier comparison has left in it; RecordError where that may not be."""
+    """Make the directory and remove an earlier comparison from it; RecordError if that isn't allowed or possible."""
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
         if refused is not None:
@@ -147,9 +147,9 @@ def _claim(out: Path, *, overwrite: bool) -> None:
 def compared(
     flown: Mapping[str, str], runs: Mapping[str, RunData], scenario: Scenario, window_s: tuple[float, float]
 ) -> Comparison:
-    """Return the comparison of a scenario's runs, errors counted from one mission time up to another, both included.
+    """Return the comparison of a scenario's runs, with errors from one mission time to another, both included.
 
-    `flown`: why each law's run could not go on, "" where it could.
+    `flown`: why each law's run could not go on, "" if it could.
     """
     named = {"schema": SCHEMA, "name": scenario.name, "seed": scenario.seed, "frame": scenario.formation.frame}
     each = {
@@ -191,13 +191,13 @@ def _axis(run: RunData, window_s: tuple[float, float], axis: int) -> dict[str, f
 
 
 def _spans(comparison: Comparison) -> list[tuple[float, float]]:
-    """Return the spans of time that are drawn beside each other: one, where it shows how laws settle as well."""
+    """Return the spans of time that are drawn beside each other; a single one if it includes the settling."""
     from_s, to_s = comparison["from_s"], comparison["to_s"]
     return [(0.0, SETTLING_S), (from_s, to_s)] if from_s > 0.0 and to_s > SETTLING_S else [(0.0, to_s)]
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Return the table for a terminal, what its figures are, and what is said of each law."""
+    """Return the table for a terminal, with an explanation of its figures and the notes on each law."""
     about = (
         f"{comparison['name']}, seed {comparison['seed']}: errors of the worst follower, frame {comparison['frame']}, "
         f"{comparison['from_s']:g} to {comparison['to_s']:g} s; settled: all within 0.5 m for 10 s; steady: max from "
@@ -209,13 +209,13 @@ def comparison_text(comparison: Comparison) -> str:
 
 
 def _table(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Return the heads of the figures' columns, and a row for each law that has some, its name first."""
+    """Return the column heads, and a row for each law that has figures, its name first."""
     cells = {law: _cells(each) for law, each in comparison["laws"].items() if not each["aborted"]}
     return list(next(iter(cells.values()), ())), [[law, *each.values()] for law, each in cells.items()]
 
 
 def _cells(figures: Mapping[str, Any]) -> dict[str, str]:
-    """Return a law's figures by their columns' heads."""
+    """Return a law's figures by column head."""
     errors = [figures[name] for name in ERROR]
     used = None if figures["margin_used"] is None else 100.0 * figures["margin_used"]
     return {
@@ -229,7 +229,7 @@ def _cells(figures: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _notes(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return what is said of each law beside its figures."""
+    """Return the notes on each law."""
     return [
         (law, text)
         for law, each in comparison["laws"].items()

@@ -16,29 +16,29 @@ from gcs_formation.studies.flight import LEAST_IS_WORST
 from gcs_formation.studies.plan import clopper_pearson
 
 LEVELS_UP_TO = 12
-"""Different values up to which each is named; drawn ones beyond that are put into bins, and so many at most."""
+"""Up to this many different values, each is a level; more are put into bins, at most this many."""
 WIDE = 30.0
-"""Largest by median from which a scale is logarithmic."""
+"""Ratio of the largest to the median value from which a scale is logarithmic."""
 CONFIDENCE = 0.95
 PANELS = 3
-"""Plots beside each other in a row."""
+"""Plots in a row."""
 CELL_CM = 4.6
 SERIES = 6
-"""Values of a parameter up to which each has a curve of its own."""
+"""Largest number of a parameter's values with a curve each."""
 LEAST = 4
-"""Flights from which a value of a parameter has one: a band of fewer says nothing."""
+"""Least number of flights with a value for it to have a curve; the band of fewer says nothing."""
 FEW = 2
-"""Different values up to which flights with each are counted."""
+"""Up to this many different values, flights are counted by value."""
 TICKS = 4
-"""Intervals between values on an axis: a panel is a third of a page wide, and values have up to six digits."""
+"""Intervals between ticks on an axis: a panel is a third of a page wide, and values have up to six digits."""
 FAINT, CLEAR, NONE = 0.1, 0.2, 0.0
-"""How a band looks."""
+"""Opacity of a band."""
 EXPECTED = (0, (5, 2))
-"""How a bound is dashed."""
+"""Dashes of a bound's line."""
 
 
 class Curve(NamedTuple):
-    """A share of flights over a figure's values, and the band in which it lies."""
+    """A share of flights over a figure's values, and its confidence band."""
 
     values: Array
     share: Array
@@ -47,7 +47,7 @@ class Curve(NamedTuple):
 
 
 def up_to(values: Array) -> Curve:
-    """Return the shares of flights with no more than each value; one that has none (NaN) is beyond all.
+    """Return the share of flights up to each value; flights without a value (NaN) count as beyond all.
 
     The band is that of Dvoretzky, Kiefer and Wolfowitz with Massart's constant: it holds the whole curve at once.
     """
@@ -58,9 +58,9 @@ def up_to(values: Array) -> Curve:
 
 
 def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
-    """Return the shares of flights that are worse than each value, the worst value last; one that has none is.
+    """Return the share of flights that are worse than each value, the worst value last; NaN is worse than all.
 
-    The band is Clopper's and Pearson's, at each value by itself: it is narrow where few flights are.
+    The band is Clopper's and Pearson's, for each value by itself: it is narrow where few flights are.
     """
     known, count = np.sort(values[np.isfinite(values)])[:: -1 if least_is_worst else 1], max(values.size, 1)
     worse = count - np.arange(1, known.size + 1)
@@ -95,7 +95,7 @@ def exceedances(flights: Flights) -> Figure:
 
 
 def by_level(flights: Flights, metric: str) -> Figure:
-    """Draw both for each value of the parameters that have few: a row of two panels for each parameter."""
+    """Draw both curves for each value of parameters that have few values: a row of two panels for each parameter."""
     names = split_by(flights)
     figure = new_figure(5.4 * len(names) + 0.4)
     values = flights.metrics[metric]
@@ -119,7 +119,7 @@ def by_level(flights: Flights, metric: str) -> Figure:
 
 
 def split_by(flights: Flights) -> list[str]:
-    """Return the parameters with few values that enough flights have each, by chance."""
+    """Return the parameters with few values, each of which enough flights have, in a random sample."""
     if not flights.by_chance:
         return []
     sizes = {name: [inside.sum() for inside in flights.groups(name).values()] for name in flights.parameters}
@@ -127,16 +127,16 @@ def split_by(flights: Flights) -> list[str]:
 
 
 def has_tail(values: Array) -> bool:
-    """Whether a figure has enough different values for its tail to be drawn; else they are counted.
+    """Whether a figure has enough different values to draw its tail; otherwise flights are counted by value.
 
-    That are a few whole numbers, or hardly any different ones.
+    It hasn't if its values are a few whole numbers, or almost all the same.
     """
     levels = np.unique(values[np.isfinite(values)])
     return not (levels.size <= FEW or (levels.size <= LEVELS_UP_TO and not np.mod(levels, 1.0).any()))
 
 
 def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]:
-    """Return a figure with so many panels, in rows of a few."""
+    """Return a figure with `count` panels, `PANELS` in a row."""
     count = max(count, 1)
     columns = min(count, PANELS)
     rows = -(-count // columns)
@@ -147,19 +147,19 @@ def panels_of(count: int, cell_cm: float = CELL_CM) -> tuple[Figure, list[Axes]]
 def bounds(
     axes: Axes, flights: Flights, metric: str, inside: Mask | None = None, colour: str = LIMIT, *, vertical: bool
 ) -> None:
-    """Draw what the study expects of a figure of exactly these flights, by default of all."""
+    """Draw the study's bounds on a figure of exactly these flights, by default of all."""
     for bound in bounds_of(flights, metric, inside):
         (axes.axvline if vertical else axes.axhline)(bound, color=colour, lw=THIN, ls=EXPECTED, label="expected")
 
 
 def bounds_of(flights: Flights, metric: str, inside: Mask | None = None) -> list[float]:
-    """Return the bounds that the study expects of a figure of exactly these flights, by default of all."""
+    """Return the study's bounds on a figure of exactly these flights, by default of all."""
     wanted = flights.wanted(metric, inside)
     return [bound for each in wanted for bound in (each.below, each.above) if bound is not None]
 
 
 def scale(axes: Axes, values: Array, which: str) -> None:
-    """Make a scale logarithmic where a few values are far beyond the others."""
+    """Make a scale logarithmic if a few values are far beyond the others."""
     if is_wide(values):
         (axes.set_xscale if which == "x" else axes.set_yscale)("log")
 
@@ -170,7 +170,7 @@ def is_wide(values: Array) -> bool:
 
 
 def _counts(axes: Axes, values: Array) -> None:
-    """Draw how many flights have each of a few values, and none: a share of few among many wouldn't be seen."""
+    """Draw on a logarithmic scale how many flights have each value or none, so that rare values are seen."""
     levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
     named = {f"{level:g}": count for level, count in zip(levels.tolist(), counts.tolist(), strict=True)}
     if (without := int(np.isnan(values).sum())) > 0:
@@ -190,7 +190,7 @@ def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float) -> No
 
 
 def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, label: str, alpha: float) -> None:
-    """Draw the share of some flights that is worse; where none is, the band goes on as far as the panel."""
+    """Draw the share of some flights that is worse; beyond the worst value the band goes on to the panel's edge."""
     curve = worse_than(flights.metrics[metric][inside], least_is_worst=metric in LEAST_IS_WORST)
     if curve.values.size:
         end = _end(_known(flights, metric, inside), metric in LEAST_IS_WORST)
@@ -201,14 +201,14 @@ def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, 
 
 
 def _end(values: Array, least_is_worst: bool) -> float:
-    """Return a value a little worse than all."""
+    """Return a value slightly worse than all values."""
     low, high = float(values.min()), float(values.max())
     worst, sign = (low, -1.0) if least_is_worst else (high, 1.0)
     return worst + sign * (0.2 * worst if is_wide(values) else 0.05 * (high - low))
 
 
 def _finish(axes: Axes, flights: Flights, metric: str) -> None:
-    """Scale a panel's values, and draw what is expected of them."""
+    """Scale a panel's axis of values, and draw the bounds."""
     scale(axes, _known(flights, metric), "x")
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(TICKS, steps=[1, 2, 5, 10]))
@@ -216,7 +216,7 @@ def _finish(axes: Axes, flights: Flights, metric: str) -> None:
 
 
 def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None:
-    """Scale a panel of tails, and draw what is expected of them."""
+    """Scale a panel of tails, and draw the bounds."""
     axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
     axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     _finish(axes, flights, metric)
@@ -226,18 +226,18 @@ def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None
 
 
 def _shares(axes: Axes, flights: Flights, metric: str, inside: Mask | None = None, colour: str = LIMIT) -> None:
-    """Where an expectation of exactly these flights allows a share of them, mark it: their curve should be below.
+    """Mark the share of flights that each expectation of exactly these flights allows to be worse than its bound.
 
-    A share of less than half a flight is below the panel.
+    The flights' curve should pass below the mark. Shares of less than half a flight are below the panel.
     """
     for wanted in flights.wanted(metric, inside):
         bound = wanted.above if wanted.below is None else wanted.below
         if 1.0 - wanted.share > axes.get_ylim()[0] and bound is not None:
-            axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=colour, label="at most so many beyond it")
+            axes.plot(bound, 1.0 - wanted.share, ls="", marker="x", color=colour, label="allowed share beyond it")
 
 
 def _known(flights: Flights, metric: str, inside: Mask | None = None) -> Array:
-    """Return the values that a panel has to show: the flights', and what is expected of all and of some of them."""
+    """Return the values that a panel has to show: the flights', and the bounds on all and on some of them."""
     values = flights.metrics[metric]
     expected = bounds_of(flights, metric) + ([] if inside is None else bounds_of(flights, metric, inside))
     return np.append(values[np.isfinite(values)], expected)

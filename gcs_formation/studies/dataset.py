@@ -1,7 +1,7 @@
-"""A study's directory: a journal of rows as flights end, and the tables and columns that are made of it.
+"""A study's directory: a journal of rows as flights end, and the tables made from it.
 
-The journal is appended to and flushed, so that whatever ends the study costs no finished flight; the table is written
-anew and put in place at once.
+The journal is appended to and flushed, so that an interrupted study loses no finished flight. The table is written to a
+new file that then replaces the old one.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from gcs_formation.studies.plan import Crossing, Planned, Row, concerns, seed_ch
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
 FLIGHTS, AGAIN = "flights", "again"
-"""Records of flights, and of those that were flown again."""
+"""Directories of records of flights, and of flights flown again."""
 NONE = "–"
 ROW: Mapping[str, Shape] = {
     **dict.fromkeys(("flight", "seed", "exit"), INTEGER),
     **dict.fromkeys(("wall_s", "cpu_s"), NUMBER_OR_NULL),
     **dict.fromkeys(("version", "words"), TEXT),
 }
-"""What a flight's row has beside parameters and metrics."""
+"""Columns of a flight's row besides parameters and metrics."""
 
 
 class Dataset:
     """The rows of a study on disk."""
 
     def __init__(self, path: Path, study: Study, base: Mapping[Any, Plain], *, resume: bool, overwrite: bool) -> None:
-        """Open the directory of a study; RecordError where that may not or can't be, RecordingError on a full disk."""
+        """Open a study's directory; RecordError: it may not or can't be written, RecordingError: the disk is full."""
         self.path, self.study = path, study
         keys = study.model_dump(mode="json", by_alias=True, exclude_none=True)
         plan = {"study": keys, "base": dict(base), "version": VERSION}
@@ -128,20 +128,20 @@ class Dataset:
             raise
 
     def _end_torn_line(self) -> None:
-        """End a line that was cut off, so that the next row begins on its own."""
+        """End a line that was cut off, so that the next row begins on a new line."""
         written = (self.path / JOURNAL).read_bytes()
         if written and not written.endswith(b"\n"):
             self._append("\n")
 
     def _append(self, text: str) -> None:
-        """Append a text, as far as there is room: what doesn't fit raises, and nothing of it waits in a buffer."""
+        """Append a text unbuffered. If the disk is full, this raises, and no rest stays in a buffer."""
         left = text.encode()
         while left:
             left = left[self._journal.write(left) :]
 
 
 def _clear(path: Path) -> None:
-    """Remove what an earlier study, its flights flown again and its report have left."""
+    """Remove what an earlier study, its repeated flights and its report have left."""
     left = (TABLE, RESULT, TABLE_TEXT, REPORT)
     for stale in (*(path / name for name in left), *(path / FIGURES).glob("*.png")):
         stale.unlink(missing_ok=True)
@@ -151,10 +151,10 @@ def _clear(path: Path) -> None:
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return study, scenario and version of a study's directory.
+    """Return study, scenario and version from a study's directory.
 
     Raises:
-        RecordError: it isn't one.
+        RecordError: it isn't the directory of a study.
     """
     try:
         plan: Any = yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
@@ -170,7 +170,7 @@ def read_study(path: Path) -> Study:
     """Return the study of a study's directory.
 
     Raises:
-        RecordError: it isn't one, or another version wrote it.
+        RecordError: it isn't the directory of a study, or another version wrote it.
     """
     try:
         return Study.model_validate(read_plan(path)["study"])
@@ -180,10 +180,10 @@ def read_study(path: Path) -> Study:
 
 
 def read_rows(path: Path, study: Study) -> list[dict[str, Any]]:
-    """Return the rows of a study's directory, without one that was cut off.
+    """Return the rows of a study's directory, except one that was cut off.
 
     Raises:
-        RecordError: a row isn't one of that study's.
+        RecordError: a row doesn't belong to that study.
     """
     shape = {**ROW, **dict.fromkeys(study.measured, NUMBER_OR_NULL), **dict.fromkeys(study.columns, ANYTHING)}
     if study.bisect is not None:
@@ -197,7 +197,7 @@ def read_rows(path: Path, study: Study) -> list[dict[str, Any]]:
 
 
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a study's directory, without one that was cut off."""
+    """Yield the rows of a study's directory, except one that was cut off."""
     if not (path / JOURNAL).is_file():
         return
     for line in (path / JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
@@ -210,7 +210,7 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def table(study: Study, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows as a table; parameters that are no numbers are text, in YAML."""
+    """Return rows as a table; parameters that aren't numbers are text, in YAML."""
     kinds: dict[str, pa.DataType] = {"flight": pa.int64(), "seed": pa.int64()}
     kinds |= dict.fromkeys(study.measured, pa.float64())
     kinds |= {"exit": pa.int64(), "wall_s": pa.float64(), "cpu_s": pa.float64()}
@@ -242,19 +242,19 @@ class Flights(NamedTuple):
 
     study: Study
     parameters: Mapping[str, Array]
-    """(N,) values of those that vary; of one that is no number, the place of its value among `levels`."""
+    """(N,) values of parameters that vary; for one that isn't a number, indices into its `levels`."""
     metrics: Mapping[str, Array]
-    """(N,), NaN where a flight has none."""
+    """(N,), NaN where a flight has no value."""
     levels: Mapping[str, Sequence[str]] = MappingProxyType({})
-    """The values of parameters that are no numbers, in words."""
+    """Values of parameters that aren't numbers, in words."""
     concerned: Mapping[int, Mask] = MappingProxyType({})
-    """(N,) which flights an expectation of some flights concerns, by its place in the study."""
+    """(N,) which flights an expectation with `where` applies to, by the expectation's index in the study."""
 
     alike: bool = False
-    """Whether the seed changes nothing in them."""
+    """Whether flights that differ in their seed only are all the same."""
 
     def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
-        """Return what the study expects of a figure of exactly these flights, by default of all."""
+        """Return the study's expectations of a figure that apply to exactly these flights, by default to all."""
 
         def of_these(place: int) -> bool:
             own = self.concerned.get(place)
@@ -266,7 +266,7 @@ class Flights(NamedTuple):
 
     @property
     def by_chance(self) -> bool:
-        """Whether the flights are a random sample, by seeds or drawn values; else shares of them are certain."""
+        """Whether the flights are a random sample, by seeds or drawn values; otherwise shares of them are exact."""
         return (self.study.seeds.count > 1 and not self.alike) or self.study.draws
 
     def draws(self, name: str) -> bool:
@@ -308,7 +308,7 @@ def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table: text to the left, numbers to the right; a row's cells are numbers where `head` ends in a unit."""
+    """Return a Markdown table; columns whose head has a comma hold numbers and are right-aligned."""
     lines = [_line(head), _line(["---:" if "," in cell else "---" for cell in head])]
     return "\n".join([*lines, *(_line([str(cell) for cell in row]) for row in rows)])
 
@@ -316,8 +316,8 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]) -> str:
     """Return the table of a study's rows.
 
-    Of several seeds a figure is the median, with the worst in brackets. Of a search there is a row for each, with the
-    figures of the two flights between which the bound is crossed.
+    With several seeds a figure is the median, and the worst in brackets. A search has one row, with the figures of the
+    two flights between which the bound is crossed.
     """
     if study.bisect is not None:
         return markdown(*_searches(study, study.bisect, rows, crossings))
@@ -345,7 +345,7 @@ def _searches(
 
 
 def _parameters(study: Study, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield the parameters of a sample; of one that each of its flights has drawn by itself the least and the most."""
+    """Yield a sample's parameters; the range of one that each flight has drawn by itself."""
     for name in study.parameters:
         values = [row[name] for row in rows]
         same = all(value == values[0] for value in values)

@@ -1,4 +1,4 @@
-"""A study's figures over its parameters: one at a time, two at a time, and where a search found its bound."""
+"""A study's figures over its parameters: one at a time, two at a time, and the crossings that searches found."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from gcs_formation.studies.dataset import Flights
 from gcs_formation.studies.plan import Row
 
 LISTED_UP_TO = 40
-"""Different values of a list up to which each is a level of its own."""
+"""Up to this many different values of a list, each is a level of its own."""
 IN_A_BIN = 5
-"""Flights that a bin should have at least, on average."""
+"""Average number of flights that a bin should have at least."""
 ROUND = (1.0, 2.0, 5.0)
-"""What is written of each decade of a logarithmic axis."""
+"""Ticks labelled in each decade of a logarithmic axis."""
 LABEL = 24
-"""Characters of a name."""
+"""Longest name of a value, in characters."""
 IN_A_ROW = 24
-"""Characters of all names that have room below an axis."""
+"""Characters that fit below an axis, all names together."""
 MARGIN, LOOP_DELAY, MARGIN_S = "margin_used", "worst_loop_delay_s", "delay_margin_s"
 CELLS = mpl.colormaps["cividis"]
 PANELS, MAPPED = 9, 4
-"""Parameters that a figure is drawn over, and those that have maps with each other: of more, the most telling."""
+"""Number of parameters that a figure is drawn over, and that have maps; of more, those with the largest effect."""
 UPRIGHT_CM = 0.17
-"""A character of a name that stands upright."""
+"""Length of a character of a vertical name."""
 PURPLE = "#CC79A7"
-"""Seen on a map's dark cells and on its light ones."""
+"""Visible on a map's dark cells and on its light ones."""
 ROOM = ((9.0, 3), (12.0, 2))
-"""Cells beside each other up to which each says its value, and in how many digits."""
+"""Up to the first number of cells side by side, each has its value written in, with the second number of digits."""
 KEPT = ("kept", "broken")
 MAPS, MAP_CM = 2, 6.5
-"""Maps beside each other, and how high one is."""
+"""Maps in a row, and the height of one."""
 
 
 def marginals(flights: Flights, metric: str) -> Figure:
-    """Draw a metric over each parameter: all flights, and their median and 5th to 95th percentile."""
-    names = telling(flights, metric, PANELS)
+    """Draw a metric over each parameter: all flights, their median, and their 5th to 95th percentile."""
+    names = most_influential(flights, metric, PANELS)
     words = [words_of(flights, name) for name in names if name in flights.levels]
     upright = max((len(word) for each in words if is_crowded(each) for word in each), default=0)
     figure, panels = panels_of(len(names), CELL_CM + UPRIGHT_CM * upright)
@@ -76,7 +76,7 @@ def marginals(flights: Flights, metric: str) -> Figure:
 
 
 def _bounds_at(axes: Axes, flights: Flights, metric: str, name: str) -> None:
-    """Draw what is expected of the flights with one value of a parameter: there alone."""
+    """Draw the bounds on flights with one value of a parameter, over that value only."""
     edges, cell = edges_of(flights, name, flights.parameters[name].size // IN_A_BIN), _binned(flights, name)
     for i in np.unique(cell).tolist():
         for bound in bounds_of(flights, metric, cell == i):
@@ -84,7 +84,7 @@ def _bounds_at(axes: Axes, flights: Flights, metric: str, name: str) -> None:
 
 
 def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named: bool) -> None:
-    """Draw median and spread; `named`: of a parameter that is no number, without lines between its values."""
+    """Draw median and spread; `named`: for a parameter that isn't a number, without lines between its values."""
     low, middle, high = spread
     words = "5th to 95th percentile"
     if named:
@@ -95,10 +95,10 @@ def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named
     axes.plot(middles, middle, color=INK, lw=1.2, ls="" if named else "-", marker="o", ms=2.5, label="median")
 
 
-def telling(flights: Flights, metric: str, most: int) -> list[str]:
-    """Return the parameters, in their order; of many those by which a metric differs most.
+def most_influential(flights: Flights, metric: str, most: int) -> list[str]:
+    """Return the parameters in their order; of more than `most`, those with the largest effect on a metric.
 
-    That is by the share of its ranks' variance that lies between a parameter's levels, or bins.
+    The effect is the share of the variance of the metric's ranks that lies between a parameter's levels or bins.
     """
     values = flights.metrics[metric]
     ranks = np.argsort(np.argsort(np.where(np.isnan(values), np.inf, values))).astype(np.float64)
@@ -113,15 +113,15 @@ def telling(flights: Flights, metric: str, most: int) -> list[str]:
 
 
 def pairs(flights: Flights, metric: str) -> list[tuple[str, str]]:
-    """Return the parameters that have a map: across and up, many names up. One at a time leaves maps empty."""
+    """Return pairs of parameters for maps, the one with more names on the y axis; none if one is varied at a time."""
     if flights.study.design == "one_at_a_time":
         return []
-    names = telling(flights, metric, MAPPED)
+    names = most_influential(flights, metric, MAPPED)
     return list(combinations(sorted(names, key=lambda name: len(flights.levels.get(name, ()))), 2))
 
 
 def heat_maps(flights: Flights, metric: str) -> Figure:
-    """Draw the median of a metric over two parameters, pair by pair; where it crosses its bound, and delays theirs."""
+    """Draw the median of a metric over pairs of parameters, and the lines where it or the delays reach their bounds."""
     found = pairs(flights, metric)
     columns = min(len(found), MAPS)
     figure = new_figure(1.6 + MAP_CM * -(-len(found) // columns))
@@ -145,7 +145,7 @@ def heat_maps(flights: Flights, metric: str) -> Figure:
 
 
 class _Table(NamedTuple):
-    """Medians of the flights in the cells between edges, NaN where there are none."""
+    """Medians of the flights in the cells between edges; NaN for an empty cell."""
 
     columns: Array
     rows: Array
@@ -178,14 +178,14 @@ def _boundaries(
 
 
 def margin_used(flights: Flights) -> Array | None:
-    """Return which share of the computed delay margin each flight's loops used, None where it wasn't measured."""
+    """Return the share of the computed delay margin that each flight's loops used; None if it wasn't measured."""
     if {LOOP_DELAY, MARGIN_S} <= flights.metrics.keys():
         return flights.metrics[LOOP_DELAY] / flights.metrics[MARGIN_S]
     return flights.metrics.get(MARGIN)
 
 
 def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) -> None:
-    """Draw where a table crosses a level, row by row between its columns' middles."""
+    """Draw where a table crosses a level, row by row, between the middles of its columns."""
     middles = (table.columns[1:] + table.columns[:-1]) / 2.0
     for row, values in enumerate(table.cells):
         for at in crossings_of(middles, values, level):
@@ -193,7 +193,7 @@ def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) 
 
 
 def crossings_of(places: Array, values: Array, level: float) -> list[float]:
-    """Return the places at which values cross a level, between neighbours that are known."""
+    """Return the places at which values cross a level, between known neighbours."""
     off = values - level
     known = np.isfinite(off[:-1]) & np.isfinite(off[1:])
     found = np.flatnonzero(known & ((off[:-1] < 0.0) != (off[1:] < 0.0)))
@@ -201,7 +201,7 @@ def crossings_of(places: Array, values: Array, level: float) -> list[float]:
 
 
 def _room(table: _Table, maps: int) -> int:
-    """Return in how many digits the narrowest cell says its value, with so many maps beside each other; 0: it can't."""
+    """Return the digits with which the narrowest cell's value fits, with `maps` in a row; 0 if it doesn't."""
     widths = np.diff(table.columns)
     beside = maps * float(widths.sum() / widths.min())
     return next((digits for most, digits in ROOM if beside <= most + 1e-9), 0)
@@ -212,14 +212,14 @@ def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
         place = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
         value = float(table.cells[row, column])
         ink = "white" if norm(value) < 0.5 else "black"
-        behind = {"facecolor": CELLS(norm(value)), "edgecolor": "none", "pad": 1.0}  # a boundary may run there
+        behind = {"facecolor": CELLS(norm(value)), "edgecolor": "none", "pad": 1.0}  # a boundary may cross the text
         axes.text(*place, f"{value:.{digits}g}", ha="center", va="center", color=ink, bbox=behind)
 
 
 def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> Figure:
-    """Draw where each search found its bound crossed, and, where they were measured, the loops' delays there.
+    """Draw where each search found its bound crossed, and the loops' delays there if they were measured.
 
-    The loop's delay of the two flights between which it is crossed stands beside the margin computed for the loops.
+    These are the loop delays of the two flights around the crossing, beside the margin computed for the loops.
     """
     names = [name for name in flights.study.parameters if name != search.parameter]
     words = [_sample(entry, names, flights.study.seeds.count) for entry in found]
@@ -260,14 +260,14 @@ def _sample(entry: Mapping[str, Any], names: Sequence[str], seeds: int) -> str:
 def _row_at(
     rows: Sequence[Row], entry: Mapping[str, Any], names: Sequence[str], searched: str, value: float | None
 ) -> Row:
-    """Return the flight of a search at a value, empty where there is none."""
+    """Return the flight of a search at a value; empty if there is none."""
     same = (row for row in rows if row["seed"] == entry["seed"] and row.get(searched) == value)
     none: Row = {}
     return next((row for row in same if all(row.get(name) == entry.get(name) for name in names)), none)
 
 
 def edges_of(flights: Flights, name: str, most: int) -> Array:
-    """Return the borders of a parameter's levels, halfway between; of bins of as many each where they are drawn."""
+    """Return the borders of a parameter's levels, halfway between them; of drawn values, those of equally full bins."""
     levels: Array = np.unique(flights.parameters[name])
     listed = isinstance(flights.study.parameters.get(name), LISTED)
     if flights.draws(name) or levels.size > (LISTED_UP_TO if listed else LEVELS_UP_TO):
@@ -285,12 +285,12 @@ def _binned(flights: Flights, name: str) -> npt.NDArray[np.intp]:
 
 
 def cells_of(values: Array, edges: Array) -> npt.NDArray[np.intp]:
-    """Return the cell between edges in which each value lies."""
+    """Return the index of the cell between edges in which each value lies."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
 def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
-    """Name a parameter at its axis, and its levels where there are few: upright below an axis with no room for them."""
+    """Label a parameter's axis, and its levels if there are few; names that don't fit below an axis are vertical."""
     axis.set_label_text(name if len(name) <= LABEL or "." not in name else ".\n".join(name.rsplit(".", 1)))
     if isinstance(flights.study.parameters.get(name), LogUniform):
         (axis.axes.set_xscale if below else axis.axes.set_yscale)("log")
@@ -304,11 +304,11 @@ def tick(flights: Flights, axis: Axis, name: str, *, below: bool) -> None:
 
 
 def words_of(flights: Flights, name: str) -> list[str]:
-    """Return a parameter's values in words that aren't long."""
+    """Return a parameter's values in words, shortened."""
     levels: list[float] = np.unique(flights.parameters[name]).tolist()
     return [textwrap.shorten(flights.word(name, level), LABEL, placeholder=" …") for level in levels]
 
 
 def is_crowded(words: Sequence[str]) -> bool:
-    """Whether words have no room below an axis."""
+    """Whether names don't fit below an axis side by side."""
     return max(map(len, words)) * len(words) > IN_A_ROW

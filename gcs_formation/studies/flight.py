@@ -1,4 +1,4 @@
-"""One flight of a study: a pure function of scenario, seed and version, but for the time that it takes."""
+"""One flight of a study: a pure function of scenario, seed and version, except for the time it takes."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 
 VERSION: Final = version("gcs-formation")
 REPEATED_EVERY = 10
-"""Of flights held against the invariants, one seed in so many is flown again and compared byte for byte."""
+"""If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
 
 
 @dataclass(frozen=True)
 class Task:
-    """A flight with all that it takes to fly it."""
+    """A flight with everything that is needed to fly it."""
 
     planned: Planned
     study: Study
     base: Mapping[Any, Any] | Scenario
     """The scenario, or its keys."""
     directory: str | None = None
-    """Where what the study's `record` asks for is kept; None where nothing is."""
+    """Where the files that `record` asks for are kept; None for nowhere."""
 
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
@@ -63,17 +63,17 @@ class Task:
 
 
 def fly(task: Task) -> dict[str, Any]:
-    """Fly a task; return its row. Every failure of the flight is a row with its exit status and its words.
+    """Fly a task; return its row. A flight that fails has a row too, with exit status and words.
 
     Raises:
-        RecordingError: what is to be kept of it can't be written.
+        RecordingError: its files can't be written.
     """
     used, digest = Stopwatch(), None
     values: dict[str, Any] = dict.fromkeys(task.study.measured)
     try:
         summary, wrong = _flown(task)
         values = {metric: _measured(metric, task, summary, wrong) for metric in task.study.measured}
-        same = json.dumps(summary.figures["followers"]).encode()  # of flights whose followers flew the same
+        same = json.dumps(summary.figures["followers"]).encode()  # the same for flights whose followers flew the same
         digest = hashlib.sha256(same).hexdigest()[:16]
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
         exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
@@ -83,16 +83,16 @@ def fly(task: Task) -> dict[str, Any]:
         raise
     except (RecordError, OSError) as error:
         raise RecordingError(str(error)) from error
-    except Exception as error:  # noqa: BLE001 - a fault of ours costs its flight alone; the seed finds it again
+    except Exception as error:  # noqa: BLE001 - our fault costs only this flight; the seed reproduces it
         exit_status = Status.COULD_NOT_GO_ON
-        # That a flight has an end is an invariant too.
+        # A flight that doesn't end breaks an invariant too.
         values = {metric: 1.0 if metric == INVARIANTS else None for metric in task.study.measured}
         words = str(error) if isinstance(error, RunAbortedError) else f"raised {error!r}"
     return {**_row(task, values, exit_status, words, used), "digest": digest}
 
 
 def lost(task: Task, words: str) -> dict[str, Any]:
-    """Return the row of a flight whose worker died with it."""
+    """Return the row of a flight whose worker died."""
     return _row(task, dict.fromkeys(task.study.measured), Status.COULD_NOT_GO_ON, words, None)
 
 
@@ -103,9 +103,9 @@ def _row(task: Task, values: Mapping[str, Any], exit_status: int, words: str, us
 
 
 def figure(summary: Mapping[str, Any], metric: str) -> float | None:
-    """Return a figure of summary.json by the name that `expect` gives it; of several vehicles the worst.
+    """Return a figure of summary.json by its name in `expect`; the worst one of several vehicles.
 
-    A figure that any of them lacks, as `settled_at_s` of one that never settles, is None.
+    None if any vehicle lacks it, such as `settled_at_s` of one that never settles.
     """
     if metric in FOLLOWER_METRICS:
         each = [figure_of(follower, metric) for follower in summary["followers"].values()]
@@ -117,7 +117,7 @@ def figure(summary: Mapping[str, Any], metric: str) -> float | None:
 
 
 def worst(metric: str, each: Sequence[Any]) -> float | None:
-    """Return the worst of several vehicles' figures; None if any has none."""
+    """Return the worst of several vehicles' figures; None if any has none, except for `left_at_s`."""
     known = [float(value) for value in each if value is not None]
     if not known or (len(known) < len(each) and metric != "left_at_s"):
         return None
@@ -135,7 +135,7 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
 
 
 def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
-    """Return the metrics that are asked of a part of the flight."""
+    """Return the metrics as expectations, if they are measured over a part of the flight."""
     if not task.study.windowed:
         return ()
     from_s, to_s = task.study.from_s or 0.0, task.study.to_s or task.study.until_s or scenario.duration_s
@@ -144,7 +144,7 @@ def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
 
 
 def _flown(task: Task) -> tuple[Summary, list[str]]:
-    """Return a flight's summary, and which invariants it broke where that is measured."""
+    """Return a flight's summary, and the invariants that it broke if these are measured."""
     scenario, judged = task.scenario(), INVARIANTS in task.study.measured
     kept = Path(task.directory) if task.directory is not None else None
     with tempfile.TemporaryDirectory() as scratch:

@@ -1,4 +1,4 @@
-"""What must be so in every flight, whatever happens to vehicles and links, read off the flight's own record."""
+"""Invariants of every flight, whatever happens to vehicles and links, checked on the flight's own record."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
 
 REGAINED_M = 1.0
 REGAINED_FOR_S = 10.0
-"""At the end every follower has been this near its slot for so long."""
+"""At the end, every follower must have been within this distance of its slot for this long."""
 NEAR_END_M = 30.0
-"""How near the path's end its leader has come when it is flown."""
+"""Distance from the path's end within which the leader counts as at the end."""
 ROUNDING = 1e-3
-"""Single precision on the wire."""
+"""Tolerance for single precision on the wire."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class FlightRecord:
     columns: Mapping[str, Array]
     """The time series."""
     sent: tuple[tuple[int, CommandInt], ...]
-    """Guided commands of the ground station with the system that each was for, as read back from the log."""
+    """Guided commands of the ground station and the system each was for, as read back from the log."""
     frames: int
-    """Frames in the log."""
+    """Number of frames in the log."""
 
     def rows(self, vehicle: PlannedVehicle) -> Mapping[str, Array]:
         """Return a vehicle's time series."""
@@ -57,12 +57,12 @@ class FlightRecord:
 
     @property
     def ends_s(self) -> float:
-        """Mission time of the flight's end, minus infinity where the path was never begun."""
+        """Mission time of the flight's end; minus infinity if the path was never begun."""
         return float(self.columns["mission_time_s"][self.flying].max(initial=-np.inf))
 
     @property
     def at_path_end(self) -> bool:
-        """Whether who leads is then at the end of the path: with the wind, that is before the time is over."""
+        """Whether the leader is then at the end of the path: with a tailwind it gets there before the time is over."""
         last = self.flying & (self.columns["leads"] > 0) & (self.columns["mission_time_s"] >= self.ends_s)
         apart_m = [self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])]
         return bool((np.linalg.norm(apart_m, axis=0) < NEAR_END_M).any())
@@ -74,7 +74,7 @@ class FlightRecord:
 
 
 def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
-    """Return what a run directory holds."""
+    """Read the record in a run directory."""
     parser, raws = StreamParser(), [raw for _, raw in read_tlog(directory / TLOG)]
     messages = (frame.message for raw in raws for frame in parser.feed(raw))
     lines = (directory / EVENTS).read_text(encoding="utf-8").splitlines()
@@ -89,12 +89,12 @@ def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
 
 
 def broken(flown: FlightRecord) -> list[str]:
-    """Return what wasn't so, each in words with its figure."""
-    return [text for invariant in HELD_AGAINST for text in invariant(flown)]
+    """Return the invariants that were broken, in words with their figures."""
+    return [text for invariant in CHECKS for text in invariant(flown)]
 
 
 def separation(flown: FlightRecord) -> Iterator[str]:
-    """No two vehicles that fly come nearer than `safety.separation_m`, from the first take-off to the end."""
+    """No two flying vehicles come closer than `safety.separation_m`, from the first take-off to the end."""
     least_m = flown.scenario.safety.separation_m
     for one, other in combinations(flown.scenario.vehicles, 2):
         ours, theirs = flown.rows(one), flown.rows(other)
@@ -111,7 +111,7 @@ def separation(flown: FlightRecord) -> Iterator[str]:
 
 
 def envelope(flown: FlightRecord) -> Iterator[str]:
-    """Every speed on the wire is within the vehicle's limits; every heading and height is a number."""
+    """Every commanded speed is within the vehicle's limits; every heading and height is a number."""
     models = {vehicle.id: vehicle.model for vehicle in flown.scenario.vehicles}
     for system, command in flown.sent:
         if not all(map(np.isfinite, (command.param1, command.param2, command.param3, command.z))):
@@ -125,7 +125,7 @@ def envelope(flown: FlightRecord) -> Iterator[str]:
 
 
 def finite(flown: FlightRecord) -> Iterator[str]:
-    """State and setpoint of every vehicle that is commanded are numbers, and so is every true state."""
+    """State and setpoint of every commanded vehicle are finite, and so is every true state."""
     for names, rows in (
         ((*timeseries.STATE, *timeseries.SETPOINT), flown.columns["active"]),
         (TRUTH, np.isfinite(flown.columns["t_s"])),
@@ -139,7 +139,7 @@ def finite(flown: FlightRecord) -> Iterator[str]:
 
 
 def acknowledged(flown: FlightRecord) -> Iterator[str]:
-    """The run came to its end, and every vehicle that is still there acknowledged that it loiters."""
+    """The run came to its end, and every vehicle that still exists acknowledged that it loiters."""
     lost = {str(v.vehicle_id) for v in flown.scenario.vehicles if np.isfinite(flown.lost_at_s(v))}
     for event in flown.events:
         if event["kind"] == "failure" or (event["kind"] == "unacknowledged" and event.get("vehicle") not in lost):
@@ -147,7 +147,7 @@ def acknowledged(flown: FlightRecord) -> Iterator[str]:
 
 
 def recorded(flown: FlightRecord) -> Iterator[str]:
-    """The log has every frame that was counted, the time series a row for each tick and vehicle, without a gap."""
+    """The log has every counted frame; the time series has a row for each tick and vehicle, without gaps."""
     links, received = flown.summary["links"].values(), flown.summary["received"]
     taken, sent = (sum(link[count] for link in links) for count in ("frames_in", "frames_out"))
     if lost := received["frames"] - taken - received["frames_refused"]:
@@ -164,7 +164,7 @@ def recorded(flown: FlightRecord) -> Iterator[str]:
 
 
 def regained(flown: FlightRecord) -> Iterator[str]:
-    """When everything has been calm again for a while, every vehicle that doesn't lead is in its slot."""
+    """After a calm time at the end, every vehicle that doesn't lead is in its slot."""
     for vehicle in flown.scenario.vehicles:
         rows = flown.rows(vehicle)
         late = (rows["mission_time_s"] > flown.ends_s - REGAINED_FOR_S) & (rows["leads"] == 0)
@@ -180,11 +180,11 @@ def regained(flown: FlightRecord) -> Iterator[str]:
 
 
 def _held_up(flown: FlightRecord, rows: Mapping[str, Array]) -> bool:
-    """Whether a delay of seconds, as in Pareto's tail, reaches beyond the last change of the links into the calm."""
+    """Whether a message sent before the last link change is delayed, by seconds as in Pareto's tail, into the calm."""
     calm_from_s = max((change.at_s for change in flown.scenario.links.changes), default=0.0)
     there_and_back_s = 2 * rows[timeseries.INJECTED_MEAN]
     under_way = rows["mission_time_s"] + there_and_back_s > calm_from_s
     return bool((under_way & (rows["mission_time_s"] < calm_from_s) & (there_and_back_s > STALE_AFTER_S)).any())
 
 
-HELD_AGAINST = (separation, envelope, finite, acknowledged, recorded, regained)
+CHECKS = (separation, envelope, finite, acknowledged, recorded, regained)

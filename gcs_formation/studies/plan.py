@@ -1,4 +1,4 @@
-"""Which flights a study consists of: samples of its parameters, and in a search which comes next."""
+"""The flights of a study: samples of its parameters, and the next flight of a search."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from gcs_formation.studies import (
 
 Sample: TypeAlias = Mapping[str, Value]
 INSIDE = 1e-12
-"""Least distance of a share from 0 and 1, where a normal distribution has no value."""
+"""Least distance of a share from 0 and 1, where a normal quantile is infinite."""
 Row: TypeAlias = Mapping[str, Any]
-"""What came of a flight: its columns in flights.parquet."""
+"""The result of a flight: its columns in flights.parquet."""
 
 
 def count_samples(study: Study) -> int:
-    """Return how many samples a study has, without making them."""
+    """Return the number of samples of a study, without making them."""
     sizes = [len(levels) for levels in study.levels.values()]
     match study.design:
         case "grid":
@@ -47,7 +47,7 @@ def count_samples(study: Study) -> int:
 
 
 def samples(study: Study) -> list[Sample]:
-    """Return the samples in order. A parameter with a distribution is missing where each flight draws its own."""
+    """Return the samples in order. A parameter with a distribution is left out if each flight draws its own value."""
     names, listed = list(study.parameters), study.levels
     match study.design:
         case "grid":
@@ -63,7 +63,7 @@ def samples(study: Study) -> list[Sample]:
 
 
 def drawn(study: Study, flight: int) -> Sample:
-    """Return the values that a flight draws by itself: those of distributions in designs of lists."""
+    """Return the values that each flight draws by itself: distributions in designs of lists."""
     if study.design in DRAWN:
         return {}
     listed, random = study.levels, random_stream(study.seeds.first, "study", flight)
@@ -71,7 +71,7 @@ def drawn(study: Study, flight: int) -> Sample:
 
 
 def at(parameter: Parameter, share: float) -> Value:
-    """Return a parameter's value at a share from 0 to 1 of its distribution, or of its list."""
+    """Return a parameter's quantile at a share from 0 to 1 of its distribution or list."""
     match parameter:
         case Uniform(uniform=(low, high)):
             return low + (high - low) * share
@@ -91,7 +91,7 @@ def _shares(study: Study, dimensions: int) -> Array:
         return np.zeros((count, 0))
     if study.design == "random":
         return random.random((count, dimensions))
-    from scipy.stats import qmc  # noqa: PLC0415 - half a second, which flights needn't spend
+    from scipy.stats import qmc  # noqa: PLC0415 - takes half a second to import
 
     match study.design:
         case "latin_hypercube":
@@ -110,32 +110,32 @@ class Planned(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """Where a search found that its bound is crossed."""
+    """The crossing of a search's bound."""
 
     kept: float | None
-    """The largest value flown at which it was kept, from the low end up; None if it is broken there."""
+    """Largest value flown, below `broken`, at which the bound was kept; None if it is broken at the low end."""
     broken: float | None
-    """The least value flown at which it was broken; None if it is kept up to the high end."""
+    """Least value flown at which the bound was broken; None if it is kept up to the high end."""
 
 
 class Plan:
-    """A study's flights. A search's further flights follow from the rows of its earlier ones, in whatever order."""
+    """A study's flights. Later flights of a search follow from the rows of its earlier ones, in any order."""
 
     def __init__(self, study: Study) -> None:
-        """Number the flights: sample by sample, each with every seed, a search in as many as it takes at most."""
+        """Number the flights: samples first, then seeds, then the largest possible number of flights of a search."""
         self.study = study
         self._samples = samples(study)
         self._each = study.bisect.most_flights if study.bisect else 1
         self._chains: dict[int, list[tuple[float, bool]]] = {}
 
     def begin(self) -> Iterator[Planned]:
-        """Yield the flights that need no other's result."""
+        """Yield the flights that don't depend on other flights' results."""
         for chain in range(len(self._samples) * self.study.seeds.count):
             low = {self.study.bisect.parameter: self.study.bisect.low} if self.study.bisect else {}
             yield self._planned(chain * self._each, low)
 
     def after(self, row: Row) -> Planned | None:
-        """Return the flight that follows from a flight's row, None where there is none."""
+        """Return the flight that follows from a flight's row; None if there is none."""
         search = self.study.bisect
         if search is None:
             return None
@@ -146,7 +146,7 @@ class Plan:
         return None if value is None else self._planned(chain * self._each + step + 1, {search.parameter: value})
 
     def crossings(self) -> list[tuple[Planned, Crossing]]:
-        """Return where each search found its bound crossed, with the first flight of the search."""
+        """Return the crossing that each search found, with the first flight of the search."""
         search = self.study.bisect
         if search is None:
             return []
@@ -160,12 +160,12 @@ class Plan:
 
 
 def count_flights(study: Study) -> int:
-    """Return how many flights a study has, at most, without planning them."""
+    """Return the largest possible number of a study's flights, without planning them."""
     return count_samples(study) * study.seeds.count * (study.bisect.most_flights if study.bisect else 1)
 
 
 def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric and bounds
-    """Whether a flight kept a bound; one that couldn't go on, or without the figure, didn't."""
+    """Whether a flight kept a bound; False for one that couldn't go on or lacks the figure."""
     value = row.get(bound.metric)
     if row["exit"] not in (0, 1) or value is None:
         return False
@@ -173,9 +173,9 @@ def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric
 
 
 def seed_changes_nothing(study: Study, rows: Iterable[Row]) -> bool:
-    """Whether flights with the same parameters but different seeds are the same to the last digit.
+    """Whether flights with the same parameters but different seeds are identical to the last digit.
 
-    One figure that is the same in all of them doesn't show it: they may all have kept a limit, by different margins.
+    One equal figure isn't enough: all may have kept a limit by different margins and still count the same.
     """
     found = dict[str, list[str | None]]()
     for row in rows:
@@ -186,24 +186,24 @@ def seed_changes_nothing(study: Study, rows: Iterable[Row]) -> bool:
 
 
 def concerns(wanted: Wanted, row: Row) -> bool:
-    """Whether an expectation is of a flight: one whose parameters have the values that it names."""
+    """Whether an expectation applies to a flight: the parameters have the values in its `where`."""
     return all(row.get(name) == value for name, value in wanted.where.items())
 
 
 def clopper_pearson(kept: npt.ArrayLike, flights: int, confidence: float) -> tuple[Array, Array]:
-    """Return the ends of the intervals in which binomial shares, `kept` (...) of so many flights, lie.
+    """Return the limits of the confidence intervals of binomial shares: `kept` (...) of `flights`.
 
-    Each with at least this confidence by itself: Clopper and Pearson, Biometrika 26 (1934).
+    Each interval has at least this confidence by itself: Clopper and Pearson, Biometrika 26 (1934).
     """
     kept = np.asarray(kept)
     outside, missed = (1.0 - confidence) / 2.0, flights - kept
-    # It isn't defined where none is kept, or every one: the ends are 0 and 1 there.
+    # Undefined if none or all are kept: the limits are then 0 and 1.
     low = np.where(kept > 0, betaincinv(np.maximum(kept, 1), missed + 1, outside), 0.0)
     return low, np.where(missed > 0, betaincinv(kept + 1, np.maximum(missed, 1), 1.0 - outside), 1.0)
 
 
 def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:
-    """Return the flights that are still to be flown when some have been."""
+    """Return the flights that are still to be flown, given the rows of those that have been."""
     done = {int(row["flight"]): row for row in rows}
     open_ones = list(plan.begin())
     left: list[Planned] = []

@@ -1,4 +1,4 @@
-"""From a study's file to its flights as tasks; every value that a flight will have is tried before the first."""
+"""From a study's file to its tasks. Every value of a parameter is tried before the first flight."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from gcs_formation.studies.flight import Task
 from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
 COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words", "digest")
-"""Of a flight's row, beside parameters and metrics."""
+"""Columns of a flight's row besides parameters and metrics."""
 MANY = 100_000
-"""Flights beyond which a study asks whether that many are meant."""
+"""Number of flights beyond which a study needs --yes."""
 EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
-"""Shares of a distribution at which it is tried: its median, and its ends."""
+"""Quantiles of a distribution that are tried: its median and its ends."""
 TRIED_WITH = 3
-"""Drawn samples with which a value is tried that can't be with the others' first values."""
+"""Number of drawn samples with which a value is tried that doesn't work with the others' first values."""
 SCENARIO_ALONE, STUDY_ALONE = {"vehicles", "path"}, {"base", "random", "parameters"}
 """Keys of every scenario that no study has, and of studies that no scenario has."""
 RULES = {
     "bound": ("found no bound", "below, above or both"),
     "ends": ("found a low that isn't below high", "a high that is more than low"),
 }
-"""Of rules between keys what was found, and what is allowed."""
+"""For each rule between keys: what was found, and what is allowed."""
 
 
 def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
-    """Return a study, and what it was read from; files that its keys name are as absolute paths.
+    """Return a study and the source it was read from; paths in `set` and `parameters` are made absolute.
 
     Raises:
         ScenarioError: it can't be read, or has values that aren't allowed.
@@ -59,14 +59,19 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
-    if wrong := [*_together(study, read), *_replaced(study, read), *_nowhere(study, read), *_pointless(study, read)]:
+    if wrong := [
+        *_conflicting_keys(study, read),
+        *_replaced(study, read),
+        *_unmet_conditions(study, read),
+        *_impossible_bounds(study, read),
+    ]:
         raise ScenarioError(wrong)
     home = Path(read.file).parent if read.file else Path()
     return study.model_copy(update=_with_absolute_files(study, home)), read
 
 
-def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield conditions (`where`) of expectations that no flight meets."""
+def _unmet_conditions(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield `where` conditions of expectations that no flight meets."""
     known, names = study.levels, [*study.parameters, *([study.bisect.parameter] if study.bisect else [])]
     for i, wanted in enumerate(study.expect):
         for name, value in wanted.where.items():
@@ -78,8 +83,8 @@ def _nowhere(study: Study, read: Source) -> Iterator[Problem]:
                 yield read.problem(("expect", i, "where"), found, allowed)
 
 
-def _pointless(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield bounds outside of what a figure can be."""
+def _impossible_bounds(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield bounds outside a figure's possible range."""
     bounded: list[tuple[KeyPath, Wanted | Bisection]] = [(("expect", i), each) for i, each in enumerate(study.expect)]
     bounded += [(("bisect",), study.bisect)] if study.bisect else []
     for path, each in bounded:
@@ -87,8 +92,8 @@ def _pointless(study: Study, read: Source) -> Iterator[Problem]:
             yield read.problem((*path, name), found, allowed)
 
 
-def _together(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield keys that can't be beside each other."""
+def _conflicting_keys(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield keys that exclude each other."""
     taken, search = {*COLUMNS, *study.measured}, study.bisect
     for name in study.parameters:
         if name in taken:
@@ -104,9 +109,10 @@ def _together(study: Study, read: Source) -> Iterator[Problem]:
 
 
 def _replaced(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield parameters that replace what one before them or `set` sets: flights wouldn't have these values.
+    """Yield parameters that replace keys set by `set` or by an earlier parameter, whose values would have no effect.
 
-    Some cases of a parameter may: the flights of the others have what `set` says.
+    Replacing a key of `set` is allowed to some cases of a parameter: flights of its other cases keep the value of
+    `set`.
     """
     search, sets = study.bisect, list[tuple[str, KeyPath, set[str]]]()
     for name, each in study.parameters.items():
@@ -125,7 +131,7 @@ def _replaced(study: Study, read: Source) -> Iterator[Problem]:
 
 
 def _always(study: Study) -> set[str]:
-    """Return the keys that every flight has from a parameter or the search."""
+    """Return the keys that a parameter or the search sets in every flight."""
     found = set(study.columns)
     for cases in study.cases.values():
         first, *others = cases.values()
@@ -134,7 +140,7 @@ def _always(study: Study) -> set[str]:
 
 
 def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:
-    """Return `set` and `parameters` with the files that they name, relative to the study's own, as absolute paths."""
+    """Return `set` and `parameters` with file names, which are relative to the study's file, as absolute paths."""
 
     def whole(keys: Mapping[str, Any]) -> dict[str, Any]:
         return {name: with_absolute_files(name, value, home) for name, value in keys.items()}
@@ -148,7 +154,7 @@ def _with_absolute_files(study: Study, home: Path) -> dict[str, Any]:
 
 
 def _problems(error: ValidationError, read: Source) -> list[Problem]:
-    """Return what is wrong; of a parameter's value what is allowed, not what each kind of value lacks."""
+    """Return the problems; for a parameter's value what is allowed, not what each type of value lacks."""
     unbounded = {each["loc"]: RULES[each["type"]] for each in error.errors() if each["type"] in RULES}
     bounds = [read.problem(path, found, allowed) for path, (found, allowed) in unbounded.items()]
     keys = {dotted(path) for path in unbounded}
@@ -157,7 +163,7 @@ def _problems(error: ValidationError, read: Source) -> list[Problem]:
 
 
 def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
-    """Return the keys of the study's scenario, with what they name in other files, relative to where they stand.
+    """Return the keys of the study's scenario, with the content of other files that it names.
 
     Raises:
         ScenarioError: its file, or one that it names, can't be read.
@@ -174,20 +180,20 @@ def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
 
 
 def _of_base(problem: Problem, read: Source) -> Problem:
-    """Return what is wrong with the scenario's file: as far as it has no place in that, with the study's own."""
+    """Return a problem of the scenario's file; if it has no line there, with its place in the study's file."""
     if problem.line is not None:
         return problem
     return read.problem(("base",), f"{problem.file}: {problem.found}", problem.allowed or "a scenario's file")
 
 
 def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Study, dict[Any, Plain]]:
-    """Return a study and its scenario's keys, after trying what every parameter will be.
+    """Return a study and its scenario's keys, after trying the values of all parameters.
 
-    These are all values of a list, all cases and the ends of a range, each with the first values of the others; of a
+    Tried are all values of a list, all cases and the ends of a range, each with the first values of the others; for a
     distribution, whether any of it can be flown. `many`: more than `MANY` flights are allowed.
 
     Raises:
-        ScenarioError: the study is wrong, or a value of it can't be flown, or there are too many flights.
+        ScenarioError: the study is wrong, a value of it can't be flown, or there are too many flights.
     """
     study, read = load_study(source)
     if not many and (count := count_flights(study)) > MANY:
@@ -197,7 +203,7 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
     trial = _Trial(study, base, read)
     if (wrong := trial.first_wrong()) is not None:
         raise wrong
-    problems = list(_never(study, read, trial))
+    problems = list(_windows_after_the_end(study, read, trial))
     problems += [problem for each in trial.wrong_values() for problem in each.problems]
     if problems:
         raise ScenarioError(problems)
@@ -205,12 +211,12 @@ def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Stu
 
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:
-    """Return a flight of a study as a task whose whole record is kept in `out`."""
+    """Return a flight of a study as a task that keeps its whole record in `out`."""
     return Task(planned, study.model_copy(update={"record": "full"}), base, str(out))
 
 
 class _Trial:
-    """Resolves scenarios of a study without flying them, and says where in the study's file stands what is wrong."""
+    """Resolves scenarios of a study without flying them, and places their problems in the study's file."""
 
     def __init__(self, study: Study, base: Mapping[Any, Plain], read: Source) -> None:
         self._study, self._base, self._read = study, base, read
@@ -219,9 +225,9 @@ class _Trial:
         self._tried = {**study.parameters, **{each.parameter: [each.low, each.high] for each in search}}
 
     def first_wrong(self) -> ScenarioError | None:
-        """Return what is wrong where every parameter has its first value, None if nothing is.
+        """Return the error with the first value of every parameter; None if there is none.
 
-        One that is drawn has the scenario's own value, or where there is none that can be, its median.
+        Drawn parameters keep the scenario's own value; if that doesn't work, they get their median.
         """
         self._usual = {name: at(each, 0.0) for name, each in self._tried.items() if isinstance(each, LISTED)}
         drawn = {name: at(each, EXTREMES[0]) for name, each in self._tried.items() if name not in self._usual}
@@ -232,13 +238,13 @@ class _Trial:
 
     @property
     def end_s(self) -> float:
-        """When flights end at the latest, of those tried first."""
+        """The latest end of the flights, for the parameters' first values."""
         planned = Planned(0, self._study.seeds.first, self._usual)
         duration_s = Task(planned, self._study, self._base).scenario().duration_s
         return min(duration_s, self._study.until_s or duration_s)
 
     def wrong_values(self) -> Iterator[ScenarioError]:
-        """Yield what is wrong with the first value of each parameter that can't be flown."""
+        """Yield, for each parameter, the error of its first value that can't be flown."""
         for name, parameter in self._tried.items():
             if isinstance(parameter, LISTED):
                 problems = (self._wrong_level(name, value) for value in _distinct(parameter))
@@ -248,7 +254,7 @@ class _Trial:
                 yield from [each for each in tried[:1] if each is not None and all(tried)]
 
     def _wrong_level(self, name: str, value: Value) -> ScenarioError | None:
-        """Return why a value can't be flown: with the others' first values, and with those that it is drawn with."""
+        """Return why a value can be flown neither with the others' first values nor in the samples that have it."""
         wrong = self._wrong({name: value})
         if wrong is None or self._study.design not in DRAWN:
             return wrong
@@ -256,7 +262,7 @@ class _Trial:
         return wrong if all(self._wrong(sample) for sample in drawn) else None
 
     def _wrong(self, sample: Sample) -> ScenarioError | None:
-        """Return why flights with a value can't be flown; if it is empty, with the first values of all parameters."""
+        """Return why flights with these values can't be flown; other parameters have their first values."""
         planned = Planned(0, self._study.seeds.first, {**self._usual, **sample})
         try:
             Task(planned, self._study, self._base).scenario()
@@ -265,9 +271,9 @@ class _Trial:
         return None
 
     def _placed(self, problem: Problem, tried: Sample) -> Problem:
-        """Return a problem of the scenario with the place, in the study's file, of what set the key that is wrong.
+        """Return a scenario's problem with the place in the study's file of what set the wrong key.
 
-        What follows from a value in places that the study doesn't set is said of that value.
+        A problem in a key that the study doesn't set is attributed to the value that was tried.
         """
         study = self._study
         set_by: dict[str, KeyPath] = {name: ("set", name) for name in study.set}
@@ -286,8 +292,8 @@ class _Trial:
         return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
 
 
-def _never(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
-    """Yield times from which and to which metrics count, but which flights don't have."""
+def _windows_after_the_end(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
+    """Yield `from_s` and `to_s` beyond the end of the flights."""
     if study.random is not None or "duration_s" in study.parameters:
         return
     end_s = trial.end_s
@@ -298,7 +304,7 @@ def _never(study: Study, read: Source, trial: _Trial) -> Iterator[Problem]:
 
 
 def _distinct(parameter: Parameter) -> list[Value]:
-    """Return the different values of a list, and the ends of a range: what is between them can be if they can."""
+    """Return the distinct values of a list, or the ends of a range; values between the ends work if the ends do."""
     levels = levels_of(parameter) or []
     ends = [levels[0], levels[-1]] if isinstance(parameter, Range) else levels
     return list({repr(value): value for value in ends}.values())

@@ -17,7 +17,7 @@ Choice = TypeVar("Choice")
 
 RUN_IN_S = 14.0
 ASSEMBLY_S = 7.0
-"""How long a leader in the air waits for followers; to go round again would take five minutes."""
+"""How long a leader in the air waits for followers; flying another lap would take five minutes."""
 FIRST_TROUBLE_S = 5.0
 LEG_M = 600.0
 MOST_DRAWS = 100
@@ -25,23 +25,23 @@ MOST_DRAWS = 100
 
 @dataclass(frozen=True)
 class Severity:
-    """How much a flight has to bear, and the time that it's given to get over it; as usual by default."""
+    """How severe a flight's trouble is, and the time to recover from it; the defaults are the usual severity."""
 
     trouble_s: float = 10.0
-    """Links, air and vehicles misbehave during this time."""
+    """Time during which links, air and vehicles misbehave."""
     longest_spell_s: float = 5.0
-    """Outages and faults that pass last no longer."""
+    """Longest duration of outages and of passing faults."""
     calm_s: float = 20.0
-    """What follows trouble."""
+    """Calm time after the trouble."""
     change_s: float = 15.0
-    """What is added to that where the formation changes."""
+    """Further calm time if the formation changes."""
     rejoin_s: float = 45.0
-    """What is added where a vehicle has had to leave the formation: it flies after the others, a few m/s faster."""
+    """Further calm time if a vehicle had to leave the formation: it catches up at a few m/s more than the others."""
     rates_hz: tuple[float, ...] = (5.0, 5.0, 10.0)
-    """Of control and of telemetry."""
+    """Rates of the law and of telemetry."""
     fastest_mps: float = 22.0
     wind_mps: float = 4.0
-    """Most in each of north and east."""
+    """Largest wind to the north and to the east."""
     ground_share: float = 0.03
     """Share of flights that begin on the ground."""
     fault_share: float = 0.35
@@ -49,7 +49,7 @@ class Severity:
 
     @property
     def calm_from_s(self) -> float:
-        """When the last spell is over."""
+        """The time at which the last outage or fault is over."""
         return FIRST_TROUBLE_S + self.trouble_s + self.longest_spell_s
 
 
@@ -71,10 +71,10 @@ SEVERITIES = {"usual": USUAL, "hard": HARD}
 
 
 def draw(seed: int, severity: Severity = USUAL) -> Scenario:
-    """Return the scenario of a seed and a severity: of those drawn one after the other, the first that can be flown.
+    """Return the scenario of a seed and a severity: the first in a sequence of draws that can be flown.
 
     Raises:
-        ScenarioError: none of many could.
+        ScenarioError: none of `MOST_DRAWS` can be flown.
     """
     rng = np.random.default_rng(seed)
     for _ in range(MOST_DRAWS - 1):
@@ -123,7 +123,7 @@ def _start(rng: np.random.Generator, severity: Severity) -> Keys:
 
 
 def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
-    """Return a shape; in the follower's own frame one whose slots aren't far aside, where that frame swings them."""
+    """Return a formation. In the follower's own frame slots aren't far to the side, because they swing with heading."""
     if rng.random() < 0.25:
         spacing = {"spacing_m": float(rng.uniform(20.0, 35.0)), "frame": "follower_heading"}
         return {"shape": _one_of(rng, "follower", "diamond", "triangle"), **spacing}
@@ -163,9 +163,9 @@ def _impairment(rng: np.random.Generator) -> Keys:
 
 
 def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outages: list[Keys]) -> list[Keys]:
-    """Return changes of single links, the outages, and the end of Pareto's delays for all when trouble is over.
+    """Return changes of single links, the outages, and the end of all Pareto-distributed delays after the trouble.
 
-    Pareto's delays are now and then seconds long, in which a link is silent.
+    Pareto-distributed delays are sometimes seconds long, and the link is silent meanwhile.
     """
     changes = [
         {"at_s": _trouble_at(rng, severity), "vehicles": [_vehicle(rng, count)], **_impairment(rng)}
@@ -175,7 +175,7 @@ def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outa
 
 
 def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: list[Keys]) -> list[Keys]:
-    """Return an outage of a vehicle that no pilot takes over meanwhile: with both, nobody could know where it is."""
+    """Return an outage of a vehicle that has no pilot fault: with both, nobody could know where it is."""
     if rng.random() > severity.outage_share:
         return []
     begins_s, vehicle = _trouble_at(rng, severity), _vehicle(rng, count)
@@ -196,7 +196,7 @@ def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> l
 
 
 def _faults(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
-    """Return one fault of one vehicle, the leader among them, or none."""
+    """Return one fault of one vehicle, which may be the leader, or none."""
     if rng.random() > severity.fault_share:
         return []
     kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng, severity)

@@ -1,4 +1,4 @@
-"""The page of a study: verdicts, figures, worst flights and how to fly them again."""
+"""The page of a study: verdicts, figures, the worst flights and how to repeat them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ RESULT_SHAPE: Shape = {
     ),
     "bisect": Maybe(Each({"seed": INTEGER, "kept": NUMBER_OR_NULL, "broken": NUMBER_OR_NULL})),
 }
-"""What a report reads of study.json."""
+"""What a report reads from study.json."""
 
 
 def write_study_report(directory: Path) -> Path:
@@ -78,7 +78,7 @@ def write_study_report(directory: Path) -> Path:
 
 
 Plate = tuple[str, str, Callable[[], Figure]]
-"""A figure's name, its title, and what draws it."""
+"""A figure's name, its title, and the function that draws it."""
 
 
 def _gallery(plates: Iterator[Plate], directory: Path) -> Iterator[str]:
@@ -131,10 +131,10 @@ def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, dir
 
 
 def _result(directory: Path) -> Mapping[str, Any]:
-    """Return study.json; empty for a study that hasn't ended.
+    """Return study.json; empty if the study hasn't ended.
 
     Raises:
-        RecordError: it isn't as a study writes it.
+        RecordError: it doesn't have the form that a study writes.
     """
     try:
         result: Any = json.loads((directory / RESULT).read_text(encoding="utf-8"))
@@ -153,7 +153,7 @@ def _expectations(result: Mapping[str, Any]) -> str:
             bounds_text(entry.get("below"), entry.get("above")),
             ", ".join(f"{name} = {value}" for name, value in entry["where"].items()),
             f"{entry['kept']} of {entry['flights']}",
-            " to ".join(f"{100 * end:.2f} %" for end in entry["interval"] or ()) or "none: no chance in them",
+            " to ".join(f"{100 * end:.2f} %" for end in entry["interval"] or ()) or "none: the share is exact",
             f"{100 * entry['share']:g} %",
             badge(entry["held"], "held" if entry["held"] else "broken"),
         ]
@@ -194,7 +194,7 @@ def _worst(study: Study, rows: Rows, directory: Path) -> str:
 
 
 def _badness(metric: str, value: float | None) -> float:
-    """Return how bad a figure is: none, as of a flight that never settled, is worst."""
+    """Return a sort key of how bad a figure is; a missing one, such as of a flight that never settled, is worst."""
     if value is None:
         return math.inf
     return -value if metric in LEAST_IS_WORST else value

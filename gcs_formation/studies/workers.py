@@ -1,4 +1,4 @@
-"""Where flights are flown: processes of this machine, or a cluster of Dask. Each flight counts once, whatever dies."""
+"""Flies tasks in processes of this machine or on a Dask cluster. Each flight counts once, even if workers die."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies.flight import VERSION, Task, fly, lost
 
 TRIES = 3
-"""A flight with which this many workers died isn't flown again."""
+"""A flight isn't tried again after this many workers died while flying it."""
 AHEAD = 2
-"""Flights for each worker that are handed out: one flown, one waiting."""
+"""Flights submitted for each worker: one in flight, one waiting."""
 ANSWER_S = 10.0
-"""In which a scheduler must answer."""
+"""Time in which a scheduler must answer."""
 GONE_S = 60.0
-"""For which a scheduler may be without workers."""
+"""Time for which a scheduler may be without workers."""
 ASKED_EVERY_S, POLL_S = 1.0, 0.01
 
 
@@ -46,22 +46,22 @@ class Processes:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End them: at once where the study was given up."""
+        """Shut down the processes: at once if the study was given up."""
         processes = list(self._pool._processes.values()) if kind is not None else []
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
         for process in processes:
             process.kill()
 
     def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the rows. A killed process takes all that were handed out with it, and nobody knows whose fault it was.
+        """Yield the rows. A process that is killed breaks the pool, whichever of the submitted flights caused that.
 
-        Each of them is flown again by itself, so that one that always kills its process counts for no other.
+        So each of these flights is flown again alone; one that always kills its process then fails alone.
         """
         flying, deaths, suspects = dict[Future[dict[str, Any]], Task](), Counter[int](), set[int]()
         while tasks or flying:
             while tasks and len(flying) < (1 if suspects else AHEAD * self._count):
                 task = tasks.popleft()
-                with _uncut():
+                with _interrupts_deferred():
                     flying[self._pool.submit(fly, task)] = task
             done, _ = wait(flying, return_when=FIRST_COMPLETED)
             broken = [flying.pop(each) for each in done if isinstance(each.exception(), BrokenProcessPool)]
@@ -71,7 +71,7 @@ class Processes:
                 flying.clear()
                 self._pool = self._new_pool()
                 if len(broken) == 1:
-                    ended += _again(broken[0], deaths, tasks)
+                    ended += _retried(broken[0], deaths, tasks)
                 else:
                     suspects.update(task.planned.flight for task in broken)
                     tasks.extendleft(broken)
@@ -81,21 +81,21 @@ class Processes:
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(["gcs_formation.studies.flight"])
-        with _uncut():
+        with _interrupts_deferred():
             forkserver.ensure_running()
         return ProcessPoolExecutor(self._count, context, _begin)
 
 
 @contextmanager
-def _uncut() -> Generator[None]:
-    """Hold Ctrl-C back while a process is started: it reaches that one too, or leaves it without its parent."""
+def _interrupts_deferred() -> Generator[None]:
+    """Defer Ctrl-C while a process starts: it would reach the new process too, or leave it without its parent."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     held = list[int]()
     before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in SIGNALS}
-    resource_tracker.ensure_running()  # it unblocks the signal for us
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # what is started inherits it
+    resource_tracker.ensure_running()  # this would unblock the signal later
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # inherited by the new process
     try:
         yield
     finally:
@@ -107,7 +107,7 @@ def _uncut() -> Generator[None]:
 
 
 def _begin() -> None:
-    """Leave Ctrl-C to the process that collects the rows, and end when that does, in whatever way."""
+    """Leave Ctrl-C to the process that collects the rows, and exit when that process does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -120,8 +120,8 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _again(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-    """Queue a task whose worker died, first of all; yield the row of one that has been tried often enough."""
+def _retried(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+    """Queue a task whose worker died at the front, or yield its row after `TRIES` deaths."""
     deaths[task.planned.flight] += 1
     if deaths[task.planned.flight] < TRIES:
         tasks.appendleft(task)
@@ -148,7 +148,7 @@ class Cluster:
             self._client = connect(self._address, timeout=ANSWER_S)
         except (OSError, TimeoutError, ValueError) as error:
             raise RunAbortedError(f"no Dask scheduler answers at {self._address}: {error}") from error
-        self._client._timeout = GONE_S  # for which it tries to connect again
+        self._client._timeout = GONE_S  # time for which it tries to reconnect
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -156,14 +156,14 @@ class Cluster:
 
     @property
     def where(self) -> str:
-        """Where Dask shows what its workers do."""
+        """The address of Dask's dashboard, in words."""
         return f"Dask's dashboard: {self._client.dashboard_link}"
 
     def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the rows. Dask flies a flight again whose worker died; one that a restarted scheduler forgot, we do.
+        """Yield the rows. Dask repeats a flight whose worker died; we repeat one that a restarted scheduler lost.
 
         Raises:
-            RunAbortedError: workers of another version; or the scheduler, or its last worker, is gone for good.
+            RunAbortedError: a worker has another version; or the scheduler, or its last worker, is gone for good.
         """
         from distributed.client import FutureCancelledError  # noqa: PLC0415 - an extra
         from distributed.scheduler import KilledWorker  # noqa: PLC0415
@@ -187,16 +187,16 @@ class Cluster:
             except FutureCancelledError:
                 tasks.appendleft(task)
             except KilledWorker:
-                yield from _again(task, deaths, tasks)
+                yield from _retried(task, deaths, tasks)
 
     def _wait_a_little(self) -> None:
-        """Wait for whatever comes next; RunAbortedError: nobody has been there to fly anything for too long."""
+        """Wait a moment for results; RunAbortedError: there has been no worker for too long."""
         if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
             raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
         sleep(POLL_S)
 
     def _threads(self) -> int:
-        """Return how many flights the workers fly at a time, as of a second ago; 0 while there is no scheduler."""
+        """Return how many flights the workers fly at a time, at most a second old; 0 without a scheduler."""
         if self._client.status != "running":
             return 0
         if self._asked is None or self._asked.wall_s > ASKED_EVERY_S:
@@ -206,7 +206,7 @@ class Cluster:
         return self._flown_at_a_time
 
     def _check_versions(self) -> None:
-        """Refuse workers of another version, whose flights would be other flights, and none at all."""
+        """Refuse a cluster without workers, or with a worker of another version, whose flights would differ."""
         found: dict[str, str] = self._client.run(version, "gcs-formation")
         if not found:
             raise RunAbortedError(f"the Dask scheduler at {self._address} has no workers")

@@ -1,4 +1,4 @@
-"""Plans of flights, built step by step and flown by `fly`; what a test can say of the flown flight."""
+"""Plans of flights, built step by step and flown by `fly`; and the checks that a test makes on a flown flight."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ WORDS = {
     "orders": "an order",
     "faults": "a fault",
 }
-"""What is planned for a time, by its key."""
+"""Names of the planned events under each key."""
 Vehicles = int | str | Sequence[int | str]
 """One vehicle's id (or "network:id"), several, or "all"."""
 
 
 def in_words(vehicle: VehicleId, axis: str, size_m: float, at_s: float) -> str:
-    """Return where a follower was furthest from its slot along an axis; NaN: where that isn't known."""
+    """Return a follower's error along an axis in words; NaN: it isn't known."""
     if math.isnan(size_m):
         return f"vehicle {vehicle}: error_{axis} unknown at {at_s:.1f} s"
     return f"vehicle {vehicle}: |error_{axis}| = {size_m:.3f} m at {at_s:.1f} s"
@@ -54,27 +54,27 @@ def in_words(vehicle: VehicleId, axis: str, size_m: float, at_s: float) -> str:
 
 @dataclass(frozen=True)
 class FlownFlight:
-    """A flown flight. Claims raise AssertionError where they don't hold; each returns the flight for the next one."""
+    """A flown flight. A check raises AssertionError if it fails, and otherwise returns the flight for the next one."""
 
     scenario: Scenario
     summary: Summary
     directory: Path
     """The run's directory: run.yaml, flight.tlog, timeseries.parquet, events.jsonl, summary.json."""
     command: str
-    """The command that flies the same once more."""
+    """The command that repeats the flight."""
 
     @property
     def figures(self) -> Mapping[str, Any]:
-        """What summary.json holds."""
+        """Content of summary.json."""
         return self.summary.figures
 
     def link(self, vehicle: int | str) -> Mapping[str, Any]:
-        """Return a vehicle's part of `links` in summary.json: delay and loss, injected and measured."""
+        """Return a vehicle's entry of `links` in summary.json: delay and loss, injected and measured."""
         (identity,) = (str(each.vehicle_id) for each in self._chosen(vehicle, self.scenario.vehicles))
         return self.figures["links"][identity]
 
     def series(self, vehicle: int | str) -> Mapping[str, Array]:
-        """Return a vehicle's columns of timeseries.parquet, a row for each tick of the formation under command."""
+        """Return a vehicle's columns of timeseries.parquet, a row for each tick at which the formation is commanded."""
         (chosen,) = self._chosen(vehicle, self.scenario.vehicles)
         return self._series_of(chosen.vehicle_id)
 
@@ -87,17 +87,17 @@ class FlownFlight:
         from_s: float = 0.0,
         to_s: float | None = None,
     ) -> Self:
-        """Claim that followers are within `limit_m` of their slots along each axis, at every tick of a window.
+        """Check that followers are within `limit_m` of their slots along each axis, at every tick of a window.
 
-        At ticks at which one leads it has no slot; a leader that follows later has one from then on. A window in which
-        none of them follows is no success.
+        A vehicle has no slot at ticks at which it leads; a leader that follows later has one from then on. The check
+        fails if none of them follows during the window.
 
         Args:
             limit_m: the largest |error| allowed, m.
             axes: of x (forward), y (right) and z (up), in the scenario's slot frame.
             followers: one, several or "all".
             from_s: mission time at which the window begins, s.
-            to_s: where it ends; None: where the flight does.
+            to_s: where it ends; None: at the end of the flight.
         """
         __tracebackhide__ = True
         if not axes or not set(axes) <= set(AXES):
@@ -117,7 +117,7 @@ class FlownFlight:
         return self
 
     def settles(self, *, before_s: float, followers: Vehicles = "all") -> Self:
-        """Claim that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
+        """Check that followers come within 0.5 m of their slots, and stay there for 10 s, before a mission time."""
         __tracebackhide__ = True
         chosen = [str(vehicle.vehicle_id) for vehicle in self._chosen(followers, self._followers)]
         times = {who: self.figures["followers"][who]["settled_at_s"] for who in chosen}
@@ -131,9 +131,9 @@ class FlownFlight:
         return self
 
     def keeps_apart(self, least_m: float) -> Self:
-        """Claim that no two vehicles come nearer to each other than `least_m`, in a flight that was seen to its end.
+        """Check that no two vehicles come closer than `least_m`, in a flight that was recorded to its end.
 
-        As with `expect`, vehicles that lie on the ground, and ticks that aren't recorded, are no success.
+        As with `expect`, the check fails if vehicles are on the ground or ticks are missing.
         """
         __tracebackhide__ = True
         end_s = self.figures["duration_s"]
@@ -145,7 +145,7 @@ class FlownFlight:
         return self
 
     def meets_its_expectations(self) -> Self:
-        """Claim what exit status 0 says: what was judged of `expect` holds, and some was; no safety limit is broken."""
+        """Check what exit status 0 means: what was judged of `expect` holds, and some was; no safety limit broken."""
         __tracebackhide__ = True
         verdicts = self.summary.verdicts
         broken = [str(verdict) for verdict in verdicts if verdict.held is False]
@@ -157,7 +157,7 @@ class FlownFlight:
 
     @property
     def _followers(self) -> Sequence[Vehicle]:
-        """Who has followed at some time of the flight."""
+        """Vehicles that followed at some time of the flight."""
         return [each for each in self.scenario.vehicles if str(each.vehicle_id) in self.figures["followers"]]
 
     @cached_property
@@ -176,7 +176,7 @@ class FlownFlight:
         return {name: values[mine] for name, values in columns.items()}
 
     def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[tuple[float, str]]:
-        """Yield the largest |error| along each axis, and it in words; NaN, the worst of all, where one isn't known."""
+        """Yield the largest |error| along each axis with its words; NaN, which is worst, if one isn't known."""
         series = self._series_of(vehicle)
         time_s = series["mission_time_s"]
         window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
@@ -223,17 +223,17 @@ class FlownFlight:
 
 @dataclass(frozen=True)
 class Formation:
-    """Creates plans; the value of the fixture `formation`."""
+    """Makes plans; the value of the fixture `formation`."""
 
     places: tuple[Path, ...]
-    """Where a scenario's relative path is looked for, in this order."""
+    """Directories in which a scenario's relative path is searched, in this order."""
     directory: Path
-    """Where flights are recorded."""
+    """Directory in which flights are recorded."""
 
     def __call__(self, scenario: str | Path | Mapping[str, Any] | Scenario, **keys: Any) -> Plan:
         """Plan a flight of a scenario file, of a mapping with a scenario's keys, or of a Scenario.
 
-        `keys` replace the scenario's own, `__` standing for a dot: `law__rate_hz=5`.
+        `keys` replace the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
         """
         if isinstance(scenario, str | Path):
             candidates = [place / scenario for place in self.places]
@@ -255,7 +255,7 @@ class Plan:
     speedup: float = 1.0
 
     def with_keys(self, **keys: Any) -> Plan:
-        """Replace keys of the scenario, `__` standing for a dot: `with_keys(seed=7, law__rate_hz=5)`."""
+        """Replace keys of the scenario; `__` stands for a dot: `with_keys(seed=7, law__rate_hz=5)`."""
         return replace(self, settings=(*self.settings, *settings(keys)))
 
     def with_link(self, vehicle: Vehicles = "all", *, from_s: float = 0.0, **impairment: Any) -> Plan:
@@ -282,9 +282,9 @@ class Plan:
         return self.with_link(vehicle, from_s=from_s, **begins).with_link(vehicle, from_s=to_s, **ends)
 
     def against(self, opponent: Against) -> Plan:
-        """Fly against emulated vehicles, or against "real endpoints": what is up already at the scenario's endpoints.
+        """Fly against emulated vehicles, or against "real endpoints": vehicles that are up at the scenario's endpoints.
 
-        The latter is what the command `fly` does: autopilots in a simulator of their own, or real ones; in real time.
+        The latter is what the command `fly` does: autopilots in their own simulator, or real ones; in real time.
         """
         if opponent not in get_args(Against):
             raise ValueError(f"found {opponent!r}; allowed: {', '.join(get_args(Against))}")
@@ -295,12 +295,12 @@ class Plan:
         return replace(self, clock="real", speedup=speedup)
 
     def fly(self, until: float | None = None) -> FlownFlight:
-        """Fly to the scenario's end or until a mission time in seconds, and return the flown flight.
+        """Fly to the scenario's end or to a mission time in seconds; return the flown flight.
 
         Raises:
-            ScenarioError: the scenario or what replaces its keys is wrong; nothing was started.
+            ScenarioError: the scenario or an override is wrong; nothing was started.
             RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
-            ValueError: something that this plan adds to the scenario, or replaces, would come only after the end.
+            ValueError: something that this plan adds to the scenario, or replaces, would come after the end.
         """
         scenario = load_scenario(self.scenario, self.overrides(), option="")
         end_s = min(planned_end_s(scenario), math.inf if until is None else until)
@@ -318,14 +318,14 @@ class Plan:
         return FlownFlight(scenario, summary, directory, self.command(directory, until))
 
     def overrides(self) -> tuple[str, ...]:
-        """Return all that replaces keys of the scenario, as `--set` takes it."""
+        """Return all overrides of the scenario's keys, as `--set` takes them."""
         if not self.link_changes:
             return self.settings
         own = load_scenario(self.scenario, self.settings, option="").links.model_dump(exclude_none=True)["changes"]
         return (*self.settings, *settings({"links.changes": [*own, *self.link_changes]}))
 
     def _added(self, scenario: Scenario) -> Iterator[tuple[str, float]]:
-        """Yield what this plan, or the mapping that it is of, has happen, and when, s; what a file has may be later."""
+        """Yield what this plan or its mapping adds, and when, s. What a scenario file plans may be after the end."""
         links = scenario.links.changes
         for key, times_s in planned_times_s(scenario).items():
             for index, at_s in enumerate(times_s):
@@ -335,14 +335,14 @@ class Plan:
                     yield WORDS[key], at_s
 
     def _sets(self, key: str) -> bool:
-        """Return whether a list's entry was written in the test: its key, or one above or below."""
+        """Return whether the test wrote an entry of a list: the key itself, or one above or below it."""
         if isinstance(self.scenario, Mapping):
             return True
         names = (f"{setting.partition('=')[0]}." for setting in self.settings)
         return any(name.startswith(key) or key.startswith(name) for name in names)
 
     def command(self, directory: Path, until: float | None = None) -> str:
-        """Return the command that flies the same once more, for a POSIX shell."""
+        """Return the command that repeats the flight, for a POSIX shell."""
         words = ["gcs-formation", "run" if self.opponent == "emulators" else "fly"]
         if isinstance(self.scenario, Path):
             words += [_shown(self.scenario)] + [word for each in self.overrides() for word in ("--set", each)]
@@ -358,12 +358,12 @@ class Plan:
 
 
 def _ends_outage(change: Mapping[str, Any]) -> bool:
-    """Return whether a change does no more than to end an outage, which may as well go on to the flight's end."""
+    """Return whether a change only ends an outage, which may as well last to the flight's end."""
     what = {key: change[key] for key in change if key not in {"at_s", "vehicles"}}
     return what == {"outage": False} or all(each == {"outage": False} for each in what.values())
 
 
 def _shown(path: Path) -> str:
-    """Return a path from the working directory where it's inside, else an absolute one."""
+    """Return a path relative to the working directory if it is inside, else an absolute one."""
     absolute = path.absolute()
     return str(absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute)

@@ -1,4 +1,4 @@
-"""The pytest plugin. Every session of its users imports it, so what flies is imported by the tests that fly alone."""
+"""The pytest plugin. All sessions of its users import it, so it imports what flies only in the fixture."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def formation(request: pytest.FixtureRequest, tmp_path: Path) -> Formation:
-    """Return what plans flights: `formation("scenario.yaml").with_link(vehicle=3, delay_ms=300).fly(until=60)`.
+    """Return the planner of flights: `formation("scenario.yaml").with_link(vehicle=3, delay_ms=300).fly(until=60)`.
 
-    A relative path is looked for beside the test's file, then from pytest's root directory. Flights are recorded in
+    A relative path is searched beside the test's file, then from pytest's root directory. Flights are recorded in
     the test's `tmp_path`.
     """
     from gcs_formation.testing.flight_plan import Formation  # noqa: PLC0415 - see the module's docstring

@@ -296,6 +296,8 @@ class Streams:
         """When each is due next, side by side: most cycles look at nothing else."""
         self.next_due = now
         """When the next message is due; `NEVER` when none is."""
+        self._place: i64 = 0
+        """Where to go on looking for those that are due in this cycle."""
         self._plan()
 
     def set_interval(self, message_id: int, interval_us: float, now: Instant) -> bool:
@@ -331,19 +333,29 @@ class Streams:
         self._due = vec[i64]([max(due, now) for due in self._due])
         self._plan()
 
-    def send_due(self, vehicle: Vehicle, now: Instant) -> None:
-        """Have their vehicle send the messages that are due, in order, and plan the next ones."""
+    def send_next(self, vehicle: Vehicle, now: Instant) -> bool:
+        """Have their vehicle send the next message that is due, in order; return whether there is another.
+
+        When there is none, the next ones are planned.
+        """
         at: i64 = now
-        next_due: i64 = NEVER
-        for place in range(len(self._due)):
-            next_time = self._due[place]
-            if next_time <= at:
-                stream = self._streams[place]
-                vehicle.link.broadcast(stream.build(vehicle), now)
-                next_time += stream.interval_ns
-                self._due[place] = next_time
-            next_due = min(next_due, next_time)
-        self.next_due = Instant(next_due)
+        place = self._due_from(self._place, at)
+        if place < len(self._due):
+            stream = self._streams[place]
+            vehicle.link.broadcast(stream.build(vehicle), now)
+            self._due[place] = self._due[place] + stream.interval_ns
+            self._place = self._due_from(place + 1, at)
+            if self._place < len(self._due):
+                return True
+        self._place = 0
+        self._plan()
+        return False
+
+    def _due_from(self, place: i64, at: i64) -> i64:
+        """Return the first message from a place on that is due at an instant; their number if there is none."""
+        while place < len(self._due) and self._due[place] > at:
+            place += 1
+        return place
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
         known, planned = message_id in self._known, list(zip(self._streams, self._due, strict=True))
@@ -356,7 +368,10 @@ class Streams:
         self._plan()
 
     def _plan(self) -> None:
-        self.next_due = Instant(min(self._due, default=NEVER))
+        next_due: i64 = NEVER
+        for due in self._due:
+            next_due = min(next_due, due)
+        self.next_due = Instant(next_due)
 
 
 def _number(planned: tuple[Stream, int]) -> int:

@@ -1,4 +1,4 @@
-"""What the engines of these tests have in common."""
+"""Common parts of the engines in these tests."""
 
 from airlink.clock import Instant
 from airlink.endpoint import parse_endpoint
@@ -6,7 +6,7 @@ from airlink.engine import Engine
 
 
 class PlainEngine(Engine):
-    """Has sockets, takes datagrams one by one, and gives away what it has put into its outbox."""
+    """Has sockets, receives datagrams one by one, and sends what is in its outbox."""
 
     def __init__(self, *endpoints):
         self.wanted = tuple(parse_endpoint(text) for text in endpoints)

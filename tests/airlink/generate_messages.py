@@ -23,15 +23,15 @@ WRITE = "python -m tests.airlink.generate_messages"
 
 @dataclass(frozen=True)
 class Declared:
-    """A message that we speak."""
+    """A message that we use."""
 
     name: str
     text: str
-    """What it says."""
+    """Its docstring."""
     last: str = ""
-    """The last of its fields that anything here needs; the others are sent as 0."""
+    """The last field that anything here needs; later ones are sent as 0."""
     optional: str = ""
-    """The first field that has a default; all after it have one too: 0, unless `defaults` gives another."""
+    """The first field with a default; all after it have one too: 0, unless `defaults` gives another."""
     defaults: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
@@ -216,9 +216,9 @@ SI = {
     "mV": ("_v", "MILLI"),
     "cA": ("_a", "CENTI"),
 }
-"""The dialect's unit: how our field's name ends, and what one unit is in SI."""
+"""For each unit of the dialect: the suffix of our field's name, and the size of a unit in SI."""
 WHOLE_UNITS = {"ns": "_ns"}
-"""Of integers that stay in their unit."""
+"""For integers that keep their unit."""
 BITS = {
     "int8_t": "i8",
     "uint8_t": "u8",
@@ -232,7 +232,7 @@ BITS = {
     "float": "f32",
 }
 SCALED = ("i8", "i16", "u16", "i32", "u32")
-"""Whole numbers that fields with a unit are packed as."""
+"""Integer packings of fields with a unit."""
 ARRAYS = {"u8": "octets", "f32": "f32s", "u16": "knowns"}
 
 
@@ -242,32 +242,32 @@ class Field:
 
     wire_name: str
     bits: str
-    """How it is packed: `i16`, `f32`, …, or `text`."""
+    """Packing: `i16`, `f32`, …, or `text`."""
     unit: str
     count: int
-    """Of its elements; 0: it is none of an array."""
+    """Length of the array; 0 if it isn't one."""
     at: int
-    """Where it begins in the payload."""
+    """Offset in the payload."""
 
     @property
     def size(self) -> int:
-        """Bytes of the payload."""
+        """Size in the payload, in bytes."""
         return max(self.count, 1) * (1 if self.bits == "text" else int(self.bits[1:]) // 8)
 
     @property
     def si(self) -> str:
-        """The name of what one unit is in SI, empty if that is 1 or there is no unit."""
+        """Name of the unit's size in SI; empty if that is 1 or there is no unit."""
         return SI.get(self.unit, ("", ""))[1]
 
     @property
     def name(self) -> str:
-        """Our name."""
+        """Our name of the field."""
         ending = WHOLE_UNITS.get(self.unit) or SI.get(self.unit, ("", ""))[0]
         return self.wire_name.removesuffix("_ms" if self.unit == "ms" else "") + ending
 
     @property
     def of_type(self) -> str:
-        """Its type in Python."""
+        """Python type."""
         if self.bits == "text":
             return "str"
         one = "float" if self.bits == "f32" or self.unit in SI else "int"
@@ -275,13 +275,13 @@ class Field:
 
     @property
     def empty(self) -> str:
-        """A value of its type."""
+        """Default value of its type."""
         if self.count:
             return '""' if self.bits == "text" else "()"
         return "0" if self.of_type == "int" else "0.0"
 
     def read(self) -> str:
-        """Return the expression that reads it."""
+        """Return the expression that reads the field."""
         place = f"frame, begin + {self.at}, end" if self.at else "frame, begin, end"
         if self.bits == "text":
             return f"get_text({place}, {self.count})"
@@ -295,7 +295,7 @@ class Field:
         return f"{number} * {self.si or '1.0'}"
 
     def write(self) -> str:
-        """Return the statement that writes it."""
+        """Return the statement that writes the field."""
         value = f"self.{self.name}"
         if self.bits == "text":
             return f"put_text(payload, {value}, {self.count})"
@@ -323,7 +323,7 @@ def _packing(source: Layout, place: int) -> tuple[str]:
 
 
 def _places(source: Layout) -> list[int]:
-    """Return the fields' numbers in the order in which they are packed."""
+    """Return the fields' indices in the order in which they are packed."""
     return sorted(range(len(source.fields)), key=source.wire_order.__getitem__)
 
 
@@ -370,7 +370,7 @@ def rendered(said: Declared) -> Iterator[str]:
 
 
 def _written(everything: list[Field], used: list[Field]) -> Iterator[str]:
-    """Yield the statements that write a payload: fields as they are packed, zeros for those that are left out."""
+    """Yield the statements that write a payload: fields in the order of packing, zeros for fields left out."""
     zeros = 0
     for each in sorted(everything, key=lambda each: each.at):
         if each not in used:
@@ -406,7 +406,7 @@ def _helpers() -> Iterator[str]:
 
 
 def formatted(source: str) -> str:
-    """Return a source as the project's other files are formatted."""
+    """Return source text formatted like the project's other files."""
     for how in (["check", "--select=I", "--fix-only", "--quiet"], ["format", "--quiet"]):
         command = [sys.executable, "-m", "ruff", *how, "--stdin-filename", str(HERE / "x.py"), "-"]
         source = subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout

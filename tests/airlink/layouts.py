@@ -1,4 +1,4 @@
-"""How messages are laid out in their payloads: what classes are written from, and payloads of any bytes are made with.
+"""Layouts of messages' payloads, from which classes are generated and payloads of any bytes are made.
 
 They are read from a table which `tests/airlink/test_mavlink.py` writes from pymavlink's generated module.
 """

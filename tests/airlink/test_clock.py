@@ -34,7 +34,7 @@ def test_a_virtual_clock_never_goes_back():
 
 @pytest.fixture
 def monotonic(monkeypatch):
-    """Return the list whose only element is what the machine's clock shows."""
+    """Return a list whose only element is the time of the machine's clock."""
     shown = [1_000_000_000]
     monkeypatch.setattr(time, "monotonic_ns", lambda: shown[0])
     return shown

@@ -50,7 +50,7 @@ def test_a_directory_whose_name_cant_be_written_is_refused_in_words(monkeypatch)
 
 
 def test_a_name_of_letters_that_the_locale_lacks_is_refused_for_that_and_not_for_its_bytes(monkeypatch) -> None:
-    """Its bytes are UTF-8, and Python reads them as stand-ins."""
+    """Its bytes are UTF-8, which Python decodes to surrogate escapes in that locale."""
     monkeypatch.setattr(sys, "getfilesystemencoding", lambda: "ascii")
     assert refusal(Path("r\udcc3\udcbcn"), overwrite=True) == (
         "found 'r\\udcc3\\udcbcn'; allowed: a name in ascii, in which file names are written here"

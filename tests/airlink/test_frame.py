@@ -1,4 +1,4 @@
-"""The stream parser: whatever comes, it doesn't raise, keeps little, and misses no sound frame."""
+"""The stream parser: it never raises, buffers little, and finds every valid frame."""
 
 import hashlib
 import importlib
@@ -94,11 +94,11 @@ def test_every_sound_frame_is_found_whatever_stands_between(parts, places):
 
 
 BEGINNINGS = [b"\xfe", b"\xfe\xff\x00\x01\x01\x1e", b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00"]
-"""Of the longest frames of known messages, one after the other."""
+"""The longest frames of known messages, one after the other."""
 
 
 @pytest.mark.parametrize("beginning", BEGINNINGS)
-def test_what_looks_like_frames_within_frames_is_not_gone_over_each_time(beginning, monkeypatch):
+def test_nested_frame_starts_are_checked_once(beginning, monkeypatch):
     gone_over = []
 
     def counting(data, end, extra):
@@ -112,7 +112,7 @@ def test_what_looks_like_frames_within_frames_is_not_gone_over_each_time(beginni
 
 
 def one_by_one(stream):
-    """Return what each place would give by itself, from the first on."""
+    """Return what the parser finds from each position on."""
     found, place = [], 0
     while place < len(stream):
         raw = stream[place : place + frame_length(stream, place)]
@@ -127,7 +127,7 @@ def one_by_one(stream):
     st.lists(st.tuples(st.sampled_from(BEGINNINGS), st.integers(0, 99), messages), min_size=1, max_size=3),
     st.lists(st.integers(0, 10_000), max_size=8),
 )
-def test_sound_frames_are_found_among_those_too_and_every_byte_is_counted(parts, places):
+def test_sound_frames_among_nested_starts_are_found_and_every_byte_is_counted(parts, places):
     writer = FrameWriter(1, 1)
     stream = b"".join(beginning * times + writer.encode(message) for beginning, times, message in parts)
     whole, in_pieces = StreamParser(), StreamParser()

@@ -17,7 +17,7 @@ PERIOD_S = 0.05
 
 
 class Vehicle(PlainEngine):
-    """Sends its time every period; keeps what it hears."""
+    """Sends its time every period; records what it hears."""
 
     def __init__(self, system, port=14550):
         super().__init__(f"udpout:127.0.0.1:{port}")
@@ -35,7 +35,7 @@ class Vehicle(PlainEngine):
 
 
 class Ground(PlainEngine):
-    """Answers each datagram with its own time and keeps when it came, from whom, and how old it was."""
+    """Answers each datagram with its own time; records when it came, from whom, and how old it was."""
 
     def __init__(self, *ports):
         super().__init__(*(f"udpin:127.0.0.1:{port}" for port in ports or (14550,)))
@@ -121,7 +121,7 @@ def test_changing_one_link_leaves_the_others_alone():
     assert a.ages(2) != b.ages(2)
 
 
-def test_what_is_sent_once_and_arrives_twice_finds_its_receiver_both_times():
+def test_both_copies_of_a_duplicate_reach_their_receiver():
     _, vehicles, _ = fly(only_for(1, Impairment(duplicate=1.0), UNIMPAIRED), 2.0)
     once, twice = ([sent_s for _, sent_s in vehicles[system].heard] for system in (2, 1))
     assert twice == [sent_s for sent_s in once for _ in range(2)]
@@ -189,7 +189,7 @@ def test_a_cut_frame_is_its_senders_too():
 
 
 def test_a_header_alone_makes_no_sender():
-    """What isn't sound neither takes a vehicle's address over nor is kept."""
+    """An invalid frame neither changes a vehicle's address nor is kept."""
     ground = Ground()
     engine = ImpairedEngine(ground, [1], lambda vehicle, now: (UNIMPAIRED, Impairment(delay_s=0.5)), 1)
     for system in (1, 2):

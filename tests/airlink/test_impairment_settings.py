@@ -23,7 +23,7 @@ def channel(seed=1, vehicle=VEHICLE, direction=Direction.DOWNLINK):
 
 
 def passed(impairment, count, period_s=1.0, size_bytes=50, through=None):
-    """Return for each datagram when it was sent and when its copies came out."""
+    """Return, for each datagram, when it was sent and when its copies arrived."""
     through = through or channel()
     sent = [after(Instant(0), number * period_s) for number in range(count)]
     return [(now, through.pass_on(size_bytes, now, impairment)) for now in sent]
@@ -67,7 +67,7 @@ def test_delays_scatter_about_their_mean_by_the_jitter(name):
     sample = delays(Impairment(delay_s=0.2, jitter_s=0.02, distribution=name))
     assert sample.mean() == pytest.approx(0.2, abs=4 * 0.02 / math.sqrt(MANY))
     assert kstest((sample - 0.2) / 0.02, np.vectorize(CDF[name])).pvalue > 0.01
-    if name != "pareto":  # whose fourth moment is infinite: the standard deviation of a sample hardly settles
+    if name != "pareto":  # pareto has an infinite fourth moment: its sample standard deviation hardly converges
         assert sample.std() == pytest.approx(0.02, abs=4 * 0.02 / math.sqrt(2 * MANY))
 
 
@@ -160,7 +160,7 @@ def test_a_limited_rate_spaces_datagrams_by_their_length():
 
 
 def test_a_full_queue_drops_and_the_rate_is_used_up():
-    """20 datagrams of 50 bytes a second into 4000 bit/s, which is 10 a second."""
+    """20 datagrams of 50 bytes per second over 4000 bit/s, which carry 10 per second."""
     through = channel()
     out = passed(Impairment(delay_s=0.3, rate_bps=4000.0, queue_s=0.5), 1000, 0.05, 50, through)
     assert through.statistics.loss == pytest.approx(0.5, abs=0.01)
@@ -218,7 +218,7 @@ def test_every_link_and_direction_and_seed_has_numbers_of_its_own():
         max_size=600,
     )
 )
-def test_a_datagrams_luck_does_not_depend_on_what_the_link_was_like_before(history):
+def test_a_datagrams_random_numbers_do_not_depend_on_earlier_impairments(history):
     through, undisturbed = channel(), channel()
     for number, impairment in enumerate(history):
         through.pass_on(50, Instant(number), impairment)

@@ -1,4 +1,4 @@
-"""The dialect's table beside pymavlink's generated module, which it is written from."""
+"""The dialect's table against pymavlink's generated module, from which it was written."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAST = "ENUM_END"
 
 
 def test_what_the_table_says_the_dialect_says_too() -> None:
-    """A newer pymavlink may know more: other names, other messages, further extension fields at a message's end."""
+    """A newer pymavlink may have more: names, messages, and extension fields at a message's end."""
     ours, theirs = json.loads(TABLE.read_bytes()), json.loads(table())
     for enum, values in ours["enums"].items():
         assert values.items() <= theirs["enums"][enum].items(), f"{enum} is stale; write the table again by: {WRITE}"

@@ -9,7 +9,7 @@ GROUND = Address("127.0.0.1", 14550)
 
 
 class Beacon(PlainEngine):
-    """Sends its name and a number every period, and answers whatever it hears with it."""
+    """Sends its name and a number every period, and answers each datagram with it."""
 
     def __init__(self, name, endpoint, period_s=0.0, answers=False):
         super().__init__(endpoint)
@@ -91,7 +91,7 @@ def test_a_port_of_the_networks_choice_is_a_free_one():
     network.attach(Beacon("b", "udpout:127.0.0.1:49152"))
 
 
-def test_who_listens_later_at_an_address_that_was_sent_to_in_vain_is_found():
+def test_an_engine_attached_late_receives_what_is_sent_to_its_address():
     sender = Beacon("a", "udpout:127.0.0.1:14550", 0.5)
     network = network_of(sender)
     run_until(network, 1.0)

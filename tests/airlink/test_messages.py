@@ -1,4 +1,4 @@
-"""pymavlink is the peer: it must read what we write, write the same bytes, and be read by us."""
+"""Messages against pymavlink as a peer: it reads what we write, writes the same bytes, and we read what it writes."""
 
 import importlib
 import math
@@ -120,9 +120,9 @@ def test_frames_are_pymavlinks_to_the_byte_and_each_side_reads_the_others(kind, 
     we_read(source(kind)(**wire).pack(peer(sequence=200)), message)
 
     of_version_1 = dialect_v1.mavlink_map.get(KIND[kind].message_id)
-    if of_version_1 is None:  # it came with version 2
+    if of_version_1 is None:  # the message is new in version 2
         return
-    base = {name: wire[name] for name in of_version_1.fieldnames}  # it has no extension fields
+    base = {name: wire[name] for name in of_version_1.fieldnames}  # version 1 has no extension fields
     older = FrameWriter(7, 9).encode(message, version=1)
     assert older == of_version_1(**base).pack(peer(dialect_v1))
     pymavlink_reads(older, kind, wire, [name for name in base if name in tuple(wire)[: len(KIND[kind].fields)]])
@@ -163,7 +163,7 @@ def test_a_message_that_the_dialect_lacks_is_as_in_the_one_that_has_it():
 
 
 def test_what_a_command_leaves_open_is_0():
-    """Confirmation, parameters, place."""
+    """These are confirmation, parameters and position."""
     long = dialect.MAVLink_command_long_message(1, 2, 400, 0, *(7 * [0])).pack(peer(dialect))
     assert FrameWriter(7, 9).encode(CommandLong(1, 2, 400)) == long
     scaled = dialect.MAVLink_command_int_message(1, 2, 6, 400, *(9 * [0])).pack(peer(dialect))

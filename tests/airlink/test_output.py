@@ -1,4 +1,4 @@
-"""Commands whose words nobody takes, and names that no file format holds."""
+"""Commands whose output can't be written, and names that can't be encoded."""
 
 import os
 import subprocess
@@ -35,7 +35,7 @@ def test_a_full_disk_under_the_output_is_no_broken_expectation_and_no_traceback(
     assert "Traceback" not in done.stderr
 
 
-def test_a_reader_that_has_gone_is_none_either() -> None:
+def test_a_closed_pipe_is_no_broken_expectation_and_no_traceback() -> None:
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as pipe:
@@ -56,7 +56,7 @@ def test_bad_usage_is_bad_usage_where_nobody_can_be_told(words) -> None:
 
 
 def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_path) -> None:
-    """A table's dash isn't in Latin-1."""
+    """The dash in a table isn't in Latin-1."""
     path = tmp_path / "short.yaml"
     path.write_text("{name: dash –, vehicles: {count: 2}, path: {waypoints_m: [[0, 0, 100], [500, 0, 100]]}}", "utf-8")
     latin = os.environ | {"PYTHONIOENCODING": "latin-1"}

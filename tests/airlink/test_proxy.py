@@ -28,7 +28,7 @@ def udp_socket():
 
 @pytest.fixture
 def listen():
-    """Return an endpoint whose port was free a moment ago."""
+    """Return an endpoint with a free port."""
     with udp_socket() as probe:
         return Endpoint("udpin", Address(*probe.getsockname()))
 
@@ -71,7 +71,7 @@ def test_every_remote_has_its_own_way_there_and_back(listen):
 
 
 def test_of_too_many_remotes_the_one_silent_longest_is_forgotten(listen, monkeypatch):
-    """What is under way to it is lost, what was counted isn't, and it may come back."""
+    """Its datagrams in transit are lost, its counts stay, and it may come back."""
     monkeypatch.setattr(airlink.proxy, "MAX_REMOTES", 2)
     relay = Relay(1)
     with udp_socket() as ground, udp_socket() as talking, udp_socket() as silent, udp_socket() as new:

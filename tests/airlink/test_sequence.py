@@ -33,7 +33,7 @@ def test_loss_between_the_first_and_the_last_frame_is_exact(start, arrived):
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 40)), min_size=1, max_size=600))
 def test_late_frames_take_back_the_loss_of_their_gap(fates):
-    """Each frame that isn't lost comes up to 40 frames late."""
+    """Each frame that isn't lost arrives up to 40 frames late."""
     order = sorted((number + 1 + late, number + 1) for number, (came, late) in enumerate(fates) if came)
     tracker = tracked([0, *[number for _, number in order]])
     newest = max([0, *[number for _, number in order]])
@@ -69,7 +69,7 @@ def test_nothing_heard_is_no_loss():
 
 @given(st.floats(1.6, 60.0), st.sampled_from([0.0, 0.1]), st.floats(20.0, 120.0))
 def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_s, loss, rate_hz):
-    """20 s of frames, a silence, 20 s more; of what passes a tenth is lost, regularly."""
+    """20 s of frames, a silence, 20 s more; every tenth frame is lost."""
     tracker, heard, came, sent = SequenceTracker(), Instant(0), 0, round((40.0 + silent_s) * rate_hz)
     newest = -1
     for number in range(sent):
@@ -77,7 +77,7 @@ def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_
         if 20.0 <= at_s < 20.0 + silent_s or (loss and number % 10 == 5):
             continue
         now = after(Instant(1), at_s)
-        assume((number - newest) % MODULUS != 1 or number == newest + 1)  # as if it had hung: nobody could tell
+        assume((number - newest) % MODULUS != 1 or number == newest + 1)  # else it may have hung
         tracker.observe(number % MODULUS, now, heard)
         heard, came, newest = now, came + 1, number
     last = sent - 1 if not loss or (sent - 1) % 10 != 5 else sent - 2
@@ -90,7 +90,7 @@ def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_
 @pytest.mark.parametrize("silent_s", [1.6, 2.0, 4.0, 7.0])
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
 def test_a_vehicle_that_hangs_loses_nothing_by_that(silent_s, loss):
-    """It sends nothing meanwhile, and its numbers go on where they stopped."""
+    """It sends nothing meanwhile, and its sequence numbers continue where they stopped."""
     tracker, drops, heard, came, last = SequenceTracker(), random.Random(1), Instant(0), 0, 0
     for number in range(4000):
         now = after(Instant(1), 0.01 * number + (silent_s if number >= 3000 else 0.0))
@@ -101,7 +101,7 @@ def test_a_vehicle_that_hangs_loses_nothing_by_that(silent_s, loss):
 
 
 def heard_for(tracker, seconds):
-    """Give frames from instant 1 on, 64 a second of which every third is an answer; return when the last came."""
+    """Feed frames from instant 1 on, 64 per second, every third an answer; return when the last one came."""
     heard = Instant(1)
     for number in range(seconds * 64):
         now = after(Instant(1), number / 64)
@@ -114,7 +114,7 @@ def heard_for(tracker, seconds):
 
 
 def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
-    """At a count of 256 k each of them would begin it anew: of 640 frames in 15 s, 512 less were seen as lost."""
+    """After a multiple of 256 frames each repeat restarted the count: of 640 lost in 15 s, 512 fewer were seen."""
     tracker = SequenceTracker()
     heard = heard_for(tracker, 20)
     for _ in range(3):
@@ -125,7 +125,7 @@ def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
 
 @pytest.mark.parametrize("answers", [0, 320])
 def test_a_silence_has_lost_what_is_sent_unasked_and_answers_or_none(answers):
-    """15 s: 640 by itself and 320 answers; numbers alone can't tell 640 from 896."""
+    """In 15 s: 640 unasked frames and 320 answers; sequence numbers alone can't tell 640 from 896."""
     tracker = SequenceTracker()
     heard = heard_for(tracker, 20)
     tracker.asked += 320
@@ -137,9 +137,9 @@ def test_a_silence_has_lost_what_is_sent_unasked_and_answers_or_none(answers):
     ("gap", "sent_s", "missed"), [(3, 0.1, 3), (3, 8.0, 515), (3, 9.0, 515), (3, -30.0, 0), (0, 8.0, 0)]
 )
 def test_a_vehicle_s_clock_tells_whether_it_sent_in_a_silence(gap, sent_s, missed):
-    """Nearly all frames came later, or two rounds of them were lost; or it has restarted.
+    """Either nearly all frames came later, or two rounds of numbers were lost, or it restarted.
 
-    Where none is missing it hung; by chance one in 256 silences of a link ends so, too.
+    If no number is missing it hung; by chance one in 256 silences of a link ends like that, too.
     """
     tracker = SequenceTracker()
     heard = heard_for(tracker, 20)

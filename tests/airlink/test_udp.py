@@ -13,7 +13,7 @@ from tests.airlink.engines import PlainEngine
 
 
 class Echo(PlainEngine):
-    """Answers datagrams and has a timer now and then."""
+    """Answers datagrams and has a timer at intervals."""
 
     def __init__(self, *endpoints):
         super().__init__(*endpoints)
@@ -30,7 +30,7 @@ class Echo(PlainEngine):
 
 @pytest.fixture
 def port():
-    """Return a port that was free a moment ago."""
+    """Return a free port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
@@ -49,7 +49,7 @@ def test_datagrams_come_in_and_answers_go_back(port):
 
 
 def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too(port):
-    """300 datagrams, each an answer to the one before, wake it 300 times: looking costs more than most of them."""
+    """300 datagrams, each the answer to the one before, wake the driver 300 times; checking costs more than most do."""
     engine, looks = Echo(f"udpin:127.0.0.1:{port}"), []
     engine.timer = None
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"on and on"))
@@ -69,7 +69,7 @@ def test_an_address_of_another_machine_cannot_be_listened_at(port):
         open_socket(parse_endpoint(f"udpin:192.0.2.1:{port}"))
 
 
-def test_who_is_sent_to_hears_the_port_of_before_unless_somebody_has_it(port):
+def test_the_previous_source_port_is_used_again_unless_it_is_taken(port):
     to = "udpout:127.0.0.1:9"
     with UdpDriver(Echo(to, f"udpin:127.0.0.1:{port}"), RealClock()) as first:
         before = first.from_ports
@@ -107,7 +107,7 @@ def test_all_that_waits_is_taken_in_its_order_whoever_sent_it(port, platform, mo
 
 
 class ManualClock(RealClock):
-    """Goes on by what an engine does, and by a millisecond where there is a wait."""
+    """Advances by the time an engine takes, and by a millisecond where the driver waits."""
 
     ns = 0
 
@@ -120,7 +120,7 @@ class ManualClock(RealClock):
 
 
 class Busy(Echo):
-    """Takes its time to read; its timer is due ten times a second."""
+    """Takes time to read datagrams; its timer is due ten times a second."""
 
     def __init__(self, clock, ns_per_byte, *endpoints):
         super().__init__(*endpoints)
@@ -139,7 +139,7 @@ class Busy(Echo):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Return a clock by which the machine's own goes too."""
+    """Return a clock that replaces the machine's clock too."""
     manual = ManualClock()
     monkeypatch.setattr(time, "monotonic_ns", lambda: manual.ns)
     return manual
@@ -154,7 +154,7 @@ def two_ports(port):
 
 
 def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, clock):
-    """10 us a byte, as slow as junk was once read: a datagram of 60,000 bytes takes six ticks."""
+    """At 10 us a byte, the former speed for junk, a datagram of 60,000 bytes takes six ticks."""
     (flooded, other), endpoints = two_ports
     engine = Busy(clock, 10_000, *endpoints)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
@@ -168,7 +168,7 @@ def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, c
 
 
 def test_no_timer_is_handled_before_what_arrived_during_a_long_receive(two_ports, clock):
-    """Silence is judged at timers: whoever sent while another's bytes were read has been heard by then."""
+    """Silence is judged at timers: a vehicle that sent during another's long receive must have been heard by then."""
     (slow, other), endpoints = two_ports
 
     class HeldUp(Busy):
@@ -196,7 +196,7 @@ def test_after_a_stop_all_that_came_meanwhile_is_read_first_however_much_that_is
 
 
 class Stopped(selectors.SelectSelector):
-    """Its process was stopped for longer than it was to wait; what came meanwhile it hasn't looked for."""
+    """A process that was stopped for longer than it wanted to wait, and hasn't polled what arrived meanwhile."""
 
     def select(self, timeout=None):
         return [] if timeout else super().select(timeout)

@@ -1,4 +1,4 @@
-"""Rows turned into columns, the same numbers wherever a block of rows ends; places beside others."""
+"""Columns from rows, independent of how rows are split into blocks; and places beside others."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ def test_no_limit_is_ever_passed(speed, heading, height):
 
 
 def test_a_climb_beyond_its_limit_comes_down_to_it_by_the_faster_lag():
-    """9 m/s at first where 3 are allowed: 3 + 6 / e after the faster lag, and 3 + 6 (1 - 1 / e) m higher."""
+    """9 m/s at first, 3 are allowed: 3 + 6 / e after the faster lag, and 3 + 6 (1 - 1 / e) m higher."""
     end = fly(state(climb_mps=9.0), command(height=200.0), 1.0)
     assert end.climb_mps == pytest.approx(3.0 + 6.0 / math.e)
     assert end.height_m == pytest.approx(100.0 + 3.0 + 6.0 * (1.0 - 1.0 / math.e))
@@ -215,7 +215,7 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(16, 28), st.floats(-3, 3), st.floats(-3, 3), st.floats(16, 28), st.floats(-9, 9), st.floats(0.01, 5))
-def test_what_responds_is_where_it_would_be_but_for_its_place(
+def test_a_response_is_the_flight_without_its_change_of_position(
     airspeed: float, climb: float, heading: float, speed: float, told_rad: float, seconds: float
 ) -> None:
     begin = state(airspeed_mps=airspeed, climb_mps=climb, heading_rad=heading)
@@ -227,7 +227,7 @@ def test_what_responds_is_where_it_would_be_but_for_its_place(
 
 @given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
 def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s, aside, faster):
-    """Of the error as it begins; of that as it ends, by lags that are shorter by the time."""
+    """Of the error at the beginning, and of the error at the end with lags that are shorter by the elapsed time."""
     begin, held = state(heading_rad=1.0), model().held(held_s)
     end = fly(begin, command(speed=22.0 + faster, heading=1.0 + aside), held_s)
     for value, less_s in ((begin, 0.0), (end, held_s)):

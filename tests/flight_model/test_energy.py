@@ -1,4 +1,4 @@
-"""An aircraft under total-energy control against mechanics, and against steps that a simulated ArduPlane flew."""
+"""An aircraft under total-energy control against mechanics, and against steps flown by a simulated ArduPlane."""
 
 import math
 from pathlib import Path
@@ -24,7 +24,7 @@ def aircraft(speed_mps=22.0):
 
 
 def fly(speed_mps, seconds, speed=None, heading=0.0, height=100.0):
-    """Heights, airspeeds and headings (3, K) every 0.02 s of an aircraft that is told new setpoints at 0."""
+    """Heights, airspeeds and headings (3, K) every 0.02 s of an aircraft that gets new setpoints at time 0."""
     one, parameters = aircraft(speed_mps)
     commanded = energy.Commanded(speed_mps if speed is None else speed, math.inf, heading, BANK_RAD, height)
     flown = [(one.height_m, one.speed_mps, one.heading_rad)]
@@ -69,7 +69,7 @@ def reached_s(values, begin, end, share):
     return float(np.argmax((values - begin) / (end - begin) >= share)) * energy.CYCLE_S + KEYS.dead_time_s
 
 
-# Seconds to 63 and 90 % of steps that ArduPlane flew in its simulator, at 22 m/s unless named.
+# Times to 63 and 90 % of steps that ArduPlane flew in its simulator, at 22 m/s unless named.
 @pytest.mark.parametrize(
     ("begin", "end", "t63_s", "t90_s"), [(22, 26, 4.2, 7.4), (26, 22, 4.5, 8.5), (18, 26, 6.3, 9.8)]
 )
@@ -99,7 +99,7 @@ def test_a_large_gain_of_speed_is_paid_in_height_as_arduplane_does():
 
 
 def test_a_demand_that_is_swung_quickly_comes_back_larger():
-    """Demands' rates are passed on: at 0.8 rad/s airspeed swings by more than a lag of 4 s would let it (0.3)."""
+    """The demand's rate is fed forward: at 0.8 rad/s airspeed swings by more than the 0.3 of a lag of 4 s."""
     one, parameters = aircraft()
     swung = []
     for cycle in range(3000):

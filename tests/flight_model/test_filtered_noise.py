@@ -1,4 +1,4 @@
-"""What a filter leaves of noise, against a filter that is run on noise."""
+"""Noise left by a filter, against a filter that is run on noise."""
 
 import math
 
@@ -11,7 +11,7 @@ SAMPLE, WALK_MPS, LAG_S, PERIOD_S = (0.3, 0.1, 0.2), 0.05, 4.0, 0.1
 
 
 def filtered_noise(samples):
-    """Return position and airspeed as filtered of a vehicle that stands still at the model's values, (K, 2)."""
+    """Return filtered position and airspeed of a vehicle that is in the model's equilibrium, (K, 2)."""
     kept, noise = math.exp(-PERIOD_S / LAG_S), np.array(SAMPLE)
     carry = np.array([[1, LAG_S * (1 - kept), PERIOD_S], [0, kept, 0], [0, 0, 1]])
     seen, walk = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 0]]), np.diag([0, WALK_MPS**2, WIND_WALK**2]) * PERIOD_S
@@ -33,5 +33,5 @@ def test_what_is_left_moves_the_states_as_much_as_a_filter_of_noise_does():
 
 
 def test_of_positions_that_velocities_smooth_a_small_part_is_left():
-    """0.3 m of a GNSS receiver move a filtered position by a centimetre from sample to sample."""
+    """Noise of 0.3 m moves a filtered position by a centimetre from sample to sample."""
     assert left_by_filter(SAMPLE, WALK_MPS, LAG_S, PERIOD_S)[0] < 0.3 / 20

@@ -1,4 +1,4 @@
-"""Gains by design, of the formation law and of the consensus protocol, against the closed loops that they make."""
+"""Gains by design, of the formation law and of the consensus protocol, against their closed loops."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
 
 
 def answer_to_a_sine(radps, amplitude_mps=0.02):
-    """The airspeed's complex amplitude for one of the setpoint, from a flight."""
+    """Return the complex amplitude of the airspeed for a unit sine of the setpoint, from a flight."""
     aircraft, flown = energy.Aircraft(100.0, 0.0, 22.0, 0.0), []
     energy.trim(aircraft, AIRCRAFT)
     cycles = round(round(90.0 * radps / (2 * math.pi)) * 2 * math.pi / radps / energy.ENERGY_S) * energy.CYCLES
@@ -80,7 +80,7 @@ def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
 
 
 def test_figures_of_a_first_order_loop_are_the_closed_forms():
-    """kp/s has its crossover at kp, a phase margin of 90 degrees less the delay's."""
+    """kp/s has its crossover at kp, and a phase margin of 90 degrees minus the delay's."""
     plants = [lag_responses(1e-4, 1e-4, (1e-4, 1e-4))]
     gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
     found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, NOISY)
@@ -91,7 +91,7 @@ def test_figures_of_a_first_order_loop_are_the_closed_forms():
 
 
 def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
-    """White noise of a position of 0.02 m and a velocity of 0.03 m/s, each of the difference of two vehicles."""
+    """White noise of 0.02 m in position and 0.03 m/s in velocity, each of the difference of two vehicles."""
     plants, weights, gains = (
         [lag_responses(4.0, 1.5, (1.0, 3.0))],
         {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0},
@@ -133,15 +133,15 @@ def test_a_design_holds_its_bounds(response, delay_s):
 
 @pytest.mark.parametrize("delay_s", [0.1, 0.7])
 def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(delay_s):
-    """An aircraft that does 4 times what it is told at 2 rad/s seems to be in wind, and is told to make up for it."""
+    """An aircraft whose gain is 4 at 2 rad/s seems to fly in wind, and is commanded to compensate for it."""
     response = airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)
     channels, (_, observer_radps, _) = design([response], 22.0, WEIGHTS, NOISY._replace(delay_s=delay_s))
     channel, s = channels["speed"], 1j * FREQUENCIES
-    plant = response.speed * np.exp(-s * (delay_s + 0.6))  # over 300 ms each way that nobody has told the design of
+    plant = response.speed * np.exp(-s * (delay_s + 0.6))  # over 300 ms each way, which the design doesn't know
     alone = (channel.kp + channel.ki / s + channel.kd * s / (0.3 * s + 1)) / s * plant
 
     def margin_s(radps):
-        """The least further delay at which the loop comes to -1."""
+        """Return the least further delay at which the loop comes to -1."""
         loop = alone + radps / (s + radps) * plant
         (at,) = np.nonzero((np.abs(loop[:-1]) >= 1) != (np.abs(loop[1:]) >= 1))
         return np.min(np.mod(np.angle(-loop[at]), 2 * np.pi) / FREQUENCIES[at])

@@ -1,4 +1,4 @@
-"""The axis of slots behind a multirotor: its course where it flies, and not where a gust pushes it while it stands."""
+"""The axis of slots behind a multirotor: its course in flight, but not where a gust pushes it while it hovers."""
 
 import math
 
@@ -12,20 +12,20 @@ angles = st.floats(-3.1, 3.1)
 
 
 @given(angles, angles)
-def test_who_flies_has_its_course_for_an_axis(nose_rad, course_rad):
+def test_in_flight_the_axis_is_the_course(nose_rad, course_rad):
     velocity_mps = 5.0 * math.cos(course_rad), 5.0 * math.sin(course_rad)
     assert slot_axis(nose_rad, *velocity_mps) == hovering_course(nose_rad, *velocity_mps)
     assert abs(math.remainder(slot_axis(course_rad, *velocity_mps) - course_rad, math.tau)) < 1e-9
 
 
 @given(angles, angles, st.floats(0.0, 1.5))
-def test_nothing_slower_than_a_walk_turns_it_far_from_the_nose(nose_rad, course_rad, speed_mps):
+def test_below_walking_speed_the_axis_stays_near_the_nose(nose_rad, course_rad, speed_mps):
     turned_rad = slot_axis(nose_rad, speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)) - nose_rad
     assert abs(math.remainder(turned_rad, math.tau)) < math.asin(1.5 / 5.0)
 
 
 @given(angles, st.floats(0.5, 4.0))
-def test_it_doesnt_jump_as_it_gets_faster(nose_rad, speed_mps):
+def test_the_axis_is_continuous_in_speed(nose_rad, speed_mps):
     aside = nose_rad + math.pi / 3
     one, other = (
         slot_axis(nose_rad, each * math.cos(aside), each * math.sin(aside)) for each in (speed_mps, speed_mps + 1e-6)

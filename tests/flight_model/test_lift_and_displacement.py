@@ -18,7 +18,7 @@ def test_no_need_no_lift():
 
 
 def test_a_spike_is_cleared_by_the_steepest_slopes_and_the_sharpest_bends():
-    """By hand: height H takes H/m + m/k on either side, point-symmetric about half of it: the area is H times that."""
+    """By hand: height H takes H/m + m/k on either side, point-symmetric about its half: the area is H times that."""
     places = sample_places(0.0, 200)
     lift = least_lift(0.0, np.where(places == 2000.0, 60.0, 0.0), 0 * places, BOUNDS, NOTHING)
     half_m = 60.0 / BOUNDS.slope + BOUNDS.slope / BOUNDS.curvature_1pm

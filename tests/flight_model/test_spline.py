@@ -1,4 +1,4 @@
-"""The natural cubic spline is scipy's."""
+"""The natural cubic spline against scipy's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A multirotor's velocity over ground: straight from one to another, against small steps of its equation."""
+"""A multirotor's velocity over ground: straight from one value to another, against small steps of its equation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ speeds, courses = st.floats(0.0, 9.0), st.floats(-3.1, 3.1)
 
 
 def integrated(state: FlightState, speed_mps: float, course_rad: float, over_s: float) -> np.ndarray:
-    """Return north, east and the velocity after v' = (v_told - v) / tau, no faster than the limit, by small steps."""
+    """Return north, east and the velocity after v' = (v_set - v) / tau, limited in acceleration, by small steps."""
     v, place = np.array(state.ground_mps()), np.array((state.north_m, state.east_m))
     told = speed_mps * np.array((np.cos(course_rad), np.sin(course_rad)))
     for _ in range(round(over_s / STEP_S)):

@@ -16,7 +16,7 @@ STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000,
 
 
 def scenario(**keys: Any) -> dict[str, Any]:
-    """Return a leader and two followers in the air on a straight path, with the given keys put in."""
+    """Return a leader and two followers in the air on a straight path, with the given keys changed."""
     plain: dict[str, Any] = {
         "schema": 1,
         "name": "short",
@@ -32,7 +32,7 @@ def scenario(**keys: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def fly(tmp_path: Path) -> Fly:
-    """Fly a scenario of the given keys; the record is in `tmp_path / "run"`."""
+    """Fly a scenario with the given keys; the record is in `tmp_path / "run"`."""
 
     def run(**keys: Any) -> Summary:
         return gcs_formation.run(scenario(**keys), clock="virtual", out=tmp_path / "run", overwrite=True)

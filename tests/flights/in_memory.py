@@ -1,4 +1,4 @@
-"""A station and emulated vehicles on a network in memory, and what is put between them."""
+"""A station and emulated vehicles on an in-memory network, and engines that go between them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.flights.conftest import scenario
 
 
 class Notes:
-    """A recorder in memory. Nobody may write into a tick that it has taken."""
+    """A recorder in memory. It ensures that nobody writes into a tick that it has taken."""
 
     def __init__(self) -> None:
         self.ticks: list[Tick] = []
@@ -33,7 +33,7 @@ class Notes:
         """Keep nothing."""
 
     def tick(self, tick: Tick) -> None:
-        """Keep it; whoever still writes into its lists raises a TypeError (compiled, its fields are lists for good)."""
+        """Keep a tick; whoever still writes into its lists raises a TypeError (compiled, its fields must be lists)."""
         self.ticks.append(tick)
         for name, value in getattr(tick, "__dict__", {}).items():
             if isinstance(value, list):
@@ -70,7 +70,7 @@ class Between(Engine):
 
 
 class HeldUp(Between):
-    """Emulators on a machine that stops for a while: neither do they fly meanwhile, nor do their clocks run."""
+    """Emulators on a machine that stops for a while: neither vehicles nor their clocks advance meanwhile."""
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -99,7 +99,7 @@ class HeldUp(Between):
 
 
 class Sleeper(Engine):
-    """A station whose process is stopped for a while; what comes meanwhile waits in its sockets."""
+    """A station whose process is stopped for a while; datagrams wait in its sockets meanwhile."""
 
     def __init__(self, station: Engine) -> None:
         self._station = station
@@ -107,7 +107,7 @@ class Sleeper(Engine):
         self._until = Instant(0)
 
     def replace(self, station: Engine) -> None:
-        """Let another process take the killed one's sockets; what came meanwhile is lost."""
+        """Let another process take over the killed one's sockets; what arrived meanwhile is lost."""
         self._station, self._waiting, self._until = station, [], Instant(0)
 
     def stop(self, now: Instant, seconds: float) -> None:
@@ -130,7 +130,7 @@ class Sleeper(Engine):
         return None if timer is None else max(timer, self._until)
 
     def handle_timer(self, now: Instant) -> None:
-        """Take what has come, then do what is due, as a driver over UDP does when its process goes on."""
+        """Receive what has arrived, then handle timers, as the UDP driver does when its process continues."""
         waiting, self._waiting = self._waiting, []
         self._station.receive(waiting, now)
         self._station.handle_timer(now)
@@ -160,17 +160,17 @@ class World:
         self.network.attach(engine)
 
     def another(self, number: int, **changes: Any) -> Fleet:
-        """Return a fleet of one vehicle that has a system id of ours, booting now; not attached yet."""
+        """Return a fleet of one vehicle with one of our system ids, booting now; it isn't attached yet."""
         twin = next(each for each in self.config.vehicles if each.identity.system == number)
         return Fleet(replace(self.config, vehicles=(replace(twin, **changes),)), self.clock.now())
 
     def run(self, seconds: float | None = None) -> None:
-        """Go on for a while, or to the end."""
+        """Run for a while, or to the end."""
         until = after(self.clock.now(), seconds or 1e6)
         self.network.run(lambda: self.station.flight.ended or self.clock.now() >= until)
 
     def fly_to(self, mission_s: float) -> None:
-        """Go on to a mission time."""
+        """Run to a mission time."""
         self.network.run(
             lambda: self.station.flight.ended or self.station.flight.mission_time_s(self.clock.now()) >= mission_s
         )
@@ -180,11 +180,11 @@ class World:
         return self.fleet.vehicles[number - 1]
 
     def inject(self, number: int, kind: FaultKind, *, ends: bool = False, **keys: Any) -> None:
-        """Let a fault begin or end now."""
+        """Begin or end a fault now."""
         self.vehicle(number).inject(Fault(at_s=0.0, kind=kind, **keys), self.clock.now(), ends=ends)
 
     def times_s(self, kind: str, number: int | None = None, text: str = "") -> list[float]:
-        """Return when events of a kind happened, to a vehicle, with words in them."""
+        """Return the times of events of a kind, optionally of a vehicle, with `text` in them."""
         identity = None if number is None else VehicleId(1, number)
         return [
             event.now / NANOSECONDS

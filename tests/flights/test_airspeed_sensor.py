@@ -1,4 +1,4 @@
-"""Airspeed sensors that fail in flight, by what they tell: the aircraft themselves fly on as they are told."""
+"""Airspeed sensors whose readings fail in flight; the aircraft themselves keep flying as commanded."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ QUICKSTART: dict[str, Any] = {
 
 
 class FailedSensor(Between):
-    """One vehicle's airspeed reads the same from some time on, or less and less."""
+    """One vehicle's airspeed reading sticks, or decreases more and more, from some time on."""
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -36,7 +36,7 @@ class FailedSensor(Between):
         self._writers = {system: FrameWriter(system, 1) for system in systems}
 
     def fail(self, number: int, reads_mps: float | None = None, loses_mps: float = 0.0) -> None:
-        """Have it read so much, or lose so much with each message; neither: work again."""
+        """Let it read `reads_mps`, or lose `loses_mps` with each message; with neither it works again."""
         self.number, self.reads_mps, self.loses_mps, self._lost_mps = number, reads_mps, loses_mps, 0.0
 
     def datagrams_to_send(self) -> list[Datagram]:
@@ -55,14 +55,14 @@ class FailedSensor(Between):
 
 
 def flown(**keys: Any) -> tuple[World, FailedSensor]:
-    """Return a flight, and what makes a sensor fail in it."""
+    """Return a flight, and the engine that makes a sensor fail in it."""
     world = World(FailedSensor, **keys)
     assert isinstance(world.between, FailedSensor)
     return world, world.between
 
 
 def least_separation_m(world: World, seconds: float) -> float:
-    """Go on for a while; return how near two came to each other in truth."""
+    """Run for a while; return the least true separation."""
     least_m = np.inf
     for _ in range(round(10 * seconds)):
         world.run(0.1)
@@ -93,7 +93,7 @@ def test_a_sensor_that_reads_0_for_a_while_is_told_of_and_changes_nothing(number
 @pytest.mark.parametrize("reads_mps", [0.0, 34.0, 60.0])
 @pytest.mark.parametrize("number", [1, 3])
 def test_a_sensor_that_sticks_costs_a_diamond_in_bends_nothing(number: int, reads_mps: float, at_s: float) -> None:
-    """Followers came to 2.8 m of the leader, or of each other, as long as 60 m/s were believed."""
+    """Followers came within 2.8 m of the leader, or of each other, when 60 m/s were believed."""
     world, sensor = flown(**QUICKSTART)
     world.fly_to(at_s)
     sensor.fail(number, reads_mps)
@@ -106,7 +106,7 @@ def test_a_sensor_that_sticks_costs_a_diamond_in_bends_nothing(number: int, read
 @pytest.mark.slow
 @pytest.mark.parametrize("reads_mps", [0.0, 60.0])
 def test_it_may_have_failed_before_and_in_wind(reads_mps: float) -> None:
-    """Then the wind along its nose is that of calm air until it turns."""
+    """The wind along its nose is then that of calm air until it turns."""
     world, sensor = flown(**QUICKSTART, wind={"velocity_mps": [4, 3, 0]})
     sensor.fail(1, reads_mps)
     world.fly_to(0.0)
@@ -118,7 +118,7 @@ def test_it_may_have_failed_before_and_in_wind(reads_mps: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 3])
 def test_a_sensor_that_ices_up_leaves_the_formation_apart(number: int) -> None:
-    """It loses 1 m/s in a second, which is wind as long as it reads what may be flown."""
+    """It loses 1 m/s per second, which looks like wind as long as the reading is a flyable airspeed."""
     world, sensor = flown(**QUICKSTART)
     world.fly_to(20.0)
     sensor.fail(number, loses_mps=0.1)

@@ -14,7 +14,7 @@ from tests.flights.conftest import Fly
 
 STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 0, 100]]}
 BEFORE_M = 0.2
-"""Errors of a formation that nothing disturbs, changes included."""
+"""Largest errors of an undisturbed formation, changes included."""
 
 
 def events(tmp_path: Path, kind: str) -> list[dict[str, Any]]:
@@ -50,7 +50,7 @@ def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", [1, 3])
 def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> None:
-    """A wreck lies 0 m above the ground, and ever further from the followers that it led: neither is theirs."""
+    """A wreck lies 0 m above the ground, and ever farther from its former followers; neither counts against them."""
     summary = fly(
         duration_s=20,
         vehicles={"count": 4},
@@ -68,7 +68,7 @@ def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> No
 
 @pytest.mark.slow
 def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
-    """It turns its own axes as it goes, with a lag that changes on the way; one of the slots goes 60 m aside."""
+    """It turns its own axes on the way, with a lag that changes; one of the slots moves 60 m to the side."""
     formation = {"shape": "arrow", "frame": "follower_heading", "changes": [{"at_s": 5, "shape": "square"}]}
     late = {"default": {"delay_ms": 300}}
     start = {"in_air": True, "run_in_s": 12}
@@ -87,7 +87,7 @@ def test_who_is_left_alone_is_near_nobody(fly: Fly) -> None:
 
 @pytest.mark.slow
 def test_who_takes_over_on_its_way_aside_goes_on_that_way_and_slots_far_off_are_kept(fly: Fly) -> None:
-    """It moves 1.3 m/s to the right: a nose that came round at once had thrown slots 120 m off by 5 m."""
+    """It moves 1.3 m/s to the right; if its nose came round at once, slots 120 m away would jump by 5 m."""
     summary = fly(
         duration_s=45,
         vehicles={"count": 6},
@@ -130,7 +130,7 @@ def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path
     )
     assert not events(tmp_path, "leader")
     told = {event["vehicle"] for event in events(tmp_path, "member") if event["text"] == "told to loiter"}
-    assert told == {"2", "3"}  # the leader is heard by nobody
+    assert told == {"2", "3"}  # nobody follows the lost leader
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
         faults=[{"at_s": 10, "until_s": 14, "vehicles": [1], "kind": "pilot", "mode": "CRUISE"}],
     ).to_dict()
     (change,) = events(tmp_path, "leader")
-    assert change["vehicle"] in {"2", "3"}  # as their links' jitter falls: they are alike otherwise
+    assert change["vehicle"] in {"2", "3"}  # depends on their links' jitter: they are equal otherwise
     own = columns_of(tmp_path, 1)
     late = own["mission_time_s"] > 100
     assert own["active"][late].all()
@@ -157,7 +157,7 @@ def test_a_leader_that_its_pilot_has_taken_comes_back_as_a_follower(fly: Fly, tm
 def test_a_leader_that_hangs_is_led_to_its_new_slot_apart_from_the_others(
     fly: Fly, tmp_path: Path, shape: str, count: int
 ) -> None:
-    """It's back amid them, ahead of the one that has taken over, and its slot lies behind that one."""
+    """It reappears among them, ahead of its successor, and its slot is behind that one."""
     summary = fly(
         duration_s=25,
         vehicles={"count": count},
@@ -212,5 +212,5 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
     assert summary["duration_s"] == pytest.approx(45.0, abs=0.2)
     assert summary["expect"][0]["held"]
     assert [text.split(":")[0] for text in summary["undone"]] == [f"order at {at_s} s" for at_s in (9, 10, 14, 19, 44)]
-    assert summary["safety"]["min_separation_m"] > 10.0  # on the ways home
+    assert summary["safety"]["min_separation_m"] > 10.0  # on the way home
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5

@@ -1,4 +1,4 @@
-"""One clock by UTC (`telemetry.clock: gnss`) in whole flights: unequally split links, and UTC that is wrong."""
+"""One clock by UTC (`telemetry.clock: gnss`) in whole flights: asymmetric links, and UTC that is wrong."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ TOLERANCE_M = 0.03
 
 
 def link(vehicle: int, split: Split, at_s: float = 0.0) -> dict[str, Any]:
-    """Delays up and down, ms, of one vehicle's link."""
+    """Return links with delays up and down, ms, for one vehicle."""
     up_ms, down_ms = split
     return {"at_s": at_s, "vehicles": [vehicle], "uplink": {"delay_ms": up_ms}, "downlink": {"delay_ms": down_ms}}
 
 
 def keys(duration_s: float, *changes: dict[str, Any], **third: Any) -> dict[str, Any]:
-    """A leader and followers left and right of it along bends; their clocks drift apart by 80 ppm."""
+    """Return a leader, followers left and right of it, and a path with bends; their clocks drift apart by 80 ppm."""
     bends = [[700 * leg, 150 if leg % 2 else -150, 200] for leg in range(1, int(22 * duration_s / 700) + 3)]
     return {
         "duration_s": duration_s,
@@ -65,7 +65,7 @@ def measured_ms(flown: Any, vehicle: int) -> tuple[float, float]:
 
 
 def close(split: Split) -> tuple[Any, Any]:
-    """The delays up and down of a split within max(5 ms, 3 %)."""
+    """Return approximate delays up and down of a split, within max(5 ms, 3 %)."""
     up_ms, down_ms = (pytest.approx(way_ms, abs=5.0, rel=0.03) for way_ms in split)
     return up_ms, down_ms
 
@@ -77,7 +77,7 @@ def fly(plan: Formation, *given: Any, **third: Any) -> Any:
 
 @pytest.mark.slow
 def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
-    """By round trips alone they would cost 3.5 m along the path."""
+    """By round trips alone, errors would be 3.5 m along the path."""
     equal = fly(plan, 100.0, link(2, EQUAL), link(3, EQUAL))
     split = fly(plan, 100.0, link(2, SLOW_UP), link(3, SLOW_DOWN))
     for vehicle, ways in ((2, SLOW_UP), (3, SLOW_DOWN)):
@@ -92,7 +92,7 @@ def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
     [({}, close(SLOW_UP)), pytest.param({"station_utc": False}, (None, None), marks=pytest.mark.slow)],
 )
 def test_links_that_are_all_split_alike_are_known_where_the_stations_clock_keeps_utc(plan, known, ways):
-    """As the emulated vehicles' clock does; by the vehicles' UTC alone they would be 240 ms up and 240 ms down."""
+    """The emulated vehicles' clock does; by the vehicles' UTC alone the result would be 240 ms up and 240 ms down."""
     flight: Plan = plan(keys(5.0, *(link(each, SLOW_UP) for each in (1, 2, 3))) | {"telemetry": GNSS | known})
     flown = flight.fly()
     assert [measured_ms(flown, each) for each in (2, 3)] == [ways, ways]
@@ -113,7 +113,7 @@ def test_a_split_that_changes_in_flight_is_followed_within_20_s(plan):
 @pytest.mark.slow
 @pytest.mark.parametrize("third", [{"utc": False}, {"utc_error_s": 1.0}, {"utc_error_s": 18.0}])
 def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_round_trips(plan, third):
-    """18 s: the leap seconds that a receiver hasn't heard of yet. Then 3.5 m are left, of it alone."""
+    """18 s are leap seconds that a receiver doesn't know yet. The vehicle alone then has an error of 3.5 m."""
     flown = fly(plan, 40.0, link(2, SLOW_UP), link(3, SLOW_DOWN), **third)
     assert measured_ms(flown, 2) == close(SLOW_UP)
     assert measured_ms(flown, 3) == (None, None)
@@ -122,7 +122,7 @@ def test_utc_that_is_absent_or_impossible_is_refused_and_its_vehicle_flies_by_ro
 
 
 def test_a_fast_clock_that_has_been_up_for_hours_is_mapped_by_round_trips_and_said_so_once():
-    """By UTC, 18 h at a drift known to 1 ppm or worse had its vehicle metres off its slot for two minutes."""
+    """By UTC, after 18 h at a drift known to 1 ppm or worse, its vehicle was metres off its slot for two minutes."""
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "clock": {"offset_s": 65_000, "drift_ppm": 100}}]
     start = {"in_air": True, "run_in_s": 15}
     world = World(duration_s=20, vehicles=vehicles, telemetry=GNSS, start=start, links={"default": {"delay_ms": 200}})
@@ -133,7 +133,7 @@ def test_a_fast_clock_that_has_been_up_for_hours_is_mapped_by_round_trips_and_sa
 
 
 def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
-    """Its bounds come and go by a few ms about what is allowed: one that is used is allowed more, and waits after."""
+    """Its bounds vary by a few ms about the limit: UTC in use is allowed more, and after rejection it waits."""
     trips = RoundTrips(0.0, by_utc=True)
     vehicle = SimpleNamespace(identity=2, round_trips=trips, member=Member.FLYING, clock=trips.clock)
     said = list[str]()
@@ -142,7 +142,7 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
         sent = after(Instant(0), tick / 4)
         trips.request(sent)
         trips.measure(Timesync(sent, sent), sent)
-        off_s = 0.03 if 100 <= tick < 102 else 0.004 + 0.004 * (tick < 200 and tick % 2)  # 5 ms are allowed, then 10
+        off_s = 0.03 if 100 <= tick < 102 else 0.004 + 0.004 * (tick < 200 and tick % 2)  # the limit is 5 ms, then 10
         cast(Any, trips.gnss).utc(1.6e9 + tick / 4 + off_s, tick / 4, armed=False)
         common.watch(sent)
         assert trips.stamps.by_utc == (8 <= tick < 100 or tick >= 239), tick
@@ -150,12 +150,12 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
 
 
 def jump(world: World, number: int, seconds: float) -> None:
-    """Let a vehicle's UTC jump, its time since boot doesn't: what ArduPilot doesn't do in flight, but others may."""
+    """Let a vehicle's UTC jump, but not its time since boot: ArduPilot doesn't do this in flight, others may."""
     world.vehicle(number)._clock._ahead_ns += round(seconds * NANOSECONDS)
 
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
-    """Return the largest steps of its airspeed (m/s), heading (rad) and height (m) setpoints from tick to tick."""
+    """Return the largest steps from tick to tick of its airspeed (m/s), heading (rad) and height (m) setpoints."""
     told = [tick.setpoints[column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
     steps = np.diff(np.array(told), axis=0)
     steps[:, 1] = np.remainder(steps[:, 1] + np.pi, 2 * np.pi) - np.pi
@@ -178,7 +178,7 @@ def test_utc_that_jumps_in_flight_is_reported_and_moves_no_setpoint(seconds):
 
 @pytest.mark.slow
 def test_utc_that_is_switched_off_in_flight_is_asked_for_again():
-    """It is missed after 16 s, of one message a second; meanwhile what is known goes on on the vehicle's clock."""
+    """With one message a second it is missed after 16 s; until then the known UTC continues on the vehicle's clock."""
     world = World(duration_s=24, telemetry=GNSS)
     world.fly_to(5.0)
     utc = m.MAVLINK_MSG_ID_SYSTEM_TIME

@@ -1,4 +1,4 @@
-"""Vehicles that acknowledge and don't obey are reported within 5 s; those that obey never are."""
+"""Vehicles that acknowledge but don't obey are reported within 5 s; those that obey never are."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
 
 
 class HeadingsLost(Between):
-    """Loses every heading told, and nothing else."""
+    """Loses every heading command, and nothing else."""
 
     def take(self, datagram: Datagram, now: Instant) -> None:
         if HEADING not in datagram.data:
@@ -68,7 +68,7 @@ class HeadingsLost(Between):
 
 
 def test_setpoints_of_one_kind_that_never_come_are_a_link_that_fails_and_nobodys_disobedience() -> None:
-    """Everything else is answered. The others keep clear of who may not hear, as of who refuses."""
+    """Everything else is answered. The others keep clear of a vehicle that may not hear, as of one that refuses."""
     world = World(HeadingsLost, duration_s=12, path={"speed_mps": 22, "waypoints_m": WEAVING})
     world.run()
     assert world.words("disobeys") == []
@@ -105,7 +105,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("climb_mps", [1.2, 2.0])
 def test_a_leader_that_does_not_climb_is_reported_though_sinking_air_would_explain_it(climb_mps: float) -> None:
-    """Its guidance asks for more as it falls behind: until the limit of its climb, and 8 s from then on."""
+    """Its guidance asks for more as it falls behind, up to its climb limit, and is judged 8 s later."""
     ends_m = 100 + 800 * climb_mps / 22
     path = {
         "speed_mps": 22,
@@ -156,7 +156,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
 
 @pytest.mark.slow
 def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads() -> None:
-    """Air that sinks at 6 m/s carries it down at 3 m/s from 100 m on; the others come back to the path's height."""
+    """Air that sinks at 6 m/s carries it down at 3 m/s from 100 m on; the others return to the path's height."""
     world = World(duration_s=60, disturbances=[{"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 6]}])
     world.fly_to(3.0)
     sank_s = world.now_s
@@ -176,7 +176,7 @@ def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads()
 
 
 def test_one_that_refuses_the_speeds_it_is_told_is_reported_and_kept_clear_of_until_it_accepts_them() -> None:
-    """As an ArduPlane does whose AIRSPEED_MAX is below what it is told."""
+    """As an ArduPlane does whose AIRSPEED_MAX is below the commanded speed."""
     world = World(duration_s=60)
 
     def allow(most_mps: float) -> float:
@@ -199,7 +199,7 @@ def test_one_that_refuses_the_speeds_it_is_told_is_reported_and_kept_clear_of_un
 
 
 def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_way() -> None:
-    """With 600 ms there and back setpoints are refused for that long before its heartbeat says why."""
+    """With a round trip of 600 ms, setpoints are refused for that long before its heartbeat says why."""
     links = {"default": {"delay_ms": 300, "loss": 0.2}}
     world = World(duration_s=60, links=links, start={"in_air": True, "run_in_s": 16})
     world.fly_to(3.0)
@@ -228,7 +228,7 @@ def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() ->
 
 @pytest.mark.parametrize(("share", "reported"), [(0.0, True), (1.0, False), (2.0, False)])
 def test_falling_short_of_a_change_is_disobedience_and_overshooting_is_not(share: float, *, reported: bool) -> None:
-    """From 4 s on 27 m/s are told, in place of 22; airspeed lags by 4 s, as in equation (7)."""
+    """From 4 s on 27 m/s are commanded instead of 22; airspeed lags by 4 s, as in equation (7)."""
     found = judged(lambda at_s: 22.0 + share * 5.0 * (1 - np.exp(-max(0.0, at_s - 4.0) / 4.0)), lambda _: 0.0)
     assert any(at_s < 10.0 for _, at_s in found) is reported
 
@@ -240,7 +240,7 @@ def test_falling_short_of_a_change_is_disobedience_and_overshooting_is_not(share
 def test_airspeed_is_judged_at_once_but_not_while_an_aircraft_levels_out_of_its_climb(
     climb_mps: float, told_from_s: float, at_least_s: float, at_most_s: float
 ) -> None:
-    """It climbs for 2 s from when it is taken over, or doesn't, and ignores that 27 m/s are told."""
+    """It climbs for 2 s after it is taken over, or doesn't, and ignores a command of 27 m/s."""
     ((channel, at_s),) = judged(lambda _: 22.0, lambda at_s: climb_mps if at_s < 2.0 else 0.0, told_from_s)
     assert channel == "airspeed"
     assert at_least_s <= at_s <= at_most_s
@@ -262,7 +262,7 @@ QUICK = ("vehicles.model={tau_v_s: 1.0}",)
 def test_climbs_are_not_judged_near_the_highest_airspeed_where_no_power_is_left_for_them(
     airspeed_mps: float, height_m: float, channels: list[str]
 ) -> None:
-    """It flies level at the airspeed that it's told, of 28 m/s at most, and ignores the height."""
+    """It flies level at the commanded airspeed, of 28 m/s at most, and ignores the height."""
     found = judged(lambda _: airspeed_mps, lambda _: 0.0, 0.1, told_mps=airspeed_mps, told_m=height_m)
     assert [channel for channel, _ in found] == channels
 
@@ -271,14 +271,14 @@ def test_climbs_are_not_judged_near_the_highest_airspeed_where_no_power_is_left_
 def test_a_small_step_of_airspeed_that_energy_control_answers_late_is_no_disobedience(
     overrides: Sequence[str], channels: list[str]
 ) -> None:
-    """A real ArduPlane had come 0.1 m/s after 3.2 s of a step of 1.5 m/s; by equation (7) with 1 s it is there."""
+    """A real ArduPlane had done 0.1 m/s of a step of 1.5 m/s after 3.2 s; by equation (7) with 1 s it is complete."""
     found = judged(lambda _: 22.1, lambda _: 0.0, 6.0, told_mps=23.5, overrides=overrides)
     assert [channel for channel, _ in found] == channels
 
 
 @pytest.mark.parametrize(("rate_rps", "channels"), [(0.05, []), (0.0, ["heading"])])
 def test_who_still_turned_the_other_way_has_the_time_to_come_back(rate_rps: float, channels: list[str]) -> None:
-    """Told 0.13 rad to the left at 20 s, it turns right until it has banked over; not who flies straight on."""
+    """Commanded 0.13 rad to the left at 20 s, it turns right until it has banked over; one flying straight doesn't."""
 
     def flown_rad(at_s: float) -> float:
         right_rad = rate_rps * min(max(at_s - 17.0, 0.0), 3.4)
@@ -299,7 +299,7 @@ def judged(
     overrides: Sequence[str] = (),
     flown_rad: Callable[[float], float] = lambda _: 0.0,
 ) -> list[tuple[str, float]]:
-    """Take a vehicle over at 0 s, tell it speed, heading and height from a time on; return what is found, and when."""
+    """Take a vehicle over at 0 s, command speed, heading and height later; return what is found, and when."""
     planned, history, estimator = load_scenario(scenario(), overrides), SetpointHistory(10.0), SimpleNamespace()
     controller: Any = SimpleNamespace(history=history, estimator=estimator)
     origin, notes = planned.origin.geodetic, Noted()

@@ -1,4 +1,4 @@
-"""Emulated ArduCopters in formation: they take off, stop, change their shape where they stand, turn and land."""
+"""Emulated ArduCopters in formation: they take off, stop, change shape while hovering, turn and land."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "other", "spacing_m"), [("plus", "line", 12), ("circle", "triangle", 13)])
 def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, tmp_path):
-    """Past each other at 0.6 of the slots' distance or more, nearer than the rule keeps: they gave way for ever."""
+    """They pass at 0.6 of the slots' distance or more, which is closer than the rule keeps: they evaded for ever."""
     keys = {
         "start": {"in_air": True},
         "duration_s": 70,
@@ -65,7 +65,7 @@ def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, t
 
 @pytest.mark.parametrize("ends", [{"duration_s": 12}, {"orders": [{"at_s": 12, "order": "loiter"}]}])
 def test_they_stop_together_before_they_are_left_alone(ends, tmp_path):
-    """One hears that it is to brake 0.8 s after the others: by then it had flown 6 m, into the one before it."""
+    """One hears the command to brake 0.8 s after the others: it used to fly 6 m on, into the one ahead of it."""
     keys = {
         "start": {"in_air": True, "run_in_s": 6},
         "duration_s": 30,
@@ -98,7 +98,7 @@ def test_they_stand_through_gusts_while_they_stand(tmp_path):
 
 @pytest.mark.slow
 def test_another_leads_those_that_stand_by_order_or_where_the_leader_is_lost(tmp_path):
-    """They set out 35 s after it was lost: for 30 s it may hover where it was, and is kept away from."""
+    """They set out 35 s after it was lost: for 30 s it may still hover where it was, and is avoided."""
     keys = yaml.safe_load(CONFIG.read_text()) | {
         "start": {"in_air": True, "run_in_s": 6},
         "duration_s": 95,
@@ -160,7 +160,7 @@ def test_they_turn_on_the_spot_and_are_let_go_along_their_path_alone(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("north_mps", "east_mps"), [(-1.5, 0.0), (0.0, 1.5)])
 def test_a_gust_that_pushes_a_standing_leader_doesnt_swing_the_formation_round(north_mps, east_mps, tmp_path):
-    """By its course it would: followers flew up to 48 m away from where they stood."""
+    """If slots followed its course, followers would fly up to 48 m away from where they hovered."""
     keys = yaml.safe_load(CONFIG.read_text()) | {
         "start": {"in_air": True, "run_in_s": 6, "offset_m": [0, 0, 0]},
         "duration_s": 40,
@@ -248,7 +248,7 @@ def test_aircraft_that_may_be_able_to_land_are_not_told_that_they_cannot():
 
 
 def test_another_leads_only_when_a_turn_on_the_spot_is_over():
-    """Amid a turn noses of followers turn to where they swing: slots that went by one of them were 15 m off."""
+    """During a turn, noses of followers turn with their motion: slots relative to one of them were 15 m off."""
     world = World(
         vehicles={"count": 3, "model": FAMILY},
         path={"speed_mps": 5, "waypoints_m": [[0, 0, 40], [1000, 0, 40]]},

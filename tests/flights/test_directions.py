@@ -1,4 +1,4 @@
-"""A flight is the same whichever way it leads: headings and courses are within half a turn, or within a whole one."""
+"""A flight is the same in every direction, although headings and courses wrap at half a turn or a whole one."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import pytest
 from tests.flights.conftest import Fly
 
 BEND = ((0.0, 0.0), (250.0, 0.0), (480.0, 120.0), (600.0, 350.0), (610.0, 900.0))
-"""North and east, m: it turns right by a quarter of a turn."""
+"""North and east, m: a right turn by 90 degrees."""
 THROUGH = {"south": math.radians(135.0), "north": math.radians(315.0)}
 AT_FIRST_PASS = {"in_air": True, "run_in_s": 12}
-"""Long enough for the path to begin without another round, also over links with delay."""
+"""Long enough for the path to begin without another lap, also over links with delay."""
 ROUNDED_M = 0.05
-"""Positions are told in 1e-7 degrees, 11 mm to the north and 9 to the east, by which lags are learnt otherwise."""
+"""Positions are sent in 1e-7 degrees, 11 mm north and 9 mm east, so lags are estimated slightly differently."""
 
 
 def turned(by_rad: float) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""The end of a flight: whoever doesn't hear is kept clear of, whatever ends it, and all of it is scored."""
+"""The end of a flight: others keep clear of a vehicle that doesn't hear, whatever ends the flight; all of it counts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.flights.in_memory import Between, World
 END_S = 12.0
 START = {"in_air": True, "run_in_s": 10}
 BESIDE = {"vehicles": {"count": 3}, "formation": {"shape": "custom", "slots_m": {2: [-5, 20, 0], 3: [-30, -30, 0]}}}
-"""Who flies straight on to the right of others crosses their circles."""
+"""A formation in which a vehicle that flies straight on crosses the others' circles on its right."""
 
 
 def out(way: str, begins_s: float, ends_s: float, vehicle: int = 2) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def out(way: str, begins_s: float, ends_s: float, vehicle: int = 2) -> dict[str,
 
 @pytest.mark.slow
 def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
-    """Told to loiter at once, as vehicles once were, two of them came within 1 m of each other 4.6 s later."""
+    """Vehicles used to be told to loiter at once; two of them then came within 1 m of each other 4.6 s later."""
     links = out("uplink", END_S - 0.5, END_S + 9.0)
     safety = fly(**BESIDE, duration_s=END_S, start=START, links=links).to_dict()["safety"]
     assert safety["min_separation_m"] > 20.0
@@ -67,7 +67,7 @@ def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
 
 
 def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
-    """At 0.5 m/s, a sixth of what vehicles climb elsewhere, 15 m take half a minute."""
+    """At 0.5 m/s, a sixth of the usual climb rate, 15 m take half a minute."""
     world = World(vehicles={"count": 2, "model": {"climb_max_mps": 0.5}}, finish={"loiter_s": 0})
     world.fly_to(1.0)
     world.station.course.stop(world.clock.now())
@@ -78,7 +78,7 @@ def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
 
 @pytest.mark.slow
 def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
-    """Turbulence of a wind of 15 m/s moves vehicles off their heights by 4 m and more: circles 15 m apart meet."""
+    """Turbulence of a wind of 15 m/s moves vehicles off their heights by over 4 m: circles 15 m apart would meet."""
     rough = {"kind": "dryden", "at_s": 0, "vehicles": "all", "wind_6m_mps": 15.0}
     world = World(vehicles={"count": 3}, disturbances=[rough], finish={"loiter_s": 0})
     world.fly_to(10.0)
@@ -108,9 +108,9 @@ def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phas
 
 
 class Deaf(Between):
-    """Emulators of which some never carry out some commands, and answer with a result instead.
+    """Emulators of which some never carry out some commands, and answer with another result.
 
-    One hides where it is. What all are told, besides setpoints and intervals of messages, is kept.
+    One hides its position. Commands to all, besides setpoints and message intervals, are kept.
     """
 
     def __init__(self, fleet: Fleet) -> None:
@@ -141,13 +141,13 @@ class Deaf(Between):
         return any(each.system == self.hidden and isinstance(each.message, GlobalPositionInt) for each in frames)
 
     def disarmed(self) -> list[int]:
-        """Return who was told to disarm."""
+        """Return which vehicles were told to disarm."""
         return [each.target_system for each in self.told if each.command == m.MAV_CMD_COMPONENT_ARM_DISARM]
 
 
 @pytest.mark.parametrize("hides", [False, True])
 def test_one_that_restarts_just_before_the_end_is_told_to_circle_and_never_to_disarm(hides: bool) -> None:
-    """It flies at 100 m, and hasn't told that; it may never do."""
+    """It flies at 100 m, but hasn't sent a position yet, and may never do so."""
     world = World(Deaf, duration_s=60)
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
@@ -195,7 +195,7 @@ def test_one_that_refuses_to_loiter_at_first_does_so_once_it_can() -> None:
 
 
 def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_one_height_at_home() -> None:
-    """Two came within 1.3 m of each other at home, and the run said that every vehicle loiters."""
+    """Two came within 1.3 m of each other at home, while the run reported that every vehicle loiters."""
     world = World(Deaf, vehicles={"count": 4}, duration_s=60, finish={"loiter_s": 60})
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
@@ -214,7 +214,7 @@ def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_
 
 @pytest.mark.parametrize("opens", [True, False])
 def test_vehicles_that_take_no_height_and_circle_at_one_are_named_as_unsafe(opens: bool) -> None:
-    """Told to go home at once, the formation isn't opened in height before: the run had ended without a fault."""
+    """When told to go home at once, it doesn't spread in height first; the run used to end without a fault."""
     world = World(Deaf, duration_s=60)
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
@@ -247,7 +247,7 @@ def test_a_run_that_leaves_vehicles_at_one_height_exits_with_1_and_names_them(
 
 
 def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:
-    """It flew straight on as it was told last."""
+    """It used to fly straight on with its last setpoint."""
     world = World(Deaf, duration_s=60, finish={"loiter_s": 5})
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
@@ -288,7 +288,7 @@ def test_nobody_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: st
 
 
 def test_one_that_restarts_while_the_others_circle_is_told_to_circle_again() -> None:
-    """It comes up in MANUAL, flying straight on, and had acknowledged LOITER before."""
+    """It reboots into MANUAL and flies straight on, but had acknowledged LOITER before."""
     world = World(vehicles={"count": 2}, finish={"loiter_s": 30})
     world.fly_to(1.0)
     world.station.course.move(Cause.PATH_ENDED, world.clock.now())

@@ -1,4 +1,4 @@
-"""What each fault leads to, and within what time: the rows of docs/safety-figures.md, under the virtual clock."""
+"""Consequences of each fault, and their times: the rows of docs/safety-figures.md, under the virtual clock."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from tests.flights.conftest import Fly, scenario
 from tests.flights.in_memory import HeldUp, World
 
 LAG_S = 0.2
-"""Two ticks: what an event may come later than what leads to it."""
+"""Two ticks: how much an event may lag behind its cause."""
 PREDICTED = {"in_air": True, "run_in_s": 10}
-"""Long enough over 300 ms each way: with less the leader goes round once more, for 90 s."""
+"""Long enough over 300 ms each way; with less the leader flies another lap of 90 s."""
 
 
 def flying(kind: FaultKind, number: int, at_s: float = 2.0, **keys: Any) -> tuple[World, float]:
-    """Return a world in which a fault has just struck, and when it did."""
+    """Return a world in which a fault has just begun, and when it did."""
     world = World(duration_s=keys.pop("duration_s", 60), **keys)
     world.fly_to(at_s)
     world.inject(number, kind)
@@ -152,7 +152,7 @@ def test_a_pilots_switch_is_respected_and_ends_when_the_pilot_gives_it_back(mode
     assert parted_s - taken_s < LAG_S
     assert again_s - back_s < LAG_S
     assert world.times_s("disobeys") == []
-    assert mode != "FBWA" or world.worst_m(13.0) < 1.0  # the others have been left far behind
+    assert mode != "FBWA" or world.worst_m(13.0) < 1.0  # after FBWA it is far behind the others
 
 
 @pytest.mark.parametrize("kind", ["pilot", pytest.param("restart", marks=pytest.mark.slow)])
@@ -202,7 +202,7 @@ def test_a_station_that_is_stopped_does_not_take_its_own_pause_for_delay(moment_
 
 @pytest.mark.slow
 def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fly: Fly, tmp_path: Path) -> None:
-    """Over 0.6 s of delay the order that was sent last meets a vehicle that flies in the formation again."""
+    """Over 0.6 s of delay the last command to loiter arrives when the vehicle flies in the formation again."""
     outage = [{"at_s": 5, "vehicles": [3], "outage": True}, {"at_s": 35.5, "vehicles": [3], "outage": False}]
     fly(
         duration_s=42,

@@ -1,4 +1,4 @@
-"""Vehicles that took off in a row gather: clear of each other's ways, before the path begins."""
+"""Vehicles that took off in a row gather, clear of each other's ways, before the path begins."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def gathers(keys: dict[str, Any], directory: Path) -> tuple[float, dict[str, Any
 
 
 def nearest_m(directory: Path, until_s: float) -> float:
-    """Return the least distance of any two that fly, at the ticks before a time."""
+    """Return the least distance of any two flying vehicles at the ticks before a time."""
     rows = read_parquet(directory / TIMESERIES)
     count = len(np.unique(rows["vehicle"]))
     before = (rows["t_s"].reshape(-1, count) < until_s).all(axis=1)
@@ -58,7 +58,7 @@ def nearest_m(directory: Path, until_s: float) -> float:
 @pytest.mark.parametrize("shape", ["line", "diamond", "follower"])
 @pytest.mark.parametrize("air", [{}, WIND], ids=["calm", "windy"])
 def test_planes_that_took_off_in_a_row_keep_the_rules_distance_without_it(shape, air, tmp_path):
-    """By the law alone, without ways planned, the line came within 5.1 m in the wind."""
+    """By the law alone, without planned ways, the line came within 5.1 m in the wind."""
     keys = PLANES | {"formation": {"shape": shape, "spacing_m": 40}}
     nearest_m, _ = gathers(keys | air, tmp_path / "run")
     assert nearest_m > 10.0
@@ -76,7 +76,7 @@ def test_copters_that_took_off_9_m_apart_gather_without_the_rule(shape, air, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
 def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the_start(frame, tmp_path):
-    """In turns that ask for 0.8 of the speed to spare they are out of their slots, pass after pass, for 900 s."""
+    """In turns that need 0.8 of the spare speed they were out of their slots, pass after pass, for 900 s."""
     keys = PLANES | {
         "vehicles": {"count": 3, "model": "arduplane"},
         "formation": {"shape": "line", "spacing_m": 40, "frame": frame},
@@ -92,7 +92,7 @@ def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 5])
 def test_who_is_heard_late_behind_a_turning_leader_is_in_its_slot_when_the_leader_comes_by_again(seed, tmp_path):
-    """Behind links that lose a fifth, five in a row; held where it was heard, 230 m back, it flew after that place."""
+    """Links lose a fifth, five in a row. It used to fly after the place where it was first heard, 230 m back."""
     keys = yaml.safe_load((CONFIGS / "paper.yaml").read_text())
     links = {"default": {"loss": 0.2, "mean_burst": 5.0}}
     keys |= {"seed": seed, "duration_s": 1, "links": links, "disturbances": [], "expect": []}

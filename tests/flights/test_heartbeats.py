@@ -1,4 +1,4 @@
-"""Heartbeats vouch for setpoints: where those stop, heartbeats do, and an autopilot's own failsafe acts."""
+"""Heartbeats stop when setpoints stop, so that an autopilot's own failsafe acts."""
 
 from __future__ import annotations
 

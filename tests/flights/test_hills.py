@@ -1,4 +1,4 @@
-"""A flight over hills: everybody keeps clear of the ground below itself."""
+"""Flights over hills: each vehicle keeps clear of the ground below it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HILLS = [
 
 @pytest.mark.slow
 def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_climb(fly: Fly, tmp_path: Path) -> None:
-    """The ground rises by 5.2 m/s at 22 m/s; climbs are limited to 3 m/s, and links take 300 ms each way."""
+    """At 22 m/s the ground rises by 5.2 m/s; climbs are limited to 3 m/s, and links take 300 ms each way."""
     summary = fly(
         duration_s=75,
         start={"in_air": True, "run_in_s": 12},
@@ -37,14 +37,14 @@ def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_c
     flown = flying(columns)
     aside = flown & (columns["vehicle"] == 2)
     np.testing.assert_allclose(columns["clearance_m"] + columns["ground_height_m"], columns["true_height_m"])
-    assert columns["slot_up_m"][aside].max() > 5.0  # for the ridge, which the leader doesn't rise for
+    assert columns["slot_up_m"][aside].max() > 5.0  # for the ridge, above which the leader needn't rise
     assert columns["slot_up_m"][aside].min() >= -1e-6
     assert np.nanmax(np.abs(columns["error_z_m"][flown])) < 1.0
 
 
 @pytest.mark.slow
 def test_shapes_and_leaders_change_over_hills_with_everybody_clear_of_ground_and_each_other(tmp_path: Path) -> None:
-    """Slots that change places lie lifted over each other besides what the ground asks for."""
+    """Slots that change places are lifted over each other in addition to the ground's lift."""
     changes = [{"at_s": 62, "shape": "line"}, {"at_s": 130, "shape": "circle"}, {"at_s": 190, "leader": 2}]
     flown = gcs_formation.run(
         HILLY, clock="virtual", out=tmp_path / "run", duration_s=235, expect=[], formation__changes=changes
@@ -61,7 +61,7 @@ def test_shapes_and_leaders_change_over_hills_with_everybody_clear_of_ground_and
 def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_height_at_once(
     fly: Fly, tmp_path: Path
 ) -> None:
-    """The successor, 60 m aside, is lifted for a ridge there; at 22 m/s a climb may come to 0.3 m a tick."""
+    """The successor, 60 m to the side, is lifted for a ridge there; at 22 m/s a climb may be up to 0.3 m per tick."""
     ridge = {"name": "ridge", "north_m": 500, "east_m": -60, "height_m": 45, "radius_m": 50, "length_m": 500}
     fly(
         duration_s=38,

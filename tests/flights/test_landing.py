@@ -1,4 +1,4 @@
-"""The order `land`: one after another, each where it took off."""
+"""The order `land`: one vehicle after another, each where it took off."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEVEL = GroundFloor(load_scenario(scenario()))
 
 
 def places(bodies: list[Body]) -> list[tuple[float, float, float]]:
-    """Return where they are: north, east, height, m."""
+    """Return their positions: north, east, height, m."""
     states = [body.state for body in bodies]
     return [(each.north_m, each.east_m, each.height_m) for each in states]
 
@@ -64,7 +64,7 @@ def test_they_land_one_after_another_each_where_it_took_off() -> None:
 
 @pytest.mark.slow
 def test_none_lands_while_one_that_restarted_as_it_landed_is_still_low() -> None:
-    """It had been counted as landed, since nothing said that it was armed."""
+    """It used to count as landed, because nothing said that it was armed."""
     orders = [{"at_s": 5, "order": "land"}]
     world = World(start={"in_air": False}, vehicles={"count": 2}, duration_s=60, orders=orders, finish={"loiter_s": 0})
     world.fly_to(5.0)
@@ -109,7 +109,7 @@ def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
     [
         ((0.0, 30.0), 0.0, False),
         ((0.0, 20.0), 0.0, True),
-        ((-140.0, 0.0), 0.0, True),  # it would come in low over it
+        ((-140.0, 0.0), 0.0, True),  # it would approach low over the other
         ((-160.0, 0.0), 0.0, False),
         ((50.0, 0.0), 0.0, True),  # it would roll there
         ((70.0, 0.0), 0.0, False),
@@ -118,7 +118,7 @@ def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
     ],
 )
 def test_nobody_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:
-    """A vehicle that took off at the origin, and one that stands on the ground."""
+    """A vehicle that took off at the origin, and another that is on the ground."""
     lands, stands = plane(1, 0.0, 0.0, course_rad=math.radians(course_deg)), plane(2, 0.0, 0.0)
     tell(stands, *place, 0.0, armed=False)
     said = "vehicle 1 would come in over the place of vehicle 2"
@@ -147,7 +147,7 @@ def waiting(*vehicles: Vehicle) -> Landings:
 
 
 def told(vehicle: Vehicle) -> int | None:
-    """Return the mode that a vehicle is told."""
+    """Return the mode that a vehicle is commanded."""
     command = vehicle.commands.due(NOW)
     return int(command.param2) if command is not None else None
 

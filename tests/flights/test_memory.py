@@ -1,4 +1,4 @@
-"""A flight's memory doesn't grow with its length, but for the numbers that its summary is made of."""
+"""A flight's memory doesn't grow with its length, except for the numbers that its summary needs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RATE_HZ = 10.0
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0, 50])
 def test_no_object_is_kept_of_a_tick(delay_ms: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One object for each vehicle and tick would be three a tick."""
+    """One object for each vehicle and tick would be three per tick."""
     kept: dict[int, int] = {}
     ends = Session.attend
 

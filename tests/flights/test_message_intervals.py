@@ -1,4 +1,4 @@
-"""Telemetry that somebody else switches off or slows down in flight is asked for again."""
+"""Telemetry that somebody else switches off or slows down in flight is requested again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OTHER = Address("127.0.0.1", 50000)
 MOTION = (m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD)
 NAMES = {"GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD"}
 NONE, UNASKED = -1.0, 0.0
-"""Intervals of MAV_CMD_SET_MESSAGE_INTERVAL: the message doesn't come; it comes as often as without being asked for."""
+"""Intervals of MAV_CMD_SET_MESSAGE_INTERVAL: message off; default rate."""
 
 
 def interval(number: int, message_id: int, interval_us: float) -> CommandLong:
@@ -29,7 +29,7 @@ def interval(number: int, message_id: int, interval_us: float) -> CommandLong:
 
 
 def slowed(number: int) -> list[Message]:
-    """Return what Mission Planner and MAVProxy say when they connect."""
+    """Return what Mission Planner and MAVProxy send when they connect."""
     return [RequestDataStream(number, 1, m.MAV_DATA_STREAM_ALL, 4, 1)]
 
 
@@ -42,7 +42,7 @@ def unasked(number: int) -> list[Message]:
 
 
 def tell(world: World, number: int, messages: list[Message]) -> float:
-    """Let another ground station say something to a vehicle; return when."""
+    """Send a vehicle messages from another ground station; return when."""
     writer = FrameWriter(254, 190)
     for message in messages:
         world.fleet.receive([Datagram(number - 1, OTHER, writer.encode(message))], world.clock.now())
@@ -70,7 +70,7 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
     asked_s, *_ = world.times_s("streams", number, "asked again")
     assert asked_s - told_s < 2.5
     again_s = world.times_s("streams", number, "again")[-1]
-    assert again_s - asked_s < (10.0 if said is slowed else 4.0)  # 2 s of 10 Hz, 8 s of 2 Hz, and the way there
+    assert again_s - asked_s < (10.0 if said is slowed else 4.0)  # seen after 2 s of 10 Hz, 8 s of 2 Hz, and the delay
     assert world.times_s("streams") == world.times_s("streams", number)
     assert not world.times_s("leader")
     assert not world.times_s("member", text="loiter")
@@ -80,7 +80,7 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
 
 @pytest.mark.slow
 def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_to_loiter() -> None:
-    """At 3.5 s, as after any three heartbeats that are missing; the next one comes at once."""
+    """At 3.5 s, after three missing heartbeats; the next one comes at once."""
     world = World(duration_s=9)
     world.fly_to(2.0)
     tell(world, 2, [interval(2, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
@@ -98,7 +98,7 @@ def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_
 def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_back_with_them(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nobody knows its mode any more; another takes over where it leads. Its telemetry goes on all the time."""
+    """Its mode is unknown then; if it leads, another takes over. Its telemetry goes on all the time."""
     world = World(duration_s=40)
     world.fly_to(2.0)
     stopped_s = tell(world, number, [interval(number, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
@@ -125,7 +125,7 @@ def test_heartbeats_lost_on_the_way_are_not_missing() -> None:
 
 @pytest.mark.slow
 def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:
-    """It's asked after 2.5, 5, 10 s; telemetry that has been off for 5 s has it loiter, as any silence does."""
+    """It's asked after 2.5, 5, 10 s; after 5 s without telemetry it is told to loiter, as after any silence."""
     world = World(duration_s=40)
     world.fly_to(2.0)
     requests: set[float] = set()
@@ -133,7 +133,7 @@ def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_
         tell(world, 2, stopped(2))
         world.run(0.2)
         requests.add(world.station._message_intervals._streams[1][1].next_request)
-    assert len(requests) == 4  # the first is of before
+    assert len(requests) == 4  # the first was sent before
     assert len(world.times_s("streams", 2)) == 1
     assert world.times_s("member", 2, "told to loiter")
     assert not world.times_s("member", 3, "told to loiter")
@@ -159,7 +159,7 @@ def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_any_one_of_position_attitude_and_airspeed_a_vehicle_is_told_to_loiter(
     message_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An attitude or airspeed counts on for 2 s; what's older than 5 s isn't predicted from."""
+    """An attitude or airspeed is used for 2 s; nothing older than 5 s is predicted from."""
     world = World(duration_s=11)
     world.fly_to(2.0)
     stopped_s = tell(world, 2, [interval(2, message_id, NONE)])

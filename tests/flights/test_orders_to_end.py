@@ -1,4 +1,4 @@
-"""Orders to end the flight, in phases other than the flight itself."""
+"""Orders to end the flight, in other phases than the flight along the path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ABREAST: dict[str, Any] = {
     "formation": {"shape": "line", "spacing_m": 40},
     "duration_s": 20,
 }
-"""Who stands 40 m beside each other lands out of each other's way."""
+"""At 40 m beside each other, vehicles on the ground are out of each other's landing paths."""
 
 
 def order(world: World, text: str) -> Answer:

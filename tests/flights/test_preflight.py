@@ -1,4 +1,4 @@
-"""Before anybody is commanded: parameters are read, somebody's word is awaited, or the run ends there."""
+"""Before the first command: parameters are read, confirmation is awaited, or a dry run ends."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ UTC_S = 1_800_000_000
 
 
 class Listening(Between):
-    """Takes down which commands come in."""
+    """Records the commands that arrive."""
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -43,7 +43,7 @@ class Listening(Between):
 
 
 class WithoutPosition(Listening):
-    """The last vehicle tells no position."""
+    """The last vehicle sends no position."""
 
     def datagrams_to_send(self) -> list[Datagram]:
         position = m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT.to_bytes(3, "little")
@@ -52,7 +52,7 @@ class WithoutPosition(Listening):
 
 
 class WithoutTimesync(Listening):
-    """The last vehicle answers no TIMESYNC."""
+    """The last vehicle doesn't answer TIMESYNC."""
 
     def datagrams_to_send(self) -> list[Datagram]:
         sent = super().datagrams_to_send()
@@ -60,7 +60,7 @@ class WithoutTimesync(Listening):
 
 
 class OfAnotherEpoch(Listening):
-    """The last vehicle answers TIMESYNC by UTC, and stamps its messages by its time since boot."""
+    """The last vehicle answers TIMESYNC by UTC, but stamps its messages with its time since boot."""
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -122,7 +122,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
 def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, PreFlightOptions(parameters=True, confirm=True), **keys)
-    world.run(20.0 if in_air else 95.0)  # longer than the step that is waited for may take
+    world.run(20.0 if in_air else 95.0)  # longer than the timeout of the step
     assert world.station.preflight.awaits_word
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
     asked = question(world.station.preflight)
@@ -167,7 +167,7 @@ def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() 
 
 @pytest.mark.parametrize("confirm", [False, True])
 def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
-    """The last one has no position: it's waited for, and then the run ends with all on the ground."""
+    """The last one has no position: the station waits for it, then the run ends with all on the ground."""
     world = World(WithoutPosition, PreFlightOptions(parameters=True, confirm=confirm), **GROUND)
     world.run(60.0)
     assert world.station.flight.phase is Phase.FAILED
@@ -195,7 +195,7 @@ def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
 def test_one_whose_clock_is_not_known_is_not_ready_and_nobody_is_commanded(
     between: type[Listening], why: str, caution: PreFlightOptions, in_air: bool
 ) -> None:
-    """It would be armed and take off, and never get a setpoint: nothing that it tells becomes a state of now."""
+    """It would be armed and take off, and never get a setpoint, because no state of it can be dated."""
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(between, caution, **keys)
     for vehicle in world.fleet.vehicles:
@@ -228,7 +228,7 @@ def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_no
 
 
 def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
-    """Its phase is over by then, which no time series has."""
+    """Its phase is over by then, and no time series has such a phase."""
     world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), vehicles={"count": 2})
     world.run(20.0)
     assert world.station.flight.phase is Phase.DONE
@@ -236,7 +236,7 @@ def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_tho
 
 
 def elsewhere(*, in_air: bool, north_rad: float = 0.0, up_m: float = 0.0) -> World:
-    """Return a flown world whose station takes the vehicles to be farther north and higher than the scenario."""
+    """Return a world whose station assumes the vehicles to be farther north and higher than the scenario does."""
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, READ, **keys)
     for vehicle in world.station.vehicles.values():
@@ -248,7 +248,7 @@ def elsewhere(*, in_air: bool, north_rad: float = 0.0, up_m: float = 0.0) -> Wor
 
 @pytest.mark.parametrize("in_air", [False, True])
 def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_is_said(in_air: bool) -> None:
-    """The station's scenario has its origin at sea level, where the vehicles' field is at 500 m."""
+    """The origin of the station's scenario is at sea level, but the vehicles' field is at 500 m."""
     world = elsewhere(in_air=in_air, up_m=500.0)
     found = "home: found 500 m above sea level, where the scenario's ground is at 0 m; allowed: 30 m off"
     if in_air:
@@ -262,7 +262,7 @@ def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_i
 
 @pytest.mark.parametrize("in_air", [False, True])
 def test_vehicles_far_from_the_path_are_left_as_they_are(in_air: bool) -> None:
-    """They are a degree of latitude south of where the station's scenario has its origin."""
+    """They are a degree of latitude south of the origin in the station's scenario."""
     world = elsewhere(in_air=in_air, north_rad=-math.radians(1.0))
     assert re.match(
         r"vehicle 1: place: found 11\d\.\d km from the path's start; allowed: up to 14.0 km",

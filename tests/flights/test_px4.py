@@ -1,4 +1,4 @@
-"""Emulated PX4s in formation, alone and among others: what their ways of being commanded ask of the station."""
+"""Emulated PX4s in formation, alone and with others: what commanding them requires of the station."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MIXED: list[dict[str, Any]] = [
 
 
 class Listener(Between):
-    """Keeps the ids of all messages that vehicles are sent."""
+    """Keeps the ids of all messages sent to vehicles."""
 
     def __init__(self, fleet: Any) -> None:
         super().__init__(fleet)
@@ -52,7 +52,7 @@ class Listener(Between):
 
 
 class Jammed(Between):
-    """Setpoints don't reach the last vehicle any more once `since` has passed."""
+    """Setpoints no longer reach the last vehicle once `since` has passed."""
 
     since = Instant(2**62)
 
@@ -85,7 +85,7 @@ def test_emulated_and_real_differ_in_a_word_and_in_nothing_else(config, model):
 
 @pytest.mark.slow
 def test_the_shipped_fixed_wings_are_not_said_to_disobey_while_their_airspeed_settles(tmp_path):
-    """Who climbs out with full throttle flies 1 m/s short for a minute: the throttle's integrator takes its time."""
+    """After a climb at full throttle it flies 1 m/s too slowly for a minute, until its integrator has settled."""
     gcs_formation.run(CONFIGS / "px4.yaml", clock="virtual", out=tmp_path, until=20.0)
     events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
     assert [each["text"] for each in events if each["kind"] in {"disobeys", "obeys"}] == []
@@ -93,7 +93,7 @@ def test_the_shipped_fixed_wings_are_not_said_to_disobey_while_their_airspeed_se
 
 @pytest.mark.slow
 def test_multirotors_follow_in_offboard_with_clocks_that_are_late_by_14_ms_a_second():
-    """PX4's simulator keeps such a time. No SYSTEM_TIME is sent: PX4 would set its host's clock by it."""
+    """PX4's simulator has such a clock. No SYSTEM_TIME is sent, because PX4 would set its host's clock by it."""
     late: dict[str, Any] = {"vehicles": {"count": 3, "clock": {"drift_ppm": -14000}} | PX4_COPTER}
     world = World(Listener, **(HOVERS | late))
     world.fly_to(25.0)
@@ -107,7 +107,7 @@ def test_multirotors_follow_in_offboard_with_clocks_that_are_late_by_14_ms_a_sec
 
 @pytest.mark.slow
 def test_a_stream_that_stops_for_two_seconds_is_taken_up_again_by_everybody():
-    """Setpoints missing for longer than COM_OF_LOSS_T send a PX4 home; when they come again it is in OFFBOARD again."""
+    """Without setpoints for longer than COM_OF_LOSS_T a PX4 returns home; when they resume it is in OFFBOARD again."""
     world = World(**HOVERS)
     world.fly_to(10.0)
     world.process.stop(world.clock.now(), 2.0)
@@ -122,7 +122,7 @@ def test_a_stream_that_stops_for_two_seconds_is_taken_up_again_by_everybody():
 
 @pytest.mark.parametrize("share", [0.55, *(pytest.param(share, marks=pytest.mark.slow) for share in (0.4, 0.75))])
 def test_fixed_wings_that_leave_half_of_a_change_of_airspeed_to_an_integrator_keep_their_slots(share):
-    """They are told so much more of a change; a leader that changes its speed, and aircraft that leave another part."""
+    """Their commanded changes are larger for it. The leader changes speed, and some aircraft have another share."""
     steps = [{"at_s": 2.0, "for_s": 12.0, "speed_mps": 1.5}, {"at_s": 14.0, "for_s": 12.0, "speed_mps": -1.5}]
     world = World(
         vehicles={

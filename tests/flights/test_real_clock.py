@@ -1,4 +1,4 @@
-"""Flights over UDP: processes, sockets, signals and exit statuses as a user and their scripts meet them."""
+"""Flights over UDP: processes, sockets, signals and exit statuses as users and scripts see them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPEED_MPS = 22
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """A short scenario on a port of its own."""
+    """Return a short scenario on a port of its own."""
     keys = scenario(duration_s=20, vehicles={"count": 3, "endpoint": f"udpin:127.0.0.1:{free_port()}"})
     file = tmp_path / "short.yaml"
     file.write_text(yaml.safe_dump(keys))
@@ -32,12 +32,12 @@ def path(tmp_path: Path) -> Path:
 
 
 def said(*arguments: str) -> Result:
-    """Give the command line these arguments, without a process of its own."""
+    """Run the command line with these arguments in this process."""
     return CliRunner().invoke(main, arguments)
 
 
 def late_s(summary: dict[str, Any]) -> float:
-    """Return by how much this machine was late, in seconds of flight: the station's ticks, and answers of its links."""
+    """Return how late this machine was, in seconds of flight: the station's ticks, and the links' answers."""
     period_ms, rate_hz = summary["control"]["period_ms"], summary["control"]["rate_hz"]
     slowest_ms = max(link["measured_delay_ms"]["p99"] for link in summary["links"].values())
     return (max(0.0, period_ms["max"] - 1e3 / rate_hz) + 2 * slowest_ms) / 1e3
@@ -86,7 +86,7 @@ def test_fly_against_vehicles_started_by_hand(path: Path, tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["truth"] is False
-    assert worst_rms_m(summary) < 1.0 + SPEED_MPS * late_s(summary)  # as the law saw it: stamps may be late as well
+    assert worst_rms_m(summary) < 1.0 + SPEED_MPS * late_s(summary)  # as the law saw it: stamps may be late, too
 
 
 @pytest.mark.slow
@@ -139,7 +139,7 @@ def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path:
 def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     keys = ["--set", "duration_s=12", "--set", "faults=[{at_s: 4, vehicles: [1], kind: crash}]"]
-    keys += ["--set", "formation.shape=follower"]  # where one is the nearest, not two within what a busy machine adds
+    keys += ["--set", "formation.shape=follower"]  # one vehicle is the nearest by more than a busy machine's jitter
     command = [*STATION, "run", str(path), *keys, "--out", str(out)]
     subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     events = events_of(out)
@@ -152,7 +152,7 @@ def test_a_leader_lost_over_udp_is_succeeded_within_5_s(path: Path, tmp_path: Pa
 
 
 def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> None:
-    """It has commanded nobody: its record may be replaced, and replaces none that an earlier run has left."""
+    """It has commanded nobody: its record may be replaced, but doesn't replace an earlier run's."""
     endpoint, out = yaml.safe_load(path.read_text())["vehicles"]["endpoint"], tmp_path / "run"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as occupier:
         occupier.bind(("127.0.0.1", int(endpoint.rpartition(":")[2])))

@@ -1,4 +1,4 @@
-"""Processes that are killed, interrupted, or out of room, under the real clock."""
+"""Processes that are killed, interrupted, or out of disk space, under the real clock."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FILE_BYTES = 150_000
 
 
 def last_stamp_s(tlog: Path) -> float:
-    """Return the span of a telemetry log that is read frame by frame, up to what was cut off."""
+    """Return the span of a telemetry log, read frame by frame up to where it was cut off."""
     data, at, first, last = tlog.read_bytes(), 0, None, 0
     while at + 8 + 12 <= len(data):
         stamp = int.from_bytes(data[at : at + 8], "big")
@@ -38,7 +38,7 @@ def last_stamp_s(tlog: Path) -> float:
 
 
 def flown_s(out: Path) -> float:
-    """Return how much of the flight along the path is in the record by now, s."""
+    """Return how much of the flight along the path has been recorded so far, s."""
     begun_s = [event["t_s"] for event in events_of(out) if event["text"] == "flying"]
     spool = out / "timeseries.ticks"
     recorded_s = Spool(spool).read()["t_s"] if spool.exists() else np.zeros(0)
@@ -47,7 +47,7 @@ def flown_s(out: Path) -> float:
 
 @pytest.mark.slow
 def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_path: Path) -> None:
-    """The record grows while it flies, at least once a second: three seconds are in it long before the end."""
+    """The record is written at least once a second: three seconds are in it long before the end."""
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:
         wait_for_event(out, "flying")
@@ -58,7 +58,7 @@ def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_p
     assert seen_s <= flown_s(out) < 20.0, "killed before its end"
     heard_s = next(event["t_s"] for event in events_of(out) if event["text"] == "connected")
     flying_s = next(event["t_s"] for event in events_of(out) if event["text"] == "flying")
-    # Both are written at least once a second, by the station's clock; what it was late itself shows in its ticks.
+    # Both are written at least once a second by the station's clock; its own lateness shows in its ticks.
     late = float(np.diff(np.unique(Spool(out / "timeseries.ticks").read()["t_s"])).max())
     assert heard_s + last_stamp_s(out / "flight.tlog") > flying_s + flown_s(out) - 1.0 - late
     assert not (out / "summary.json").exists()
@@ -68,18 +68,18 @@ def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_p
 def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges_anybody(
     path: Path, tmp_path: Path
 ) -> None:
-    """For eight seconds; vehicles whose setpoints stop fly on."""
+    """It is stopped for eight seconds; vehicles without setpoints fly on."""
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--set", "duration_s=14", "--out", str(out)]) as station:
         wait_for_event(out, "flying")
         station.send_signal(signal.SIGSTOP)
-        time.sleep(8.0)  # the fault itself: so long is it stopped, by the clock that everybody goes by
+        time.sleep(8.0)  # the fault itself: it is stopped for this time of the clock that all go by
         station.send_signal(signal.SIGCONT)
         _, said = station.communicate(timeout=LIMIT_S)
         assert station.returncode == 0, said
     assert json.loads((out / "summary.json").read_text())["control"]["period_ms"]["max"] > 7000.0
     begun = [event["text"] for event in events_of(out)].index("flying")
-    assert {event["kind"] for event in events_of(out)[begun + 1 :]} == {"phase", "mode"}  # those of the end
+    assert {event["kind"] for event in events_of(out)[begun + 1 :]} == {"phase", "mode"}  # events of the end only
 
 
 @pytest.mark.slow
@@ -106,7 +106,7 @@ def test_interrupted_at_any_moment_of_its_start_up_it_ends_with_130(path: Path, 
     on_the_ground = ["--set", "start.in_air=false", "--out", str(out)]
     with started([*STATION, "run", str(path), *on_the_ground]) as station:
         wait_for(lambda: _imports(station.pid), every_s=0.005)
-        time.sleep(after_s)  # the moment is what is tried; nothing in a start-up tells of it
+        time.sleep(after_s)  # the moment is the parameter; no event marks it
         station.send_signal(signal.SIGINT)
         _, said = station.communicate(timeout=LIMIT_S)
     assert station.returncode == 130, said
@@ -117,13 +117,13 @@ def test_interrupted_at_any_moment_of_its_start_up_it_ends_with_130(path: Path, 
 
 
 def _imports(pid: int) -> bool:
-    """Whether a process has begun to import what it needs: before that, it's Python's own start-up."""
+    """Whether a process has begun to import our modules: before that, it's Python's own start-up."""
     return "numpy" in Path(f"/proc/{pid}/maps").read_text()
 
 
 @pytest.mark.slow
 def test_a_full_disk_ends_with_3_and_words(path: Path, tmp_path: Path) -> None:
-    """The limit on a file's size stands for the disk's: what is written beyond it fails likewise."""
+    """A limit on the file size stands in for a full disk: writing beyond it fails in the same way."""
     out = tmp_path / "run"
     done = subprocess.run(
         [*STATION, "run", str(path), "--speedup", "4", "--quiet", "--out", str(out)],
@@ -150,7 +150,7 @@ FAULTS = """[
 
 @pytest.mark.slow
 def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path: Path, tmp_path: Path) -> None:
-    """Faults strike by the mission time, of which vehicles are told once a second."""
+    """Faults begin at mission times, which vehicles are sent once a second."""
     out, endpoint = tmp_path / "run", yaml.safe_load(path.read_text())["vehicles"]["endpoint"]
     vehicles = f"vehicles={{count: 6, endpoint: '{endpoint}'}}"
     keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]

@@ -1,4 +1,4 @@
-"""A ground station that is killed in flight, and another that takes over what flies by the first one's record."""
+"""A ground station is killed in flight, and another takes over the vehicles from the first one's record."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ BENDS = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [700, 0, 100], [1300, 500
 
 
 class Kept(Notes):
-    """A recorder in memory, and in a run directory."""
+    """A recorder in memory and in a run directory."""
 
     def __init__(self, scenario: Scenario, path: Path, *, resume: bool = False) -> None:
         super().__init__()
@@ -62,7 +62,7 @@ class Kept(Notes):
 
 
 class Obedient(Between):
-    """Takes down what the vehicles are commanded with COMMAND_LONG; their answers to TIMESYNC may not come through."""
+    """Records COMMAND_LONGs to the vehicles; their answers to TIMESYNC can be suppressed."""
 
     tells_time = True
 
@@ -88,7 +88,7 @@ class Killed:
         self.world = World(Obedient, notes=lambda planned: Kept(planned, directory), **keys)
 
     def kill(self, seconds: float) -> None:
-        """Kill the station; nobody is there for some time."""
+        """Kill the station; for some time there is none."""
         self.close()
         self.world.process.stop(self.world.clock.now(), 1e6)
         self.world.run(seconds)
@@ -112,7 +112,7 @@ class Killed:
         self.resumed_s = world.now_s
 
     def regained_s(self) -> float:
-        """Return how long after the resumption every follower was in its slot, and stayed there."""
+        """Return how long after the resumption every follower was in its slot to stay."""
         flown = [tick for tick in self.world.notes.ticks if tick.phase in ("assembling", "flying")]
         followers = [column for column in range(len(self.world.fleet.vehicles)) if column != flown[0].leader]
         errors = [(tick.now / NANOSECONDS, np.abs([tick.error_m[each] for each in followers]).max()) for tick in flown]
@@ -139,7 +139,7 @@ def killed(tmp_path: Path) -> Generator[Callable[..., Killed]]:
 
 
 def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable[..., Killed]) -> None:
-    """A bend begins while nobody is there: they fly on straight, and the leader returns to the path from there."""
+    """A bend begins while there is no station: they fly straight on, and the leader returns to the path from there."""
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [200, 0, 100], [500, 200, 100], [700, 900, 100]]}
     flight = killed(duration_s=44, vehicles={"count": 2}, path=path, finish={"loiter_s": 0})
     world = flight.world
@@ -164,7 +164,7 @@ def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable
 def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
     killed: Callable[..., Killed], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its clock runs without a battery, and shows an hour less after a power cut."""
+    """It has no battery for its clock, which is an hour behind after a power cut."""
     flight = killed(duration_s=44, vehicles={"count": 2})
     flight.world.fly_to(6.0)
     assert isinstance(flight.world.notes, Kept)
@@ -187,7 +187,7 @@ def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
 
 @pytest.mark.slow
 def test_shape_and_leader_are_those_of_the_record(killed: Callable[..., Killed]) -> None:
-    """Its shape is another by then, and another vehicle leads; before a bend they fly on straight for 10 s."""
+    """Shape and leader have changed by then; before a bend they fly straight on for 10 s."""
     changes = [{"at_s": 8, "shape": "line", "spacing_m": 25}, {"at_s": 20, "leader": 2}]
     flight = killed(duration_s=75, path=BENDS, formation={"shape": "arrow", "spacing_m": 30, "changes": changes})
     world = flight.world
@@ -201,7 +201,7 @@ def test_shape_and_leader_are_those_of_the_record(killed: Callable[..., Killed])
 
 
 def enter(world: World, number: int, mode: Mode) -> None:
-    """Let a pilot or a failsafe choose a mode."""
+    """Let a pilot or a failsafe set a mode."""
     world.vehicle(number).enter(mode)
 
 
@@ -302,7 +302,7 @@ def test_killed_while_they_take_off_those_in_the_air_go_on_and_nobody_else_is_ar
 @pytest.mark.slow
 @pytest.mark.parametrize("opened_s", [0.2, 1.0, 4.0])
 def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Killed], opened_s: float) -> None:
-    """They circle once each has a height of its own, as in a flight that nobody killed: they climbed side by side."""
+    """They circle once each has reached a height of its own, as in any flight; they used to climb side by side."""
     flight = killed(duration_s=8)
     world = flight.world
     world.network.run(lambda: world.station.flight.phase is Phase.ENDING)
@@ -319,7 +319,7 @@ def test_killed_at_its_end_the_flight_is_brought_to_it(killed: Callable[..., Kil
 
 
 def test_resumed_after_its_time_the_flight_ends_at_once(killed: Callable[..., Killed]) -> None:
-    """It gathered for 20 s, began its path at 70 s of 60, and ended in the same tick."""
+    """It used to gather for 20 s, begin its path at 70 s of 60, and end in the same tick."""
     flight = killed(duration_s=8)
     world = flight.world
     world.fly_to(5.0)
@@ -335,9 +335,9 @@ def test_resumed_after_its_time_the_flight_ends_at_once(killed: Callable[..., Ki
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["udpin", "udpout"])
 def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(kind: str, tmp_path: Path) -> None:
-    """SIGKILL in flight; the vehicles are a process of their own. The record is of both stations.
+    """SIGKILL in flight; the vehicles are a process of their own. The record covers both stations.
 
-    Where the station sends to the vehicles first, it sends from the same port again: a PX4 answers no other.
+    A station that sends to the vehicles first uses the same port again, because a PX4 answers no other.
     """
     path, out = tmp_path / "flight.yaml", tmp_path / "run"
     low = {"speed_mps": 22, "waypoints_m": [[0, 0, 50], [900, 0, 50], [1600, 500, 50], [6000, 2500, 50]]}
@@ -351,7 +351,7 @@ def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(kind:
         emulators.stdout.readline()
         with started([*STATION, "fly", str(path), "--speedup", "2", "--out", str(out)]) as station:
             wait_for_event(out, "flying")
-            time.sleep(5.0)  # killed in flight, not as it begins
+            time.sleep(5.0)  # killed in flight, not at its beginning
             station.send_signal(signal.SIGKILL)
             station.wait(LIMIT_S)
         command = [*STATION, "fly", "--resume", str(out), "--speedup", "2", "--json"]
@@ -369,7 +369,7 @@ def test_killed_over_udp_and_resumed_the_formation_is_regained_within_60_s(kind:
 
 
 def regained_s(run: Path) -> float:
-    """Return when every follower had been in its slot for 5 s since the longest gap of the record."""
+    """Return the time from which every follower had been in its slot for 5 s after the record's longest gap."""
     columns = read_parquet(run / "timeseries.parquet")
     errors = np.max([np.abs(columns[f"error_{axis}_m"]) for axis in "xyz"], axis=0)
     times_s = np.unique(columns["t_s"])
@@ -381,7 +381,7 @@ def regained_s(run: Path) -> float:
 
 
 def armings_us(run: Path) -> list[int]:
-    """Return when vehicles were told to arm, microseconds since 1970."""
+    """Return when vehicles were commanded to arm, microseconds since 1970."""
     logged = read_tlog(run / "flight.tlog")
     frames = ((time_us, frame) for time_us, raw in logged for frame in StreamParser().feed(raw))
     told = ((at_us, frame.message) for at_us, frame in frames if isinstance(frame.message, CommandLong))

@@ -1,4 +1,4 @@
-"""As many vehicles as a network has ids, and ids that two networks both have."""
+"""As many vehicles as a network has ids, and ids that occur on two networks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DURATION_S = 3
 
 
 def networks(*sizes: int) -> dict[str, Any]:
-    """Return vehicles one behind the other, so many on each network; the first leads."""
+    """Return vehicles one behind the other, `sizes` of them on the networks; the first leads."""
     vehicles = [{"id": 1 + i, "network": 1 + network} for network, size in enumerate(sizes) for i in range(size)]
     return {
         "vehicles": [vehicles[0] | {"role": "leader"}, *vehicles[1:]],

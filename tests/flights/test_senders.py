@@ -1,4 +1,4 @@
-"""Who speaks for a vehicle: second vehicles with its id, new addresses, restarts, and our own frames."""
+"""Which sender is a vehicle: second vehicles with its id, new addresses, restarts, and our own frames."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
 
 class Moving(Between):
-    """A fleet that is heard from other ports once it has moved, as behind a router that forgot its bindings."""
+    """A fleet that sends from other ports once it has moved, as behind a router that forgot its bindings."""
 
     moved = False
 
@@ -42,7 +42,7 @@ class Moving(Between):
 
 
 class Echoing(Between):
-    """Whatever a vehicle is sent comes back to the sender as well, and what it says to itself."""
+    """Sends back to the sender what a vehicle is sent, and lets vehicles hear their own messages."""
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
@@ -60,7 +60,7 @@ class Echoing(Between):
 
 
 class Routing(Between):
-    """A router: vehicle 2 and, once it's there, another with the same id are heard from one address."""
+    """A router: vehicle 2 and, once it exists, another with the same id have one address."""
 
     other: Fleet | None = None
 
@@ -103,7 +103,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
     (reported_s,) = world.times_s("duplicate", 2)
     assert 1.0 <= reported_s - begun_s < 2.5
     assert not world.times_s("address")
-    assert twin.vehicles[0].link._heard == []  # nothing was ever said to it
+    assert twin.vehicles[0].link._heard == []  # nothing was ever sent to it
     taken = sum(vehicle.frames_in for vehicle in world.station.vehicles.values())
     assert world.station.received().frames - taken == world.station.frames_refused > 100
 
@@ -168,7 +168,7 @@ def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
 
 
 class HeartbeatsOnly(Between):
-    """A fleet of which nothing but heartbeats is heard until it may say more."""
+    """A fleet of which only heartbeats get through until it may send more."""
 
     silent = True
 

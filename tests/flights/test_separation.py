@@ -1,4 +1,4 @@
-"""Separation in whole flights: kept where a vehicle flies straight on as the others turn, and left alone elsewhere."""
+"""Separation in whole flights: kept where a vehicle flies straight on as the others turn; inactive elsewhere."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.flights.conftest import Fly
 from tests.flights.in_memory import World
 
 START = {"in_air": True, "run_in_s": 12}
-"""Long enough for followers to be settled over late links: the leader doesn't go round again."""
+"""Long enough for followers to settle over late links, so that the leader flies no lap."""
 LEFT, RIGHT = [-30, -30, 0], [-30, 30, 0]
 SWAP: dict[str, Any] = {
     "duration_s": 35,
@@ -77,9 +77,9 @@ def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: fl
 
 @pytest.mark.parametrize("climbed_for_s", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_who_flies_beside_one_whose_pilot_sets_loiter_climbs_before_it_turns(climbed_for_s: float) -> None:
-    """15 m aside, it is reached after 4 s, in which it climbs 8 m; who waits for a turn to be seen, 5 m.
+    """15 m aside, it is reached after 4 s: enough to climb 8 m at once, but 5 m after a turn has been detected.
 
-    Of two that climb side by side, the one in LOITER levels off: the way is upwards.
+    When two climb side by side, the one in LOITER levels off, so the way out is upwards.
     """
     world = World(formation={"shape": "custom", "slots_m": {2: [0, 40, 0], 3: [0, 55, 0]}}, duration_s=10)
     world.fly_to(1.0)
@@ -101,12 +101,12 @@ UNRESPONSIVE: list[dict[str, Any]] = [
     {"links": {"changes": [OUT | {"uplink": {"outage": True}}]}},
     {"faults": [OUT | {"kind": "ignore"}]},
 ]
-"""Neither heard nor hears; hears nothing; acknowledges and doesn't obey."""
+"""Neither link works; no uplink; acknowledges without obeying."""
 
 
 @pytest.mark.slow
 def test_an_unresponsive_vehicle_is_kept_away_from_where_it_flies_straight_on(fly: Fly) -> None:
-    """Beside the leader, it holds the heading that it was told last, across the way of the others in their bend."""
+    """Beside the leader, it holds its last heading setpoint, across the way of the others in their turn."""
     beside = {"shape": "custom", "slots_m": {2: [5, -20, 0], 3: [-40, 40, 0]}}
     flight = {"duration_s": 52, "path": TURN["path"], "formation": beside, "start": START}
     off = fly(**flight, **UNRESPONSIVE[0], safety={"avoidance": {"enabled": False}}).to_dict()["safety"]
@@ -117,7 +117,7 @@ def test_an_unresponsive_vehicle_is_kept_away_from_where_it_flies_straight_on(fl
 
 @pytest.mark.slow
 def test_a_follower_that_passes_its_leader_comes_to_its_slot(fly: Fly) -> None:
-    """It begins ahead of the leader: slowed down as far as it goes, it gives way in height and goes on falling back."""
+    """It begins ahead of the leader. Flying as slowly as it can, it evades in height and goes on falling back."""
     behind = {"shape": "custom", "slots_m": {2: [-40, 0, 0]}}
     start = {"in_air": True, "run_in_s": 6, "offset_m": [75, 2, 0]}
     found = fly(duration_s=60, vehicles={"count": 2}, law={"type": "pid"}, start=start, formation=behind).to_dict()
@@ -145,7 +145,7 @@ def dryden(seed: int, shape: str) -> dict[str, Any]:
 def test_heavy_turbulence_brings_near_slots_and_those_that_circle_together_in_few_flights(fly: Fly, shape: str) -> None:
     """Nine of ten keep to the limit of 5 m, half of them to 6.5 m.
 
-    The rule isn't proof against gusts that nobody foresees (docs/separation.md): 2 of the 60 came below 5 m.
+    The rule can't prevent all effects of gusts (docs/separation.md): 2 of the 60 came below 5 m.
     """
     flights = [fly(**dryden(seed, shape)).to_dict()["safety"] for seed in range(1, 21)]
     nearest_m = sorted(each["min_separation_m"] for each in flights)
@@ -156,7 +156,7 @@ def test_heavy_turbulence_brings_near_slots_and_those_that_circle_together_in_fe
 
 @pytest.mark.slow
 def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly) -> None:
-    """As they turn across the way of one that its pilot flies straight on, and where one doesn't respond."""
+    """As they turn across the way of one flown straight on by its pilot, and near one that doesn't respond."""
     slow = {"vehicles": {"count": 3, "true_model": {"climb_max_mps": 1.0}}}
     assert fly(**TURN, **slow, start=START).to_dict()["safety"]["min_separation_m"] > 6.5
     beside = {"shape": "custom", "slots_m": {2: [5, -20, 0], 3: [-40, 40, 0]}}
@@ -182,9 +182,9 @@ def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly
 def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
     fly: Fly, model: str, apart_m: float, mode: str, whose: int
 ) -> None:
-    """It comes back through their column at up to twice their speed: climbing alone, they were passed at 0.1 to 1.1 m.
+    """It comes back through their column at up to twice their speed; by climbing alone they missed it by 0.1 to 1.1 m.
 
-    They stop, or fly aside; what flies so isn't said to disobey.
+    They stop, or fly to the side; a vehicle that does so isn't reported as disobedient.
     """
     vehicles = [{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)]
     column = {"shape": "custom", "slots_m": {each: [-apart_m * (each - 1), 0, 0] for each in range(2, 5)}}
@@ -207,7 +207,7 @@ def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
 def test_multirotors_that_stand_keep_apart_from_one_that_is_sent_home_over_a_long_link(
     fly: Fly, model: str, apart_m: float, whose: int
 ) -> None:
-    """Seen to set off as it accelerated, it passed at 4.3 m; going to and fro before it, they came within 2.6 m."""
+    """When detected by its acceleration, it passed at 4.3 m; when they dithered in front of it, at 2.6 m."""
     run = fly(
         duration_s=30,
         vehicles=[{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)],

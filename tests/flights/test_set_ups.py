@@ -1,4 +1,4 @@
-"""What stands between a ground station and its vehicles in the field, and who else speaks there."""
+"""Equipment between a ground station and its vehicles in the field, and other systems there."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Late(Between):
 
 
 class Router(Between):
-    """One address for all, as of mavlink-router: what comes is passed on to every vehicle."""
+    """One address for all, as with mavlink-router: what it receives is passed on to every vehicle."""
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         return self.fleet.endpoints()[:1]
@@ -47,7 +47,7 @@ class Router(Between):
 
 
 class Rewriter(Between):
-    """Whatever vehicles say is written anew, frame by frame."""
+    """Rewrites what vehicles send, frame by frame."""
 
     def datagrams_to_send(self) -> list[Datagram]:
         return [Datagram(each.socket, each.peer, self.rewrite(each.data)) for each in super().datagrams_to_send()]
@@ -72,7 +72,7 @@ class Old(Rewriter):
 
 
 class Signing(Rewriter):
-    """Vehicles sign what they send, with a key that we don't have; unsigned commands count on the first link."""
+    """Vehicles sign frames with a key that we don't have; unsigned commands are accepted on the first link."""
 
     def rewrite(self, data: bytes) -> bytes:
         body = data[1:2] + bytes([SIGNED_FLAG]) + data[3:-CHECKSUM]
@@ -81,7 +81,7 @@ class Signing(Rewriter):
 
 
 class Crowded(Between):
-    """A camera, a gimbal, an ADS-B receiver and a companion computer share every vehicle's system id and address."""
+    """A camera, a gimbal, an ADS-B receiver and a companion computer share each vehicle's system id and address."""
 
     others: ClassVar = (
         (m.MAV_COMP_ID_CAMERA, Heartbeat(m.MAV_TYPE_CAMERA, m.MAV_AUTOPILOT_INVALID)),
@@ -109,7 +109,7 @@ class Crowded(Between):
 
 
 def flies(world: World) -> None:
-    """Fly to the end: nobody is told to loiter, nothing is refused, and every follower is in its slot."""
+    """Fly to the end: no vehicle is told to loiter, nothing is refused, and every follower is in its slot."""
     world.run()
     assert world.station.course.failure is None
     assert world.station.flight.phase is Phase.DONE
@@ -140,7 +140,7 @@ def test_a_formation_flies_through(between: type[Between]) -> None:
 
 
 def another(autopilot: int, kind: int) -> type[Between]:
-    """Return what makes the last vehicle say that it's another autopilot."""
+    """Return the engine that makes the last vehicle report another autopilot."""
 
     class Foreign(Old):
         def rewrite(self, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Start-ups that don't come to their end: what becomes of the vehicle, of the others and of the run, and when."""
+"""Start-ups that don't complete: what happens to the vehicle, to the others and to the run, and when."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from tests.flights.in_memory import Between, World
 
 LAG_S = 0.2
-"""Two ticks: what an event may come later than what leads to it."""
+"""Two ticks: how much an event may lag behind its cause."""
 LAST = 3
 SELDOM = {"rate_hz": 5}
 ON_THE_GROUND: dict[str, Any] = {"start": {"in_air": False}, "duration_s": 20, "telemetry": SELDOM, "law": SELDOM}
@@ -36,7 +36,7 @@ class Deaf(Between):
 
 
 class Unready(Between):
-    """The last vehicle never says that its estimator is ready."""
+    """The last vehicle never reports that its estimator is ready."""
 
     def datagrams_to_send(self) -> list[Datagram]:
         report = m.MAVLINK_MSG_ID_EKF_STATUS_REPORT.to_bytes(3, "little")
@@ -52,7 +52,7 @@ class Mute(Between):
 
 
 def nothing(world: World) -> None:
-    """Leave it to what is between station and vehicles."""
+    """Do nothing: the trouble is between station and vehicles."""
 
 
 def ignores(world: World) -> None:
@@ -120,7 +120,7 @@ def ignores_in_the_air(world: World) -> None:
 def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_on(
     between: type[Between], trouble: Callable[[World], None], begins: tuple[str, str], limit_s: float, words: str
 ) -> None:
-    """NonConformance is reported 2 s after the order's acknowledgement, so 18 s before the step's 20 s are over."""
+    """NonConformance is reported 2 s after the command's acknowledgement, 18 s before the step times out at 20 s."""
     world = World(between, **ON_THE_GROUND)
     trouble(world)
     world.run()
@@ -140,7 +140,7 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_
 
 @pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4, 5)), 6])
 def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int) -> None:
-    """An answer comes to every fourth request, so five take 14 s on average, and often more than 20 s."""
+    """Every fourth request is answered, so five take 14 s on average, and often more than 20 s."""
     lossy: dict[str, Any] = {"seed": seed, "vehicles": {"count": 6}, "links": {"default": {"loss": 0.5}}}
     world = World(**ON_THE_GROUND | lossy)
     world.network.run(
@@ -207,7 +207,7 @@ def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> 
 
 
 def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_without_end() -> None:
-    """A wind of 25 m/s, of which the scenario knows nothing, blows it back at 3 m/s."""
+    """A wind of 25 m/s, unknown to the scenario, blows it back at 3 m/s."""
     start = {"in_air": True, "run_in_s": 6, "timeout_s": 10}
     world = World(vehicles={"count": 2}, start=start, law=SELDOM, telemetry=SELDOM)
     for body in world.fleet.bodies:
@@ -242,7 +242,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
 
 @pytest.mark.parametrize("taken", [pytest.param((1,), marks=pytest.mark.slow), (1, 2, 3)])
 def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_over(taken: tuple[int, ...]) -> None:
-    """The leader alone is its pilot's, without succession; or everyone is, so that nobody can take over."""
+    """Pilots have taken the leader only, without succession; or all vehicles, so that none can take over."""
     world = World(**ASSEMBLING, formation={"shape": "arrow", "succession": "none" if taken == (1,) else "nearest"})
     world.run(3.0)
     for number in taken:
@@ -257,7 +257,7 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
 
 
 def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_about() -> None:
-    """A straight line that becomes a circle is a step in what the leader is told, and a spike in its rate of change."""
+    """Where the straight line becomes a circle, the leader's setpoint has a step, and its rate of change a spike."""
     world = World(formation={"shape": "diamond", "spacing_m": 40}, **ASSEMBLING)
     world.run(1.0)
     world.inject(LAST, "pilot")

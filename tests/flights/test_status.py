@@ -1,4 +1,4 @@
-"""The page on a flight under way, and the result."""
+"""The status page of a running flight, and the result."""
 
 from __future__ import annotations
 

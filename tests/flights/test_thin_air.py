@@ -1,4 +1,4 @@
-"""Aircraft that fly by airspeed sensors: in thin air, and with readings that are off."""
+"""Aircraft that fly by airspeed sensors: in thin air, and with wrong readings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BENDS: dict[str, Any] = {
 
 @pytest.mark.slow
 def test_sensors_that_read_otherwise_cost_nothing_in_bends_2500_m_up(tmp_path):
-    """Taken for true airspeeds, readings show each its own wind, which turns as it does: 0.7 and 0.5 m RMS aside."""
+    """Taken for true airspeeds, readings give each vehicle its own wind that turns with it: 0.7 and 0.5 m RMS aside."""
     vehicles = [
         {"id": number, "autopilot": "arduplane", "true_model": {"airframe": {"airspeed_scale": scale}}}
         for number, scale in enumerate((LEADER_READS, *FOLLOWERS_READ), 1)

@@ -54,7 +54,7 @@ def test_an_assembled_formation_keeps_its_slots_to_centimetres(fly: Fly) -> None
 
 
 def test_a_turn_leaves_no_offset(fly: Fly) -> None:
-    """Slot-consistent feed-forward: in a turn of 0.9 degrees a second the errors stay at centimetres."""
+    """Slot-consistent feed-forward: in a turn of 0.9 degrees per second the errors stay at centimetres."""
     turn = [[1400 * math.sin(a), 1400 * (1 - math.cos(a)), 100] for a in np.linspace(0, 1.2, 9)]
     assert max(worst(fly(duration_s=18, path={"speed_mps": 22, "waypoints_m": turn}), "max")) < 0.1
 
@@ -166,7 +166,7 @@ def test_clocks_that_are_off_do_not_matter(fly: Fly) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["line", "diamond"])
 def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leader(fly: Fly, shape: str) -> None:
-    """A slot is towed: it bends as the leader does x_rc / v later; beside the leader nothing damps but the law."""
+    """A slot is towed: it turns x_rc / v later than the leader; beside the leader only the law damps it."""
     weave = [[600.0 * i, 250.0 * math.sin(0.9 * i), 100.0] for i in range(6)]
     summary = fly(
         duration_s=50,
@@ -182,14 +182,14 @@ def test_slots_in_the_followers_own_frame_are_kept_in_bends_and_beside_the_leade
 
 @pytest.mark.slow
 def test_who_led_meanwhile_is_settled_by_what_it_flies_afterwards(fly: Fly) -> None:
-    """It followed for 4 s, which is no 10 s in its slot, and follows again from 20 s on."""
+    """It follows for 4 s, fewer than the 10 s for settling, and follows again from 20 s on."""
     changes = [{"at_s": 4, "leader": 2}, {"at_s": 20, "leader": 1}]
     summary = fly(duration_s=60, vehicles={"count": 3}, formation={"shape": "diamond", "changes": changes})
     assert summary.to_dict()["followers"]["2"]["settled_at_s"] >= 20.0
 
 
 def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
-    """Its setpoints act when its followers' do; it gained the delay at each tick: 22 m/s became 66."""
+    """Its setpoints act when its followers' do. It used to gain the delay at each tick: 22 m/s became 66."""
     vehicles = [{"id": 2}, {"id": 3}]
     start = {"in_air": True, "run_in_s": 40}
     summary = fly(duration_s=12, vehicles=vehicles, start=start, links={"default": {"delay_ms": 200}})
@@ -201,7 +201,7 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
 
 
 def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fly) -> None:
-    """A split of the delay that nobody can see puts all of them half of it behind, and the law sees none of that."""
+    """An unobservable split of the delay puts all of them behind by half of it, which the law doesn't see."""
     slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}
     links = {"default": {"uplink": {"delay_ms": 300}, "downlink": {"delay_ms": 100}}}
     start = {"in_air": True, "run_in_s": 20}
@@ -216,7 +216,7 @@ def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fl
 
 
 def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None:
-    """By gains for an ArduPlane, from 300 m ahead: it was passed by 35 m, and off by 1 m after 135 s."""
+    """With gains for an ArduPlane, from 300 m ahead: its slot passed it by 35 m, and it was 1 m off after 135 s."""
     summary = fly(
         duration_s=70,
         vehicles=[

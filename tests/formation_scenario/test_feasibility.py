@@ -9,7 +9,7 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 
 
 def circle(radius: float, north: float = 0.0) -> list[list[float]]:
-    """Waypoints of a right-hand half circle after and before a straight kilometre."""
+    """Return waypoints of a right-hand half circle between two straight kilometres."""
     angles = np.linspace(0.0, np.pi, 25)
     arc = [[north + radius * np.sin(a), radius * (1 - np.cos(a)), 100.0] for a in angles]
     return [[north - 1000.0, 0.0, 100.0], *arc, [north - 1000.0, 2 * radius, 100.0]]
@@ -57,7 +57,7 @@ def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):
 
 
 def test_each_place_is_reported_once_with_its_worst_figure(refusal):
-    """Two bends too tight for all four: the second, of 70 m, is the tighter."""
+    """Two turns are too tight for all four; the second, of 70 m, is the tighter one."""
     twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
     lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in refusal(with_path(twice))]
     assert len(lines) == 2
@@ -96,7 +96,7 @@ def test_the_speed_of_the_path_must_suit_the_leader(refusal):
 
 
 def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusal, load):
-    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 14 m/s are read at 16.25."""
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): a reading of 14 m/s is 16.25 m/s true."""
     planes = ["vehicles={count: 2, model: arduplane}", "path.speed_mps=16"]
     assert load(*planes).path.speed_mps == 16.0
     (line,) = refusal(*planes, "origin.alt_m=3000")
@@ -120,7 +120,7 @@ def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusa
 def test_a_wind_against_which_the_leader_does_not_get_on_is_refused_with_the_speed_that_is_left(
     load, refusal, wind_mps, line
 ):
-    """Through the air it flies 22 m/s, north: sqrt(22² - 21.9²) = 2.1 m/s are left across a wind of 21.9 m/s."""
+    """It flies 22 m/s through the air, northwards: sqrt(22² - 21.9²) = 2.1 m/s are left across a wind of 21.9 m/s."""
     wind = f"wind.velocity_mps={wind_mps}"
     if not line:
         assert load(wind)
@@ -130,7 +130,7 @@ def test_a_wind_against_which_the_leader_does_not_get_on_is_refused_with_the_spe
 
 
 def test_the_wind_is_held_against_the_leg_that_leads_into_it(refusal):
-    """North with 23 m/s behind it and then west, across it; nothing is wrong before the bend."""
+    """North with 23 m/s behind it and then west, across it; the leg before the turn is fine."""
     bend = "path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [3000, -1000, 100], [3000, -4000, 100]]"
     (found,) = refusal(bend, "wind.velocity_mps=[23, 0, 0]")
     assert "the wind blows 23 m/s across it" in found
@@ -171,7 +171,7 @@ def test_slots_ahead_of_the_leader_are_refused_in_the_followers_frame_only(refus
 
 @given(st.floats(-200, 200), st.floats(-200, 200), st.floats(0.1, 0.9))
 def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
-    """The closed form against differences of the slot's position, leader's frame."""
+    """The closed form against differences of the slot's position, in the leader's frame."""
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 900, 100], [3500, 2400, 100]])
     s = float(path.nodes_m[int(share * 192)] + path.nodes_m[int(share * 192) + 1]) / 2
     speed, step = 22.0, 0.01

@@ -1,4 +1,4 @@
-"""The fence: its geometry, and which paths and slots it refuses, by place and figure."""
+"""The fence: its geometry, and which paths and slots it refuses, with place and figure."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_room_is_what_a_circle_to_either_side_leaves() -> None:
 
 
 def test_in_a_wind_slots_are_behind_the_nose_and_the_wind_carries_everybody() -> None:
-    """Course north at 20 m/s through air, 12 m/s from the west: the nose 3-4-5 in the wind, 16 m/s over ground."""
+    """Course north at 20 m/s through air, 12 m/s from the west: a 3-4-5 triangle, 16 m/s over ground."""
     corners, turn = 100.0 * SQUARE, np.array([0.2, 0.2])
     way, flyers = (
         (np.array([5000.0]), np.array([9900.0]), np.zeros(1)),
@@ -59,7 +59,7 @@ def test_in_a_wind_slots_are_behind_the_nose_and_the_wind_carries_everybody() ->
 
 
 def keys(**fence: Any) -> dict[str, Any]:
-    """A leader and two followers at 22 m/s to the north, 100 m high, from -132 to 4000 m; two of them 42 m aside."""
+    """A leader and two followers at 22 m/s northwards, 100 m high, from -132 to 4000 m; both slots are 42 m aside."""
     return scenario(safety={"fence": fence})
 
 

@@ -101,7 +101,7 @@ def test_a_file_beside_the_scenario_is_found_and_where_it_ends_is_said(tmp_path)
 
 
 def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(tmp_path):
-    """The tile's values end 1202 m north of the origin: 60 m to the left of the path north of it."""
+    """The tile's values end 1202 m north of the origin; north of that they are missing 60 m to the left of the path."""
     write_tile(tmp_path)
     keys = {
         "terrain": {"file": str(tmp_path / "N35E125.hgt")},

@@ -250,7 +250,7 @@ def test_those_that_hover_and_those_that_dont_make_no_formation(refusal):
         ("law.type=consensus", "law.type: found consensus of vehicles that hover; fuzzy_pid, pid"),
     ],
 )
-def test_what_cant_be_of_vehicles_that_hover(refusal, change, told):
+def test_keys_that_do_not_suit_vehicles_that_hover_are_refused(refusal, change, told):
     group = "vehicles=[{id: 1, role: leader, autopilot: arducopter}, {id: 2, model: arducopter}]"
     assert told in refusal(group, "path.speed_mps=5", change)
 
@@ -267,19 +267,19 @@ def test_what_cant_be_of_vehicles_that_hover(refusal, change, told):
         ),
     ],
 )
-def test_what_a_vehicle_cant_be_in_truth(refusal, true_model, told):
+def test_impossible_true_models_are_refused(refusal, true_model, told):
     assert f"vehicles.1.true_model.{told}" in refusal(
         f"vehicles=[{{id: 1, role: leader}}, {{id: 2, true_model: {true_model}}}]"
     )
 
 
-def test_only_what_hovers_may_stand(refusal):
+def test_a_least_speed_of_0_is_refused_of_vehicles_that_do_not_hover(refusal):
     told = "vehicles.0.model.speed_min_mps: found 0 of a vehicle that doesn't hover"
     assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)
 
 
 @pytest.mark.parametrize(("model", "speed"), [("{hovers: true}", "16"), ("{hovers: true, speed_min_mps: 3}", "3")])
-def test_what_hovers_may_stand(refusal, model, speed):
+def test_a_least_speed_above_0_is_refused_of_vehicles_that_hover(refusal, model, speed):
     told = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can stand"
     assert told in refusal(f"vehicles={{count: 2, model: {model}}}", "path.speed_mps=20")
 
@@ -294,7 +294,7 @@ def test_what_hovers_may_stand(refusal, model, speed):
         ),
     ],
 )
-def test_whose_lags_say_all_leaves_nothing_to_an_integrator(refusal, load, model, told):
+def test_a_prompt_share_below_1_is_refused_of_vehicles_without_an_integrator(refusal, load, model, told):
     assert f"vehicles.0.model.{told}" in refusal(f"vehicles={{count: 2, model: {model}}}")
     assert load("vehicles={count: 2, model: {firmware: px4, prompt_share: 0.5}}").vehicles[1].model.prompt_share == 0.5
 
@@ -307,7 +307,7 @@ def test_the_grade_of_inertial_sensors_fills_in_what_is_not_given(load):
 
 
 def test_a_scenario_goes_to_another_process_by_its_keys_alone(load):
-    """What is derived from them may be compiled, and knows no way there."""
+    """Values derived from the keys may be compiled objects, which can't be pickled."""
     scenario = load()
     end_m = scenario.leader_path.length_m
     there = pickle.loads(pickle.dumps(scenario))

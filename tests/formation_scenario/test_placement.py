@@ -47,7 +47,7 @@ def test_in_the_air_followers_are_offset_from_their_slots_in_the_leaders_heading
 )
 def test_a_start_in_the_air_keeps_what_safety_asks_for(load, refusal, offset_m, fence, line):
     """Slots of the diamond are 30 m behind and 30 m aside, and 60 m behind; vehicle 3 flies on the right."""
-    for in_air in ("true", "false"):  # there they assemble after a take-off
+    for in_air in ("true", "false"):  # not in the air they assemble after a take-off
         start = f"start={{in_air: {in_air}, offset_m: {offset_m}, run_in_s: 10}}"
         assert refusal(start, f"safety.fence={fence}") == [f"start.offset_m: {line}"]
     assert load("start={in_air: true, offset_m: [30, 26, 3], run_in_s: 10}")  # vehicle 2 begins 5 m from the leader

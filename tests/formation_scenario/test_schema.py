@@ -22,7 +22,7 @@ VALIDATOR = Draft202012Validator(SCHEMA)
 
 
 def errors(text: str) -> list[str]:
-    """What the schema finds wrong in YAML text; JSON's keys are always text."""
+    """Return what the schema finds wrong in YAML text; JSON's keys are always text."""
     return [error.message for error in VALIDATOR.iter_errors(json.loads(json.dumps(read_text(text).data)))]
 
 
@@ -52,7 +52,7 @@ def test_what_must_be_there_is_required(key):
     assert errors(re.sub(f"^{key}:.*\n", "", BASE, flags=re.MULTILINE))
 
 
-# The schema knows neither the words of an order nor the keys of a mapping of slots; JSON has no infinity.
+# The schema checks neither the words of an order nor the keys of a mapping of slots; JSON has no infinity.
 @pytest.mark.parametrize(
     "text", [text for text in WRONG_VALUES if not text.startswith(("orders", "formation: {slots_m: {x"))]
 )

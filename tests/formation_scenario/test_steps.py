@@ -16,7 +16,7 @@ def step(**keys: float) -> str:
     [
         ([step(height_m=-50)], f"{BEGIN} 5 s (north 110, east 0, height 40) the leader is -10.0 m above the ground"),
         ([step(height_m=-35)], ""),
-        # Halfway it is there whole for a moment, or as much of it as its ramp lets come until then.
+        # At its middle the step is complete for a moment, or as far as its ramp has brought it.
         ([step(height_m=-36, ramp_s=15)], f"{BEGIN} 20 s (north 440, east 0, height 40) the leader is 4.0 m above"),
         ([step(height_m=-48, ramp_s=20)], f"{BEGIN} 20 s (north 440, east 0, height 40) the leader is 4.0 m above"),
         # Steps add up where they overlap, from 20 to 35 s.
@@ -28,7 +28,7 @@ def step(**keys: float) -> str:
     ],
 )
 def test_steps_that_lead_into_the_ground_are_refused_with_time_and_place(load, refusal, steps, found):
-    """The leader flies 40 m high over a plain, 22 m/s; 5 m are asked for. Later than the end is none."""
+    """The leader flies 40 m high over a plain at 22 m/s; 5 m are asked for. Nothing after the end counts."""
     given = f"path.steps=[{', '.join(f'{{{each}}}' for each in steps)}]"
     if found:
         (line,) = refusal(LOW, given)
@@ -46,7 +46,7 @@ def test_the_lowest_slot_goes_down_with_the_leader(load, refusal):
 
 
 def test_over_terrain_steps_are_held_against_the_ground_below(refusal):
-    """A hill of 30 m at 1100 m, which the leader comes to after 50 s, is cleared by 10 m without any step."""
+    """A hill of 30 m at 1100 m, which the leader reaches after 50 s, is cleared by 10 m without any step."""
     hill = "{north_m: 1100, east_m: 0, height_m: 30, radius_m: 200}"
     (line,) = refusal(
         LOW, f"terrain={{clearance_m: 8, hills: [{hill}]}}", f"path.steps=[{{{step(at_s=30, height_m=-6)}}}]"

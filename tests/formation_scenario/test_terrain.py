@@ -23,7 +23,7 @@ def height(ground, north: float, east: float) -> float:
 
 
 def plane(north_deg: float, west_deg: float, step_deg: float, rows: int, columns: int) -> np.ndarray:
-    """Elevations that rise 1000 m a degree to the north and 500 m a degree to the east, from 100 m at 35.5, 125.5."""
+    """Return elevations that rise 1000 m per degree northwards and 500 m eastwards, from 100 m at 35.5, 125.5."""
     lat = north_deg - step_deg * np.arange(rows)[:, None]
     lon = west_deg + step_deg * np.arange(columns)
     return 100.0 + 1000.0 * (lat - 35.5) + 500.0 * (lon - 125.5)

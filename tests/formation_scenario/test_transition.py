@@ -1,4 +1,4 @@
-"""Transitions: smooth, inside everyone's limits, and nobody near anybody, as Turpin, Michael and Kumar prove it."""
+"""Transitions: smooth, within all vehicles' limits, and separated as Turpin, Michael and Kumar prove."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ vectors = st.lists(st.floats(-60, 60), min_size=12, max_size=12).map(lambda valu
 
 
 def flown(scenario):
-    """Plan every change of a scenario, each where the last one has come to."""
+    """Plan every change of a scenario, each from where the previous one ends."""
     path = SplinePath(scenario.path.waypoints_m)
     steps = slot_schedule(scenario)
     way = Transition.standing(steps[0].places_m)
@@ -126,7 +126,7 @@ def test_who_begins_lower_is_lifted_as_far_over_the_leader(load, below_m):
 
 
 def test_who_is_up_already_is_lifted_over_the_others_not_over_itself(load):
-    """A follower that passes the leader, 18 m over it: one that begins 12 m up needs no more than one that doesn't."""
+    """A follower passes 18 m over the leader: one that begins 12 m up needs no more than one that doesn't."""
     scenario = load("vehicles={count: 2}")
     arrangement = slot_schedule(scenario)[0].arrangement._replace(shape="follower")
     flight = ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
@@ -144,7 +144,7 @@ ROW = np.array([[0.0, 0.0, 0.0], [0.0, 12.0, 0.0], [0.0, 24.0, 0.0], [0.0, 36.0,
 
 
 def gathered(scenario, start_m, flight=None):
-    """Plan the way of vehicles from where they are to the slots of a diamond."""
+    """Plan the transition of vehicles from where they are to the slots of a diamond."""
     goal_m = slot_schedule(scenario)[0].places_m
     flight = flight or ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
     return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, flight, EVERYONE)
@@ -166,7 +166,7 @@ def test_who_is_near_its_slot_and_in_nobodys_way_needs_none_planned(load):
 
 
 def test_two_within_metres_of_their_slots_whose_ways_cross_have_them_planned(load):
-    """Whoever is first: 4 leaves where their ways cross as 3 sets out, and would be in its way if it came later."""
+    """In either order they conflict: 4 leaves the crossing as 3 starts, and would block it if it came later."""
     slots = "formation={shape: custom, slots_m: {2: [-60, 0, 0], 3: [8, 40, 0], 4: [7, 23, 0]}}"
     scenario = load(slots, "safety.separation_m=3")
     goal_m = slot_schedule(scenario)[0].places_m
@@ -177,7 +177,7 @@ def test_two_within_metres_of_their_slots_whose_ways_cross_have_them_planned(loa
 
 
 def test_gathering_waits_for_a_leader_that_climbs(load):
-    """A climb leaves little for those that are to pass over others; once it's over they take a third of the time."""
+    """A climb leaves little climb rate to pass over others; after it they take a third of the time."""
 
     def climbing(elapsed_s):
         still = np.zeros_like(elapsed_s)
@@ -282,7 +282,7 @@ def test_a_displaced_path_goes_on_with_the_climb_that_it_begins_with():
 def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_follow(
     load, right_m, reach_m, right_slope
 ):
-    """On the inside of a turn a slot slows down with the rate of turn, and brakes with the rate at which that grows."""
+    """On the inside of a turn a slot slows down with the turn rate, and decelerates with the rate of that."""
     scenario, path = load(), SplinePath([[0, 0, 100], [3000, 0, 100], [6000, 0, 100]])
     speed, most_mps2 = scenario.path.speed_mps, scenario.vehicles[0].model.accel_max_mps2
     way = take_over(scenario, path, 1000.0, right_m, Rise(), reach_m, right_slope=right_slope)
@@ -293,7 +293,7 @@ def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_fol
 
 
 def test_a_change_that_cannot_be_flown_where_it_falls_is_refused_with_place_and_figure(refusal):
-    climb = "path.waypoints_m=[[0, 0, 100], [4000, 0, 620]]"  # 2.86 m/s of 3: no climb is left to pass over the leader
+    climb = "path.waypoints_m=[[0, 0, 100], [4000, 0, 620]]"  # 2.86 m/s of 3: too little is left to pass the leader
     swap = "formation={shape: custom, slots_m: {2: [-30, 0, 0], 3: [30, 0, 0], 4: [-60, 0, 0]}, changes: [%s]}"
     other = "{at_s: 20, slots_m: {2: [30, 0, 0], 3: [-30, 0, 0], 4: [-60, 0, 0]}}"
     (line,) = refusal(climb, swap % other)
@@ -318,7 +318,7 @@ def test_under_a_virtual_leader_nobody_takes_over(refusal):
 
 
 def test_of_a_speed_that_comes_with_an_integrator_a_way_counts_on_the_prompt_share_alone():
-    """A PX4 at 18 of 20 m/s soon flies 55 % of what is left: 19.1; of what hovers all comes within seconds."""
+    """A PX4 at 18 m/s of 20 soon flies 55 % of the rest, 19.1; a multirotor reaches all of it within seconds."""
     keys = {"vehicles": {"count": 4, "autopilot": "px4"}, "path": {"speed_mps": 18, "waypoints_m": STRAIGHT}}
     scenario = load_scenario(keys | {"formation": {"changes": [{"at_s": 10, "shape": "line"}]}})
     model = scenario.vehicles[0].model

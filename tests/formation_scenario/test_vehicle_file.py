@@ -1,4 +1,4 @@
-"""Vehicle files: named in a scenario, read beside it, and refused in the user's terms."""
+"""Vehicle files: named in a scenario, read relative to it, and refused in the user's terms."""
 
 from pathlib import Path
 from typing import Any

@@ -35,11 +35,11 @@ def main(
 ) -> None:
     """Throw DATAGRAMS at flights of 60 s under the virtual clock; an exception or a broken limit ends it.
 
-    Thrown at: the ground station, or the vehicles. What: noise, damaged frames and strangers' frames, from thousands of
-    addresses ("strangers": the setpoints of the flight are held to those of the same flight in peace, to the bit), from
-    its peers' own addresses too ("own"), or with frames forged in its peers' names ("forged").
+    Targets are the ground station or the vehicles. Datagrams are noise, damaged frames and strangers' frames, from
+    thousands of addresses ("strangers": the flight's setpoints must equal those of an undisturbed flight, to the bit),
+    also from its peers' own addresses ("own"), or with frames forged in its peers' names ("forged").
 
-    With --guided, atheris (the extra `fuzz`) looks for inputs that reach new code; INPUTS are tried again.
+    With --guided, atheris (the extra `fuzz`) searches inputs that reach new code; INPUTS are tried again.
     """
     if guided is None:
         from tests.fuzz.thrown import throw  # noqa: PLC0415 - not before it is known whether it's to be instrumented

@@ -15,15 +15,15 @@ LONGEST_NOISE = 300
 LONGEST_PAYLOAD = 255
 MARKERS = (b"\xfd", b"\xfe")
 BEGINNINGS = (b"\xfe", b"\xfe\xff\x00\xc8\x01\x1e", b"\xfd\xff\x00\x00\x00\xc8\x01\x1e\x00\x00")
-"""Of strangers' longest frames: one after the other, each begins within many others."""
+"""Beginnings of strangers' longest frames; in a row, each begins inside many others."""
 MOST_BEGINNINGS = 600
-"""Bytes of them."""
+"""Their length in bytes."""
 POOL = 4096
-"""Sound frames kept to be damaged; one is replaced with every use."""
+"""Number of valid frames that are kept to be damaged; each use replaces one."""
 
 
 class Names(NamedTuple):
-    """In whose names frames speak, and to whom."""
+    """Names of senders and targets of frames."""
 
     systems: tuple[int, ...]
     target: int
@@ -35,12 +35,12 @@ FOREIGN = Names(FOREIGN_SYSTEMS, FOREIGN_TARGET)
 class Hostile:
     """A source of datagrams.
 
-    By themselves they say nothing to a formation: what has a sound checksum is from systems that aren't in it, to one
-    that isn't. With `forged`, half of them are sound frames in others' names, of every message, with any values.
+    They don't concern the formation: a frame with a valid checksum is from a system outside it, to one outside it. With
+    `forged`, half of them are valid frames in others' names, of every message, with any values.
     """
 
     def __init__(self, seed: int, forged: Names | None = None) -> None:
-        """Draw from a stream of its own."""
+        """Draw from a random stream of its own."""
         self._random = random.Random(seed)
         self._forged = forged
         self._pool = [self._sound(FOREIGN) for _ in range(POOL)]
@@ -68,7 +68,7 @@ class Hostile:
         return frame if kind < 3 else self._random.choice(self._damages)(frame)
 
     def _sound(self, names: Names) -> bytes:
-        """Return a frame with a sound checksum: of a message that we have a type for, or of any other."""
+        """Return a frame with a valid checksum: of a message that we have a class for, or of any other."""
         draw = self._random
         version = 1 if draw.random() < 0.25 else 2
         component, sequence = draw.choice((1, 1, 1, 0, 190, 255)), draw.randrange(256)
@@ -97,7 +97,7 @@ class Hostile:
         return draw.choice((b"", *MARKERS)) + draw.randbytes(draw.randrange(LONGEST_NOISE))
 
     def _flipped(self, frame: bytes) -> bytes:
-        """Return the frame with up to three bits flipped: a CRC-16 finds them all, so it's never sound."""
+        """Return the frame with up to three bits flipped; a CRC-16 detects them all, so it's never valid."""
         damaged = bytearray(frame)
         for place in self._random.sample(range(8 * len(frame)), self._random.randint(1, 3)):
             damaged[place // 8] ^= 1 << place % 8
@@ -131,11 +131,11 @@ class Hostile:
 
 _OTHERS = sorted(EXTRAS.keys() - {layout.message_id for layout in LAYOUTS})
 _OTHERS_OF_VERSION_1 = [message_id for message_id in _OTHERS if message_id <= 0xFF]
-"""Its ids have one byte: a longer one's last byte may name a message that we have a type for, a command to everyone."""
+"""Ids that fit into the one byte of version 1: cut to a byte, a longer one might be that of a command."""
 
 
 def _retargeted(layout: Layout, payload: bytes, target: int) -> bytes:
-    """Return the payload with the target's system put in, as far as the payload goes."""
+    """Return the payload with the target system set, as far as the payload reaches."""
     offset = _TARGET_OFFSETS[layout.message_id]
     if offset is None:
         return payload
@@ -143,7 +143,7 @@ def _retargeted(layout: Layout, payload: bytes, target: int) -> bytes:
 
 
 def _target_offset(layout: Layout) -> int | None:
-    """Return where a payload has its target's system: the one byte that changes with it."""
+    """Return the offset of a payload's target system: the one byte that changes with it."""
     if "target_system" not in layout.fields:
         return None
     zero, other = packed(layout, {}), packed(layout, {"target_system": 255})

@@ -1,4 +1,4 @@
-"""A formation in flight, in memory, that can be told things between its turns."""
+"""A formation in flight, in memory, that can receive messages between its cycles."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ class Flight:
         self._network.run(lambda: self.clock.now() >= until)
 
     def tell_station(self, frame: bytes) -> None:
-        """Let the follower's own autopilot say something."""
+        """Send a message in the name of the follower's own autopilot to the station."""
         peer = Address(LOOPBACK, FIRST_EPHEMERAL_PORT + FOLLOWER.system - 1)
         self.station.receive([Datagram(0, peer, frame)], self.clock.now())
 
     def tell_vehicle(self, frame: bytes) -> None:
-        """Let the ground station say something to the follower."""
+        """Send a message in the name of the ground station to the follower."""
         ground = self.station.endpoints()[0].address
         self.fleet.receive([Datagram(FOLLOWER.system - 1, ground, frame)], self.clock.now())
 
     def probe(self) -> int:
-        """Return the stamp of the last probe to the follower."""
+        """Return the time stamp of the last probe to the follower."""
         return next(reversed(self.station.vehicles[FOLLOWER].round_trips._pending), 0)
 
     def check(self) -> None:
-        """Hold it to what no datagram may break."""
+        """Check what no datagram may break."""
         check(Flown(self.station, self.fleet, self.notes, 0, 0, 0, (0, 0)))
 
     def flies_on(self) -> None:
-        """Check that the formation is commanded: one follower in its slot, the other there or on its way back to it."""
+        """Check that the formation is commanded: one follower in its slot, the other there or on its way back."""
         self.run(60)
         self.check()
         assert not self.station.flight.ended
-        # From the side it flies to the leader's track first, and falls back along it meanwhile: the sum shows the way.
+        # From the side it flies to the leader's track first and falls back meanwhile: the sum of errors shows the way.
         before, now = (np.abs(self.notes.errors_m[place]).sum(axis=1) for place in (-20, -1))
         assert now[1] < 0.5
         assert now[0] < max(0.5, before[0] - 5.0)

@@ -1,4 +1,4 @@
-"""Frames on the level of bytes: any payload of any message, well or badly framed."""
+"""Frames at byte level: any payload of any message, with a valid or an invalid frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.airlink.layouts import Layout, layout
 
 EXTRAS = crc_extras()
 LAYOUTS: tuple[Layout, ...] = tuple(layout(kind.name) for kind in KINDS.values())
-"""Every message that either end has a type for: a new one is covered by itself."""
+"""Every message that either end has a class for; new ones are included automatically."""
 SIGNED = 0x01
 LINK_STAMP_AND_SIGNATURE = bytes(13)
 
@@ -24,7 +24,7 @@ _FLOATS = (math.nan, math.inf, -math.inf, 0.0, -0.0, 1.0, -1.0, 360.0, 1e-45, 1e
 
 
 class Header(NamedTuple):
-    """Who speaks, and how."""
+    """Sender and format of a frame."""
 
     system: int
     component: int = 1
@@ -34,7 +34,7 @@ class Header(NamedTuple):
 
 
 def framed(message_id: int, payload: bytes, header: Header) -> bytes:
-    """Return the frame of any payload, with the checksum that belongs to it; the payload isn't truncated."""
+    """Return the frame of any payload, with a valid checksum; the payload isn't truncated."""
     if header.version == 2:
         flags = SIGNED if header.signed else 0
         body = struct.pack("<BBBBBB", len(payload), flags, 0, header.sequence, header.system, header.component)
@@ -48,7 +48,7 @@ def framed(message_id: int, payload: bytes, header: Header) -> bytes:
 
 
 def extremes(kind: str) -> tuple[Any, ...]:
-    """Return what a field of a wire type can be at worst: ends of its range and around 0; NaN and infinities."""
+    """Return a field's extreme values by its wire type: ends of its range and around 0; NaN and infinities."""
     if kind in {"float", "double"}:
         return _FLOATS
     if kind == "char":
@@ -60,7 +60,7 @@ def extremes(kind: str) -> tuple[Any, ...]:
 
 
 def packed(layout: Layout, values: dict[str, Any]) -> bytes:
-    """Return a payload of raw values by the XML's names; an array's value stands for all its elements."""
+    """Return a payload of raw values by the XML's names; an array's value is used for all its elements."""
     order = sorted(range(len(layout.fields)), key=layout.wire_order.__getitem__)
     row: list[Any] = []
     for place in order:
@@ -71,7 +71,7 @@ def packed(layout: Layout, values: dict[str, Any]) -> bytes:
 
 
 def extreme_payloads(layout: Layout, usual: dict[str, Any]) -> list[bytes]:
-    """Return payloads in which one field after the other takes its extremes, and one for each with all at theirs."""
+    """Return payloads in which one field at a time takes its extremes, and some in which all do."""
     kinds = dict(zip(layout.fields, layout.types, strict=True))
     single = [packed(layout, usual | {field: value}) for field, kind in kinds.items() for value in extremes(kind)]
     together = itertools.islice(zip(*(itertools.cycle(extremes(kind)) for kind in kinds.values()), strict=False), 12)

@@ -1,8 +1,8 @@
-"""Fuzzing led by coverage (atheris, libFuzzer): of the parser, and of what either end of a flight does with frames.
+"""Coverage-guided fuzzing (atheris, libFuzzer) of the parser, and of what either end of a flight does with frames.
 
-The fuzzer's bytes are datagrams for the parser. For the ends they say which messages come, from whom, with what payload
-and when; checksums, and where it's asked for targets, stamps and commands, are put in, since no mutation finds them.
-Every input meets the same flight, a copy of one that is 12 s old: what an input does can be done again by itself.
+For the parser the fuzzer's bytes are datagrams. For the ends they select messages, senders, payloads and times;
+checksums, and optionally targets, stamps and commands, are filled in, because no mutation finds them. Every input meets
+a copy of the same flight, 12 s old, so each result can be reproduced.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TARGETS: tuple[Target, ...] = ("parser", "station", "vehicles")
 AGE_S = 12.0
 PAUSES_S = (0.0, 0.02, 0.1, 0.3)
 HEAD, LONGEST = 5, 2048
-"""Bytes of what precedes a payload; bytes of an input."""
+"""Length of what precedes a payload, and of an input, in bytes."""
 COMMANDS = sorted(HANDLERS)
 STRANGER = Address("10.0.0.1", 14550)
 OURS, HELPED, VERSION_1, SIGNED, OTHERS_PORT, COMPONENT = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
@@ -42,7 +42,7 @@ copyreg.pickle(type(vec[float]()), lambda numbers: (vec[float], (list(numbers),)
 copyreg.pickle(type(vec[i64]()), lambda numbers: (vec[i64], (list(numbers),)))
 copyreg.pickle(type(vec[vec[float]]()), lambda rows: (_rows, ([list(row) for row in rows],)))
 copyreg.pickle(BytesWriter, lambda written: (_written, (written.getvalue(),)))
-"""Packed numbers can be copied in no other way."""
+"""Fields of packed numbers that can't be copied in any other way."""
 
 
 def _rows(numbers: list[list[float]]) -> vec[vec[float]]:
@@ -66,7 +66,7 @@ class Said(NamedTuple):
 
 
 def parse(data: bytes) -> None:
-    """Feed a parser: what it finds doesn't depend on how the bytes are cut, and nothing is lost or counted twice."""
+    """Feed a parser: its results don't depend on how the bytes are cut, and nothing is lost or counted twice."""
     whole, parts = StreamParser(), StreamParser()
     cut = data[0] if data else 0
     found = whole.feed(data)
@@ -78,7 +78,7 @@ def parse(data: bytes) -> None:
 
 
 def said(data: bytes) -> list[Said]:
-    """Return what an input's bytes stand for."""
+    """Return the frames that an input's bytes encode."""
     frames: list[Said] = []
     while len(data) >= HEAD:
         flags, number, system, pause, length = data[:HEAD]
@@ -99,7 +99,7 @@ class Ends:
         self._end = end
 
     def hear(self, data: bytes) -> None:
-        """Let one end hear what an input's bytes stand for; the flight stays an aircraft's."""
+        """Let one end receive what an input's bytes encode; the flight must stay within the envelope."""
         flight = copy.deepcopy(self._flight, {id(each): each for each in self._unchanging})
         tell = self._tell_station if self._end == "station" else self._tell_vehicle
         for each in said(data):
@@ -132,7 +132,7 @@ def _header(each: Said, system: int, component: int) -> Header:
 
 
 def _payload(each: Said, values: dict[str, int]) -> bytes:
-    """Return the payload; where it's asked for, with what a stranger couldn't know in its place."""
+    """Return the payload; if the input asks for it, with values that a stranger couldn't know."""
     if not each.flags & HELPED:
         return each.payload
     layout = each.layout
@@ -148,7 +148,7 @@ def _payload(each: Said, values: dict[str, int]) -> bytes:
 
 
 def seeds(target: Target) -> list[bytes]:
-    """Return an input for every message, with usual values; for the parser its frame."""
+    """Return an input for every message, with usual values; for the parser, its frame."""
     found: list[bytes] = []
     for number, layout in enumerate(LAYOUTS):
         payload = packed(layout, {field: value for field, value in USUAL.items() if field in layout.fields})
@@ -161,14 +161,14 @@ def seeds(target: Target) -> list[bytes]:
 
 
 def one_input(target: Target) -> Callable[[bytes], None]:
-    """Return what takes an input."""
+    """Return the function that takes an input."""
     return parse if target == "parser" else Ends(target).hear
 
 
 def fuzz(target: Target, seconds: int, corpus: Path, inputs: tuple[Path, ...]) -> None:
-    """Look for inputs that reach something new, for a while, or try those given; ends the process.
+    """Search for inputs that reach new code for a while, or try those given; exits the process.
 
-    Needs atheris, and that this module was imported while atheris instrumented what it imports.
+    Needs atheris, which must have instrumented this module's imports.
     """
     atheris: Any = importlib.import_module("atheris")
     corpus.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""A flight under the virtual clock whose ends are thrown datagrams at, and what it came to."""
+"""A flight under the virtual clock whose ends receive hostile datagrams, and its result."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Notes:
             kept.clear()
 
     def frames(self, now: Instant, raws: list[bytes]) -> None:
-        """Keep the payloads of commands that the station sent: they are few, for they are told apart."""
+        """Keep the payloads of commands that the station sent; they are few, because only different ones are kept."""
         for raw in raws:
             message_id = int.from_bytes(raw[7:HEADER_V2], "little")
             if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
@@ -72,10 +72,10 @@ class Notes:
 
 
 class Besieged(Engine):
-    """An engine that is thrown datagrams at, every 20 ms, from its peers' addresses and from thousands of others."""
+    """An engine that receives hostile datagrams every 20 ms, from its peers' addresses and from thousands of others."""
 
     def __init__(self, engine: Engine, peers: list[list[Address]], siege: Siege) -> None:
-        """Throw at `engine`; `peers` are the real ones of each of its sockets."""
+        """Attack `engine`; `peers` are the real peers of each of its sockets."""
         self.thrown = 0
         self._engine = engine
         self._hostile = siege.source()
@@ -97,12 +97,12 @@ class Besieged(Engine):
         return self._engine.datagrams_to_send()
 
     def next_timer(self) -> Instant | None:
-        """Return the engine's timer, or the next turn."""
+        """Return the engine's timer, or the next attack."""
         timer = self._engine.next_timer()
         return None if timer is None else min(timer, self._next)
 
     def handle_timer(self, now: Instant) -> None:
-        """Throw what is due; then let the engine do what is."""
+        """Send the datagrams that are due, then let the engine handle its timer."""
         if now >= self._next:
             self._next = after(now, TURN_S)
             for _ in range(self._siege.each_turn):
@@ -123,25 +123,25 @@ class Besieged(Engine):
 
 @dataclass(frozen=True)
 class Siege:
-    """Who is thrown at, with what."""
+    """Which end is attacked, and with what."""
 
     seed: int = 1
     each_turn: int = 0
     end: End | None = None
     forged: bool = False
     own_share: float = 0.0
-    """Share of the datagrams that seem to come from a real peer's own address."""
+    """Share of the datagrams that seem to come from a real peer's address."""
     links: dict[str, Any] = field(default_factory=dict[str, Any])
 
     def source(self) -> Hostile:
-        """Return what to throw: forged frames are in the names of the end's peers."""
+        """Return the source of datagrams; forged frames are in the names of the end's peers."""
         forged = Names(SYSTEMS, STATION_SYSTEM) if self.end == "station" else Names((STATION_SYSTEM,), SYSTEMS[0])
         return Hostile(self.seed, forged if self.forged else None)
 
 
 @dataclass
 class Flown:
-    """What a flight came to."""
+    """The result of a flight."""
 
     station: Station
     fleet: Fleet
@@ -150,9 +150,9 @@ class Flown:
     kept: int
     """Objects alive at the end."""
     dropped: int
-    """Frames that came to nothing: at the ground station by its counts, at the vehicles by theirs."""
+    """Rejected frames: at the ground station by its counts, at the vehicles by theirs."""
     peak_kib: tuple[int, int]
-    """Peak memory of the process when a fifth of the time was over, and at the end."""
+    """Peak memory of the process after a fifth of the time, and at the end."""
 
 
 def planned(duration_s: float, links: dict[str, Any] | None = None) -> Scenario:
@@ -164,7 +164,7 @@ def planned(duration_s: float, links: dict[str, Any] | None = None) -> Scenario:
 
 
 def fly(duration_s: float, siege: Siege) -> Flown:
-    """Fly under siege; with nobody thrown at, the same flight in peace."""
+    """Fly while one end is attacked; without an attack, the same flight undisturbed."""
     plan, clock, notes = planned(duration_s, siege.links), VirtualClock(), Notes()
     station, fleet = Station(plan, notes), Fleet(fleet_config(plan))
     vehicles = [Address(LOOPBACK, FIRST_EPHEMERAL_PORT + i) for i in range(len(plan.vehicles))]
@@ -195,7 +195,7 @@ def peak_kib() -> int:
 
 
 def check(flown: Flown) -> None:
-    """Hold a flight to what no datagram may break: what is told and how vehicles move stay an aircraft's."""
+    """Check what no datagram may break: commands and motion stay within the envelope."""
     models, default = flown.station.controller.models, VehicleModel()
     told = np.array(flown.notes.setpoints).reshape(-1, len(models), 3)
     assert not np.isinf(told).any()
@@ -206,7 +206,7 @@ def check(flown: Flown) -> None:
         fields = KINDS[m.MAVLINK_MSG_ID_COMMAND_INT].example.read(payload, 0, len(payload))
         assert isinstance(fields, CommandInt)
         if fields.target_system == FOREIGN_TARGET:
-            continue  # thrown at the station, which records what it hears
+            continue  # sent to the station, which records what it receives
         assert all(math.isfinite(value) for value in fields.values().values() if isinstance(value, float)), fields
     for state in (body.state for body in flown.fleet.bodies):
         assert all(map(math.isfinite, state.values()))
@@ -215,6 +215,6 @@ def check(flown: Flown) -> None:
 
 
 def worst_error_m(notes: Notes) -> float:
-    """Return the largest formation error of the last half of a flight's path, NaN when nobody was commanded."""
+    """Return the largest formation error in the second half of a flight's path; NaN if no vehicle was commanded."""
     late = np.abs(np.array(notes.errors_m[len(notes.errors_m) // 2 :]))
     return float(np.fmax.reduce(late, axis=None, initial=np.nan)) if late.size else float("nan")

@@ -20,7 +20,7 @@ TURN_S = 0.02
 
 
 def payloads(layout: Layout, probe: int) -> Iterator[bytes]:
-    """Yield a message's payloads, those of a command for every command that vehicles know."""
+    """Yield a message's payloads; for a command message, for every command that vehicles know."""
     usual = {field: value for field, value in (USUAL | {"ts1": probe}).items() if field in layout.fields}
     commands = HANDLERS if "command" in layout.fields else (0,)
     for command in commands:
@@ -47,7 +47,7 @@ def test_no_value_that_a_vehicle_is_told_breaks_the_flight() -> None:
             flight.tell_vehicle(framed(layout.message_id, payload, Header(STATION_SYSTEM, STATION_COMPONENT)))
             flight.run(TURN_S)
         flight.check()
-    # Some of it was sound, and obeyed: no telemetry, other modes.
+    # Some of it was valid, and carried out: no telemetry, other modes.
     writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
     streams = RequestDataStream(FOLLOWER.system, 1, m.MAV_DATA_STREAM_ALL, 10, 1)
     flight.tell_vehicle(writer.encode(streams))

@@ -1,4 +1,4 @@
-"""What coverage-led fuzzing stands on: every input meets the same flight, and the first ones reach every handler."""
+"""Preconditions of coverage-guided fuzzing: all inputs meet the same flight, and the seeds reach every handler."""
 
 from __future__ import annotations
 

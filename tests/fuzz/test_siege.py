@@ -1,4 +1,4 @@
-"""Both ends of a flight are thrown datagrams at by thousands of addresses."""
+"""Both ends of a flight receive hostile datagrams from thousands of addresses."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error
 
 DURATION_S = 5
 THRONG, BAND, CROWD = 5, 10, 40
-"""Datagrams each turn of 20 ms."""
+"""Datagrams in each cycle of 20 ms."""
 TURNS = 500
-"""Of a flight, at least."""
+"""Least number of datagrams in a flight."""
 ENDS: tuple[End, ...] = ("station", "vehicles")
 DELAYED = {"default": {"delay_ms": 40}}
 in_peace = cache(lambda delayed: fly(DURATION_S, Siege(links=DELAYED if delayed else {})))
@@ -61,7 +61,7 @@ def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End, eac
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ENDS)
 def test_forged_frames_break_nothing(end: End) -> None:
-    """Who may forge may fly the aircraft; but nothing raises, and all that is told stays inside the envelope."""
+    """A forger may fly the aircraft; but nothing raises, and all that is sent stays inside the envelope."""
     check(fly(DURATION_S, Siege(1, CROWD if end == "station" else THRONG, end, forged=True, own_share=0.5)))
 
 
@@ -84,7 +84,7 @@ def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
 
 
 def test_sound_frames_of_strangers_are_to_nobody_in_the_formation() -> None:
-    """Those of version 1 had the last byte of a longer id, which may be a command's, and any target."""
+    """Frames of version 1 used to have the last byte of a longer id: it may be a command's, to any target."""
     source = Hostile(1)
     frames = [frame for _ in range(4000) for frame in StreamParser().feed(source._sound(FOREIGN))]
     targets = {getattr(frame.message, "target_system", FOREIGN_TARGET) for frame in frames}

@@ -1,4 +1,4 @@
-"""Any number of random datagrams against both ends of flights, and what that came to."""
+"""Any number of random datagrams against both ends of flights, and the results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ENDS: tuple[End, ...] = ("station", "vehicles")
 
 
 def throw(datagrams: int, each_turn: int, seed: int) -> str:
-    """Throw datagrams at flights of 60 s under the virtual clock; return a table. What breaks a limit raises."""
+    """Throw datagrams at flights of 60 s under the virtual clock; return a table. A broken limit raises."""
     peace = np.array(fly(DURATION_S, Siege()).notes.setpoints)
     rows = [
         _besiege(end, what, datagrams // 6, Siege(seed, each_turn), peace)
@@ -28,7 +28,7 @@ def throw(datagrams: int, each_turn: int, seed: int) -> str:
 
 
 def _besiege(end: End, what: str, wanted: int, siege: Siege, peace: Array) -> list[str]:
-    # What is measured here, among other things: how long a datagram takes.
+    # measured, among other things: the time that a datagram takes
     began, thrown, dropped, worst_m, peaks_kib = time.perf_counter(), 0, 0, 0.0, list[int]()
     siege = replace(siege, end=end, forged=what == "forged", own_share=0.0 if what == "strangers" else 0.3)
     while thrown < wanted:

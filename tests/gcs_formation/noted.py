@@ -1,4 +1,4 @@
-"""What a part of the station reports, in memory."""
+"""In-memory recorders of what a part of the station reports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from airlink.clock import NANOSECONDS, Instant
 
 
 class Said(NamedTuple):
-    """An event, with the time in seconds and the number of the vehicle."""
+    """An event, with its time in seconds and the vehicle's number."""
 
     at_s: float
     kind: str
@@ -26,12 +26,12 @@ class Noted(list[Said]):
         self.append(Said(now / NANOSECONDS, kind, text, number, details or {}))
 
     def of(self, kind: str, number: int | None = None) -> list[str]:
-        """Return the words of the events of a kind, of one vehicle or of all."""
+        """Return the texts of the events of a kind, of one vehicle or of all."""
         return [each.text for each in self if each.kind == kind and number in (None, each.vehicle)]
 
 
 class GivenUp(list[str]):
-    """Takes why a run can't go on (`recorder.GiveUp`)."""
+    """Takes the reason why a run can't go on (`recorder.GiveUp`)."""
 
     def __call__(self, text: str, now: Instant) -> None:
         self.append(text)

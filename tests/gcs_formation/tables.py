@@ -1,4 +1,4 @@
-"""Tables of many vehicles, on which tests compute, to and from the lists of vehicles that the station has."""
+"""Conversion between tables of many vehicles, on which tests compute, and the station's lists of vehicles."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def predict(
 
 
 def changed(made: Made, **values: Any) -> Made:
-    """Return a plain object with some other values, as `dataclasses.replace` does for those that it knows."""
+    """Return a plain object with some values changed, like `dataclasses.replace` for dataclasses."""
     names = inspect.signature(type(made)).parameters
     return type(made)(**{name: getattr(made, name) for name in names} | values)
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What a law has decided, with a row for each vehicle."""
+    """A law's decision, with a row for each vehicle."""
 
     columns: list[int]
     setpoints: Setpoints

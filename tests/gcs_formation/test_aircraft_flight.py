@@ -1,4 +1,4 @@
-"""Formations of aircraft that fly as ArduPlane does."""
+"""Formations of aircraft that fly like ArduPlane."""
 
 import json
 from typing import Any
@@ -34,7 +34,7 @@ def of_follower(rows, column, from_s):
 
 
 def test_gains_for_equation_7_drive_aircraft_into_a_limit_cycle(tmp_path):
-    """Four real ArduPlanes: airspeed setpoints jump by 2.4 m/s (standard deviation) a tick."""
+    """As on four real ArduPlanes: airspeed setpoints jump by 2.4 m/s (standard deviation) per tick."""
     vehicles = [each | {"true_model": "arduplane"} for each in SCENARIO["vehicles"]]
     follower, rows = flown(tmp_path, vehicles=vehicles)
     steps_mps = np.diff(of_follower(rows, "setpoint_speed_mps", from_s=6.0))
@@ -43,7 +43,7 @@ def test_gains_for_equation_7_drive_aircraft_into_a_limit_cycle(tmp_path):
 
 
 def test_gains_by_design_fly_aircraft_quietly(tmp_path):
-    """A scenario without any gain, on the shipped file; of real ones 0.5 and 0.5 m, and 0.1 m/s, are asked."""
+    """A scenario without gains, with the shipped file; required of real ones are 0.5 and 0.5 m, and 0.1 m/s."""
     follower, _ = flown(tmp_path, vehicles=[each | {"model": "arduplane"} for each in SCENARIO["vehicles"]])
     assert follower["error_x_m"]["rms"] < 0.2
     assert follower["error_y_m"]["rms"] < 0.05
@@ -53,7 +53,7 @@ def test_gains_by_design_fly_aircraft_quietly(tmp_path):
 
 @pytest.mark.parametrize("model", ["arduplane", pytest.param({"tau_v_s": 4.0}, marks=pytest.mark.slow)])
 def test_gains_by_design_are_for_noise_as_the_filter_leaves_it(tmp_path, model):
-    """For noise as it is measured the loops would be so slow that the wind's estimate alone pushes them 7 m off."""
+    """For unfiltered noise the loops would be so slow that the wind's estimate alone pushes them 7 m off."""
     vehicles = [each | {"model": model, "navigation": {"source": "noisy"}} for each in SCENARIO["vehicles"]]
     follower, _ = flown(tmp_path, vehicles=vehicles, law={"gains": "auto"}, duration_s=30)
     assert follower["error_x_m"]["rms"] < 0.6
@@ -63,7 +63,7 @@ def test_gains_by_design_are_for_noise_as_the_filter_leaves_it(tmp_path, model):
 
 @pytest.mark.slow
 def test_gains_by_design_answer_a_gust_that_noisy_telemetry_shows(tmp_path):
-    """1 m/s along the path; with rates taken for differences of positions it was 5.3 m."""
+    """1 m/s along the path; when rates were taken for differences of positions it was 5.3 m."""
     vehicles = [each | {"navigation": {"source": "noisy"}} for each in SCENARIO["vehicles"]]
     gust = {"at_s": 10, "vehicles": [2], "velocity_mps": [1, 0, 0]}
     follower, _ = flown(tmp_path, vehicles=vehicles, law={"gains": "auto"}, disturbances=[gust], duration_s=30)
@@ -71,7 +71,7 @@ def test_gains_by_design_answer_a_gust_that_noisy_telemetry_shows(tmp_path):
 
 
 def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_them(tmp_path, monkeypatch):
-    """300 ms each way that the scenario doesn't name, as behind a proxy: the law of one that names them, for good."""
+    """300 ms each way that the scenario doesn't state, as behind a proxy: gains become those for 300 ms, for good."""
     slow = {"default": {"delay_ms": 300}}
     with monkeypatch.context() as changed:
         changed.setattr(
@@ -87,7 +87,7 @@ def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_
 
 @pytest.mark.slow
 def test_compensated_delay_that_the_design_knows_nothing_of_drives_no_aircraft_into_a_limit_cycle(tmp_path):
-    """300 ms each way. The wind's observer fed back what aircraft do otherwise than equation (7): 0.0226 m/s a tick."""
+    """300 ms each way. The wind observer fed back the aircraft's deviation from equation (7): 0.0226 m/s per tick."""
     aircraft = {"vehicles": [each | {"model": "arduplane"} for each in SCENARIO["vehicles"]], "duration_s": 60}
     law = load_scenario(SCENARIO | aircraft).law.model_dump()
     known = {key: law[key] for key in ("speed", "heading", "height", "mixer", "disturbance_observer_radps")}
@@ -100,7 +100,7 @@ def test_compensated_delay_that_the_design_knows_nothing_of_drives_no_aircraft_i
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_wind_is_estimated_slowly_from_the_first_sample_on(seed, tmp_path):
-    """300 ms each way, as configured: a follower swung by 1.3 m along and in height, its first 20 s long."""
+    """300 ms each way, as configured: for its first 20 s a follower used to swing by 1.3 m along and in height."""
     keys = {"vehicles": {"count": 4, "model": "arduplane"}, "formation": {"shape": "diamond", "spacing_m": 40}}
     path = {"waypoints_m": [[0, 0, 100], [800, 0, 100], [1550, 250, 110]]}
     links = {"default": {"delay_ms": 300}}

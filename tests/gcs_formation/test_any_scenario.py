@@ -1,4 +1,4 @@
-"""Whatever is done to a scenario: it flies, or is refused in the user's words, the same by every command."""
+"""Any change of a scenario: it flies, or is refused in the user's words, alike by every command."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def changed(data: Any, path: tuple[Any, ...], change: str, value: Any) -> Any:
-    """Return the data with a change at a place."""
+    """Return the data with one place changed."""
     data = copy.deepcopy(data)
     *above, last = path
     parent = data
@@ -67,7 +67,7 @@ def _file(directory: Path, text: str) -> Path:
 
 
 def problems(path: Path) -> tuple[Problem, ...]:
-    """Return what is wrong with a scenario; any other exception is a failure."""
+    """Return the problems of a scenario; any other exception is a failure."""
     try:
         load_scenario(path)
     except ScenarioError as error:
@@ -85,7 +85,7 @@ def written(data: Any) -> str:
 def test_whatever_is_changed_is_read_or_refused_with_every_problem_in_its_place(tmp_path: Path, several: Any) -> None:
     data = PLAIN
     for change in several:
-        with suppress(KeyError, IndexError, TypeError):  # an earlier change took the place away
+        with suppress(KeyError, IndexError, TypeError):  # an earlier change may have removed the place
             data = changed(data, *change)
     found = problems(_file(tmp_path, written(data)))
     lines = [problem.line or 0 for problem in found]
@@ -94,7 +94,7 @@ def test_whatever_is_changed_is_read_or_refused_with_every_problem_in_its_place(
 
 
 def invoke(*arguments: str) -> tuple[int, str]:
-    """Run the command line; a traceback is a failure whatever the status."""
+    """Run the command line; a traceback is a failure with any status."""
     result = CliRunner().invoke(main, arguments)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         pytest.fail("".join(traceback.format_exception(result.exception)))
@@ -110,7 +110,7 @@ def test_a_changed_scenario_flies_or_is_refused_by_all_commands_alike(change: An
 
 
 def flies_or_is_refused(directory: Path, text: str) -> None:
-    """Check that `run` flies what `check` allows, and refuses all else in its words, with nothing started."""
+    """Check that `run` flies what `check` allows, and refuses everything else in its words, without a start."""
     path, out = _file(directory, text), directory / "run"
     status, words = invoke("check", str(path))
     options = ("--clock", "virtual", "--until", "2", "--quiet", "--out", str(out))

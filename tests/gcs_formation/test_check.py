@@ -1,4 +1,4 @@
-"""What `gcs-formation check` says of a scenario's graph and margins."""
+"""What `gcs-formation check` says about a scenario's graph and margins."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PLAIN = {
 
 @pytest.fixture
 def check(tmp_path: Path):
-    """Run `check` on a path of four vehicles; return its exit status and what it printed."""
+    """Run `check` on a path with four vehicles; return its exit status and output."""
     file = tmp_path / "scenario.yaml"
     file.write_text(yaml.safe_dump(PLAIN))
 
@@ -57,7 +57,7 @@ def check(tmp_path: Path):
 def test_the_json_of_a_bad_scenario_has_every_problem_with_its_place(check) -> None:
     status, printed = check("--json", "--set", "law.type=pidd")
     assert status == 2
-    answer, _ = json.JSONDecoder().raw_decode(printed)  # its words for a person come after, on standard error
+    answer, _ = json.JSONDecoder().raw_decode(printed)  # the text for users follows on standard error
     assert answer["valid"] is False
     assert [(problem["key"], problem["found"]) for problem in answer["problems"]] == [("law.type", "found 'pidd'")]
 
@@ -84,7 +84,7 @@ def test_a_delay_near_the_margin_is_warned_of_unless_it_is_predicted_over(check,
 
 
 def test_the_slowest_way_up_and_down_of_all_vehicles_make_the_loop(check) -> None:
-    """Everyone's loop waits for the latest state: 0.3 s down of one, 0.2 s up of another, and half of each period."""
+    """Every loop waits for the latest state: 0.3 s down of one, 0.2 s up of another, and half of each period."""
     down = "{at_s: 0, vehicles: [1], downlink: {delay_ms: 300}}"
     up = "{at_s: 0, vehicles: [3], uplink: {delay_ms: 200}}"
     assert json.loads(check("--json", "--set", f"links.changes=[{down}, {up}]")[1])["loop_delay_s"] == pytest.approx(
@@ -100,7 +100,7 @@ def test_the_link_of_a_leader_that_is_to_follow_is_in_its_loop(check) -> None:
 
 
 def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
-    """0.1 s constant and 0.2 s recorded each way, and half of each period."""
+    """0.1 s constant and 0.2 s recorded each way, plus half of each period."""
     (tmp_path / "trace.txt").write_text("100\n300\n")
     links = ("--set", "links.default.delay_ms=100", "--set", f"links.default.trace_file={tmp_path / 'trace.txt'}")
     assert json.loads(check("--json", *links)[1])["loop_delay_s"] == pytest.approx(0.7)
@@ -140,7 +140,7 @@ def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     ("rate_kbps", "ways"), [(0, []), (12, ["downlink", "uplink"]), (14.4, ["downlink"]), (57.6, [])]
 )
 def test_a_link_that_is_too_narrow_for_what_goes_over_it_is_warned_of(rate_kbps: float, ways: list[str]) -> None:
-    """At 14.4 kbit/s and 10 Hz an ArduPlane's messages waited for 0.5 s, and 18 % were lost."""
+    """In a flight at 14.4 kbit/s and 10 Hz, an ArduPlane's messages waited for 0.5 s, and 18 % were lost."""
     plan = load_scenario(flight(duration_s=5, vehicles={"count": 2}, links={"default": {"rate_kbps": rate_kbps}}))
     told = [text for text in check_report(plan)["warnings"] if "kbit/s" in text]
     assert sorted(text.split()[3] for text in told if text.startswith("vehicle 2:")) == ways
@@ -148,7 +148,7 @@ def test_a_link_that_is_too_narrow_for_what_goes_over_it_is_warned_of(rate_kbps:
 
 @pytest.mark.parametrize(("delay_ms", "least_s"), [pytest.param(0, 4.7, marks=pytest.mark.slow), (300, 8.3)])
 def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, least_s: float) -> None:
-    """The flight itself tells: with a tenth of a second more than that it begins at once, with less it doesn't."""
+    """Compared with flights: with a tenth of a second more the path begins at once, with a tenth less it doesn't."""
     for run_in_s, rounds in ((least_s - 0.2, True), (least_s + 0.1, False)):
         keys: dict[str, Any] = {
             "start": {"in_air": True, "run_in_s": run_in_s},
@@ -165,7 +165,7 @@ def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(del
 
 
 def test_circles_that_are_lifted_at_the_paths_end_are_told_with_place_and_figure():
-    """The hill's top is 150 m aside of the path's end, which is 100 m high; 60 m above 90 m are 150 m."""
+    """The hill's top is 150 m beside the path's end, which is 100 m high; 60 m above 90 m are 150 m."""
     hill = {"shape": "cosine", "north_m": 2000, "east_m": 150, "height_m": 90, "radius_m": 100}
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
     planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=path, duration_s=100))
@@ -185,7 +185,7 @@ STRAIGHT_ON = {"speed_mps": 22, "waypoints_m": [[3000, 3000, 100], [5000, 3000, 
 def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_climb_in_time(
     height_m: float, found: str
 ) -> None:
-    """Its top is 250 m ahead: flown into at 3 m/s. Over one of 50 m they are 10 m higher in time."""
+    """Its top is 250 m ahead: climbing at 3 m/s they hit it. Over a hill of 50 m they are 10 m higher in time."""
     hill = {"shape": "cosine", "north_m": 5250, "east_m": 3000, "height_m": height_m, "radius_m": 300}
     planned = load_scenario(flight(terrain={"clearance_m": 60, "hills": [hill]}, path=STRAIGHT_ON, duration_s=100))
     told = [text for text in check_report(planned)["warnings"] if "straight on" in text]
@@ -194,7 +194,7 @@ def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_cl
 
 
 def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path) -> None:
-    """A tile of zeros, one of whose values is missing 400 m beyond the path's end; values are 93 m apart."""
+    """A tile of zeros, one of which is missing 400 m beyond the path's end; the grid has 93 m."""
     elevations = np.zeros((1201, 1201), dtype=">i2")
     for north_m, told in ((5400, True), (6400, False)):
         elevations[:] = 0
@@ -207,7 +207,7 @@ def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path)
 
 @pytest.mark.parametrize(("spacing_m", "told"), [(5.0, True), (5.99, True), (6.0, False)])
 def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bool) -> None:
-    """Slots 5 m apart may be flown, but who is a millimetre off breaks a separation of 5 m."""
+    """Slots 5 m apart may be flown, but an error of a millimetre breaks a separation of 5 m."""
     wide, near = {"shape": "line", "spacing_m": 30}, {"at_s": 20, "spacing_m": spacing_m}
     planned = load_scenario(flight(formation=wide | {"changes": [near]}))
     found = [text for text in check_report(planned)["warnings"] if "left for errors" in text]
@@ -217,7 +217,7 @@ def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bo
 
 
 def test_a_change_that_takes_longer_than_the_flight_is_told() -> None:
-    """From diamond to line takes 14.7 s."""
+    """The change from diamond to line takes 14.7 s."""
     changes = {"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 20, "shape": "line"}]}
     for duration_s, told in ((30, True), (40, False)):
         planned = load_scenario(flight(formation=changes, duration_s=duration_s))
@@ -263,7 +263,7 @@ def test_what_until_cuts_off_is_never_reached() -> None:
 
 @pytest.mark.parametrize(("wind_mps", "end_s"), [([0, 0, 0], 136.36), ([-2, 0, 0], 150.0), ([0, 9, 0], 149.45)])
 def test_the_path_ends_when_the_leader_has_flown_it_in_the_wind(wind_mps: list[float], end_s: float) -> None:
-    """3000 m north at 22 m/s through the air; a wind of 9 m/s from the side leaves sqrt(22² - 9²)."""
+    """3000 m north at 22 m/s through the air; a crosswind of 9 m/s leaves sqrt(22² - 9²) m/s."""
     assert path_end_s(load_scenario(PLAIN | {"wind": {"velocity_mps": wind_mps}})) == pytest.approx(end_s, abs=0.01)
 
 
@@ -289,7 +289,7 @@ def test_planned_orders_that_will_be_refused_are_warned_of() -> None:
 
 
 def test_unequal_ways_are_warned_of_with_the_metres_that_they_cost_against_the_leaders() -> None:
-    """22 m/s for half the difference, 160 ms of its own; from 30 s on the leader is off by 40 ms the other way."""
+    """22 m/s for half the difference, 160 ms of its own; from 30 s on the leader's is 40 ms in the other direction."""
     unequal = {"at_s": 0, "vehicles": [2], "uplink": {"delay_ms": 400}, "downlink": {"delay_ms": 80}}
     leaders = {"at_s": 30, "vehicles": [1], "uplink": {"delay_ms": 80}, "downlink": {"delay_ms": 160}}
     planned = load_scenario({"vehicles": {"count": 3}, "path": PLAIN["path"], "links": {"changes": [unequal, leaders]}})
@@ -314,7 +314,7 @@ def test_unequal_ways_are_warned_of_with_the_metres_that_they_cost_against_the_l
 def test_who_has_no_utc_beside_others_that_fly_by_it_is_off_by_its_own_split(
     clocks: list[dict[str, Any]], said: tuple[str, int] | None
 ) -> None:
-    """22 m/s times half of 400 less 80 ms, of leader and follower alike; UTC that is wrong by less could be true."""
+    """22 m/s times half of 400 minus 80 ms, for leader or follower; UTC with a smaller error could be true."""
     vehicles = [{"id": i + 1, "role": ("leader", "follower")[i], "clock": clock} for i, clock in enumerate(clocks)]
     links = {"default": {"uplink": {"delay_ms": 400}, "downlink": {"delay_ms": 80}}}
     keys = {"vehicles": vehicles, "path": PLAIN["path"], "links": links, "telemetry": {"clock": "gnss"}}
@@ -333,7 +333,7 @@ def started(**keys: Any) -> Assembly:
 
 @pytest.mark.parametrize(("vehicles", "loss", "least_s"), [(1, 0.2, 9.9), (4, 0.2, 12.0), (4, 0.5, 33.3)])
 def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: float, least_s: float) -> None:
-    """The 95th percentile of the last heartbeat, then the last answer: negative binomials, one after the other."""
+    """The 95th percentile of the last heartbeat, then of the last answer: negative binomials, one after the other."""
     links = {"default": {"loss": loss}}
     found = started(vehicles={"count": vehicles}, links=links)
     assert found.least_run_in_s is not None
@@ -342,7 +342,7 @@ def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: floa
 
 
 def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
-    """60 s from where the leader sets out to its first pass, and a lap."""
+    """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
     least_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
     assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": least_s}})) is None
@@ -390,7 +390,7 @@ def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep
 
 
 def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_in_a_lap() -> None:
-    """Both may be 6 m/s slower than a leader at 20 m/s; one of equation (7) flies 0.8 of that, an ArduPlane 0.6."""
+    """Both may be 6 m/s slower than a leader at 20 m/s; equation (7) uses 0.8 of that, an ArduPlane 0.6."""
     path = {"speed_mps": 20, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     model = {"speed_min_mps": 14, "speed_max_mps": 29, "turn_rate_max_rps": 0.35}
     line = {"shape": "line", "spacing_m": 100}
@@ -403,13 +403,13 @@ def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_i
 
 
 def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second() -> None:
-    """At its highest speed nobody has any to spare for a turn."""
+    """At its highest speed no vehicle has any left for a turn."""
     fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     assert started(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
 
 
 def test_telemetry_that_real_arduplanes_refuse_is_warned_of() -> None:
-    """ArduPlane 4.7 denies intervals of 24.999 ms and takes 25 ms; an emulated one takes 20 ms."""
+    """ArduPlane 4.7 denies intervals of 24.999 ms and accepts 25 ms; an emulated one accepts 20 ms."""
     path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
 
     def warned(autopilot: str, rate_hz: float) -> str | None:
@@ -450,7 +450,7 @@ def test_a_loop_that_is_unstable_without_delay_stands_nothing_else() -> None:
 
 
 def test_gains_that_are_unstable_around_the_aircraft_have_no_margin_though_equation_7_would_have_one() -> None:
-    """ArduPlanes on the gains for noise never settle: 5 m along x in 180 s. By (7) alone the margin was 2.675 s."""
+    """ArduPlanes with the gains for noise never settle: 5 m along x in 180 s. By (7) alone the margin was 2.675 s."""
     keys = {"vehicles": {"count": 2, "model": "arduplane"}, "path": {"waypoints_m": [[0, 0, 150], [5000, 0, 150]]}}
     noise, auto = (load_scenario(keys | {"law": {"type": "pid", "gains": gains}}) for gains in ("noise", "auto"))
     told = check_report(noise)

@@ -1,4 +1,4 @@
-"""What `check` foretells of loops with losses, of slow laws, of unpaired states and of gusts, as it was flown."""
+"""What `check` predicts for loops with losses, slow laws, unpaired states and gusts, against flights."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def planned(*overrides: str, count: int = 4, **keys: Any) -> Scenario:
 
 @pytest.mark.parametrize(("loss", "told"), [(0.0, False), (0.15, True)])
 def test_lost_setpoints_are_reckoned_with_as_longer_holds(loss: float, told: bool) -> None:
-    """Seven in a star at 2 Hz: setpoints are held for (1 + 0.15)/(1 - 0.15)/2 ticks; flown so, they swung by 6 m."""
+    """Seven in a star at 2 Hz: setpoints are held for (1 + 0.15)/(1 - 0.15)/2 ticks; in flight they swung by 6 m."""
     scenario = planned("law.type=consensus", "law.rate_hz=2", f"links.default.loss={loss}", count=7)
     found = [each for each in check_report(scenario)["warnings"] if "no prediction makes up for that" in each]
     assert bool(found) == told
@@ -44,20 +44,20 @@ def test_losses_count_as_delay_where_nothing_is_predicted() -> None:
     without, lossy = (planned("law.delay_compensation=false", f"links.default.loss={loss}") for loss in (0.0, 0.5))
     assert configured_loop_delay_s(without, lossy=True) == pytest.approx(configured_loop_delay_s(without))
     assert configured_loop_delay_s(without) == pytest.approx(0.1)
-    assert configured_loop_delay_s(lossy, lossy=True) == pytest.approx(0.3)  # both ways 1.5/0.5 times as long
+    assert configured_loop_delay_s(lossy, lossy=True) == pytest.approx(0.3)  # in both directions 1.5/0.5 times as long
     slow = planned("law.delay_compensation=false", "links.default={delay_ms: 300, loss: 0.3}")
     assert any("losses included" in each for each in check_report(slow)["warnings"])
 
 
 def test_a_protocol_that_hardly_answers_is_told_with_what_is_left_and_what_is_faster() -> None:
-    """Seven ArduPlanes in a star at 2 Hz: k1 is the least that is tried. Flown, they were up to 26 m off."""
+    """Seven ArduPlanes in a star at 2 Hz: k1 is the smallest that is tried. In flight they were up to 26 m off."""
     keys: dict[str, Any] = {"vehicles": {"count": 7, "autopilot": "arduplane"}, "law": {"type": "consensus"}}
     scenario = planned("law.rate_hz=2", "links.default.delay_ms=500", "duration_s=100", **keys)
     said = slow_answer(scenario)
     assert said is not None
     assert said in check_report(scenario)["warnings"]
     k1 = scenario.law.consensus.k1
-    time_s = 2.0 / (1.0 - math.sqrt(1.0 - 4.0 * k1))  # of the mode s^2 + s + k1
+    time_s = 2.0 / (1.0 - math.sqrt(1.0 - 4.0 * k1))  # for the mode s^2 + s + k1
     assert f"found k1 {k1:.2g}: errors take {time_s:.0f} s" in said
     assert "of an error 65% is left when the flight is over at 100 s" in said
     assert "at law.rate_hz 2 and links of 500 ms each way; law.type of pid takes 6 s" in said
@@ -97,7 +97,7 @@ def test_predicted_states_are_of_one_instant_and_so_are_those_of_the_consensus()
 
 
 def test_gusts_leave_what_a_loop_of_first_order_leaves_of_correlated_noise() -> None:
-    """d with the correlation time a in e' = d - B e leaves sigma^2 a / (B (1 + B a)); two vehicles meet their own."""
+    """d with the correlation time a in e' = d - B e leaves sigma^2 a / (B (1 + B a)); two vehicles have two gusts."""
     gust = {"at_s": 0, "kind": "dryden", "sigma_mps": [1.0, 1.0, 0.5], "length_m": [220.0, 220.0, 50.0]}
     law = {"type": "consensus", "rate_hz": 50, "consensus": {"k1": 20, "k2": 0, "k3": 200}}
     scenario = planned(count=2, disturbances=[gust], law=law, telemetry={"rate_hz": 50})
@@ -110,7 +110,7 @@ def test_gusts_leave_what_a_loop_of_first_order_leaves_of_correlated_noise() -> 
 
 @pytest.mark.parametrize(("wind_mps", "told"), [(1, False), (6, True)])
 def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps: float, told: bool) -> None:
-    """Flown with 6 m/s of wind 6 m above ground, PID without prediction: 3.9 m along and 4.0 m across (95 %)."""
+    """In flight with 6 m/s of wind 6 m above ground, PID without prediction: 3.9 m along and 4.0 m across (95 %)."""
     gust = {"at_s": 0, "kind": "dryden", "wind_6m_mps": wind_mps}
     law = {"type": "pid", "gains": "noise", "delay_compensation": False}
     keys = {"disturbances": [gust], "law": law, "telemetry": {"rate_hz": 2}, "links": {"default": {"delay_ms": 150}}}

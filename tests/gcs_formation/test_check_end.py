@@ -1,4 +1,4 @@
-"""What `check` says of a flight's planned end within its fence."""
+"""What `check` says about the circles at a flight's planned end within its fence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.flights.conftest import scenario
 
 @pytest.mark.parametrize(("most_m", "told"), [(684.0, True), (685.0, False)])
 def test_circles_above_the_fence_are_told_with_the_highest(most_m: float, told: bool) -> None:
-    """40 vehicles at 100 m, within the length of two circles, circle 15 m above each other: up to 685 m."""
+    """40 vehicles at 100 m, whose circles overlap horizontally, circle 15 m above each other: up to 685 m."""
     formation = {"shape": "circle", "spacing_m": 15}
     keys = scenario(vehicles={"count": 40}, formation=formation, safety={"fence": {"height_max_m": most_m}})
     said = "vehicles circle one above the other, up to 685 m; 684 m are allowed (safety.fence.height_max_m)"

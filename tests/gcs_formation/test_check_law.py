@@ -1,4 +1,4 @@
-"""What `check` says of what the law makes of links, and of starts, against what is flown."""
+"""What `check` says about the law with the scenario's links and starts, against flights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FOUR = [{"id": each} for each in range(1, 5)]
 
 
 def held(**keys: Any) -> str | None:
-    """Return what is said of a formation that is held for its links."""
+    """Return what is said about a formation that is held because of its links."""
     law = {"on_delay": "hold"} | keys.pop("law", {})
     return held_by_links(load_scenario(flight(law=law, links={"default": keys})))
 
@@ -74,9 +74,9 @@ def test_starts_that_leave_no_room_beyond_the_separation_are_named(offset_m: lis
 
 
 def test_bursts_of_losses_that_last_for_seconds_at_a_slow_law_are_named_with_the_rate_that_is_enough() -> None:
-    """Of 24 such flights, one vehicle came within 4.3 m of another (slots 15 m apart), and within 2.2 m before.
+    """In 24 such flights, one vehicle came within 4.3 m of another (slots 15 m apart), and within 2.2 m formerly.
 
-    At 2 Hz, 11 datagrams a second: 0.22 bursts a second, of which 0.9^33 last longer than 3 s; four vehicles.
+    At 2 Hz, 11 datagrams per second: 0.22 bursts per second, of which 0.9^33 last longer than 3 s; four vehicles.
     """
     bursts: dict[str, Any] = {"loss": 0.2, "mean_burst": 10}
 

@@ -1,4 +1,4 @@
-"""By how much vehicles that navigate by inertia drift, and what `check` says of it."""
+"""How far vehicles that navigate by inertia drift, and what `check` says about it."""
 
 import math
 from typing import Any
@@ -26,7 +26,7 @@ LAT_RAD = math.radians(35.0)
 
 
 def keys(accel_ug: float = 0.0, gyro_dph: float = 0.0, accel_noise: float = 0.0, gyro_noise: float = 0.0):
-    """Return navigation by sensors of these biases and noise."""
+    """Return navigation keys with sensors of these biases and noise."""
     sensors = InertialSensorKeys(
         accel_bias_ug=accel_ug,
         gyro_bias_deg_per_h=gyro_dph,
@@ -40,13 +40,13 @@ def keys(accel_ug: float = 0.0, gyro_dph: float = 0.0, accel_noise: float = 0.0,
     ("after_s", "by_accel_m", "by_gyro_m"), [(60, 1.763, 0.017), (600, 168.3, 16.6), (1000, 429.9, 73.2)]
 )
 def test_biases_drift_as_single_errors_grow(after_s: float, by_accel_m: float, by_gyro_m: float) -> None:
-    """100 micro-g and 0.01 degrees an hour, of one channel on the ground (the model's own figures)."""
+    """100 micro-g and 0.01 degrees per hour, of one channel on the ground (the model's own figures)."""
     assert level_drift(keys(100), LAT_RAD, after_s)[0] == pytest.approx(by_accel_m, rel=0.005)
     assert level_drift(keys(0, 0.01), LAT_RAD, after_s)[0] == pytest.approx(by_gyro_m, rel=0.03)
 
 
 def test_a_bias_of_an_accelerometer_drifts_to_its_peak_and_no_farther() -> None:
-    """Half of Schuler's period: 2 b/ws^2, 1271 m of 100 micro-g."""
+    """At half of Schuler's period: 2 b/ws^2, 1271 m for 100 micro-g."""
     assert level_drift(keys(100), LAT_RAD, 2532)[0] == pytest.approx(1271, rel=0.005)
     assert level_drift(keys(100), LAT_RAD, 5064)[0] == pytest.approx(1271, rel=0.005)
 
@@ -64,7 +64,7 @@ def test_drifts_are_the_covariance_of_the_error_model(of: InertialNavigation) ->
         covariance.predict(model, noise_density(sensors), 0.1)
     east_m, north_m, up_m = np.sqrt(np.diag(covariance.covariance)[PLACE])
     assert (east_m, north_m) == (pytest.approx(math.hypot(*level_drift(of, LAT_RAD, 300)), rel=0.02),) * 2
-    assert up_m == pytest.approx(math.hypot(*height_drift(of, LAT_RAD, 300)), rel=0.02, abs=1.1)  # 1 m comes from level
+    assert up_m == pytest.approx(math.hypot(*height_drift(of, LAT_RAD, 300)), rel=0.02, abs=1.1)  # 1 m from horizontal
 
 
 def planned(**navigation: Any) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def planned(**navigation: Any) -> dict[str, Any]:
 
 
 def test_places_that_drift_apart_by_more_than_slots_leave_are_warned_of() -> None:
-    """1 milli-g for 210 s is b t^2/2 = 216 m, less by Schuler's oscillation, of two vehicles 306 m."""
+    """1 milli-g for 210 s is b t^2/2 = 216 m, less because of Schuler's oscillation; for two vehicles 306 m."""
     navigation = {"grade": "intermediate", "aiding": "baro", "biases": "random"}
     (said,) = drifts(load_scenario(planned(**navigation)))
     assert said.startswith("navigation: places drift apart by 304.3 m")
@@ -89,7 +89,7 @@ def test_places_that_drift_apart_by_more_than_slots_leave_are_warned_of() -> Non
 
 
 def test_heights_by_inertia_alone_are_warned_of_that_drift_by_more_than_the_ground_leaves() -> None:
-    """1 milli-g for 210 s is 216 m, and more as the height diverges."""
+    """1 milli-g for 210 s is 216 m, and more because the height diverges."""
     _, said = drifts(load_scenario(planned(grade="intermediate", biases="random")))
     assert said.startswith("navigation: heights drift by 218.7 m")
     assert "95 m are left above ground beyond safety.clearance_m" in said
@@ -97,7 +97,7 @@ def test_heights_by_inertia_alone_are_warned_of_that_drift_by_more_than_the_grou
 
 
 def test_biases_that_all_have_alike_move_nobody_apart() -> None:
-    """Of the grade of navigation only the noise is left, 0.7 m in 210 s."""
+    """With the same biases only the noise is left, 0.7 m in 210 s."""
     of = load_scenario(planned(grade="navigation")).vehicles[0].navigation
     assert isinstance(of, InertialNavigation)
     bias_m, noise_m = level_drift(of, LAT_RAD, 210)

@@ -1,4 +1,4 @@
-"""What `check` says of telemetry that is too old, and of ticks that are too seldom."""
+"""What `check` says about telemetry that is too old, and about ticks that are too rare."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PLAIN = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 100], [3000, 
     ],
 )
 def test_telemetry_that_is_too_old_for_a_flight_to_begin_is_told(override: str, found: str) -> None:
-    """At 10 Hz it is a tenth of a second older than its way down took before the next comes."""
+    """At 10 Hz it gets a tenth of a second older than the downlink's delay before the next message comes."""
     said = too_old(load_scenario(PLAIN, [override]))
     assert (said is not None) == bool(found)
     if said is not None:
@@ -54,7 +54,7 @@ def test_a_delay_that_comes_later_is_told_with_whose_and_when() -> None:
 def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_told(
     rate_hz: str, delay_ms: float, loss: float, least: str
 ) -> None:
-    """Five in a square at 0.5 Hz with 2 % loss loitered eight times among each other in 80 s, and came within 3.1 m."""
+    """Five in a square at 0.5 Hz with 2 % loss loitered eight times in 80 s among each other, and came within 3.1 m."""
     links = f"links.default={{delay_ms: {delay_ms}, loss: {loss}}}"
     planned = load_scenario(PLAIN, [f"telemetry.rate_hz={rate_hz}", links])
     told = [text for text in check_report(planned)["warnings"] if "told to loiter, among the others" in text]
@@ -72,14 +72,14 @@ def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_told(
     + [(law, rate_hz, "") for law in ("pid", "fuzzy_pid", "consensus") for rate_hz in (1.0, 2.0)],
 )
 def test_ticks_too_seldom_for_the_law_are_told(law: str, rate_hz: float, loops: Sequence[str]) -> None:
-    """As flown: PID at 0.5 Hz swings by 10 m and at 0.85 Hz by 0.2 m, consensus by 11 m there and 0.8 m at 1 Hz."""
+    """In flight, PID swings by 10 m at 0.5 Hz and 0.2 m at 0.85 Hz, consensus by 11 m at 0.85 Hz and 0.8 m at 1 Hz."""
     planned = load_scenario(PLAIN, [f"law.type={law}", f"law.rate_hz={rate_hz}"])
     told = [text for text in check_report(planned)["warnings"] if "no prediction makes up for that" in text]
     assert [text.split()[1] for text in told] == [f"{loop}:" for loop in loops]
 
 
 def test_the_least_rate_that_is_told_is_one_that_is_not_told_of() -> None:
-    """The margin along the path is 0.863 s: a tick of 1 s of mean hold is 116 % of it."""
+    """The margin along the path is 0.863 s: a tick with 1 s of mean hold uses 116 % of it."""
     (told,) = [
         text for text in _warnings("0.7") if text.startswith("loop x: setpoints are held for 0.714 s on average")
     ]

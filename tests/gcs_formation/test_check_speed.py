@@ -1,4 +1,4 @@
-"""What `check` says of speeds that leave little to hold a slot with."""
+"""What `check` says about speeds that leave little to hold a slot with."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_speed_near_a_vehicle_s_own_least_or_most_is_told_with_the_figures() -
 
 
 def test_slots_inside_a_turn_count_with_their_own_speed_and_with_the_wind_behind_the_leader() -> None:
-    """30 m inside a bend of 0.02 rad/s, a slot is 0.6 m/s slower; with 10 m/s behind its leader half as much again."""
+    """30 m inside a bend of 0.02 rad/s, a slot is 0.6 m/s slower; with a tailwind of 10 m/s half as much again."""
     assert told(17.5) == []
     (still,) = told(17.5, BEND)
     (windy,) = told(17.5, BEND, wind={"velocity_mps": [10, 0, 0]})
@@ -60,14 +60,14 @@ def test_speeds_that_are_ordered_are_told_and_a_leader_alone_has_no_slot_to_hold
 
 @pytest.mark.slow
 def test_what_is_warned_of_is_far_out_of_its_slot_and_what_is_not_is_near(tmp_path: Any) -> None:
-    """In turbulence of 7 m/s, 1 m/s of speed left and 4 m/s: twice the difference of gusts is 2.7 m/s."""
+    """In turbulence of 7 m/s, with 1 m/s and 4 m/s of speed left: twice the difference of gusts is 2.7 m/s."""
     worst = dict[float, float]()
     for speed_mps in (17.0, 20.0):
         path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
         keys = scenario(path=path, duration_s=120, disturbances=[GUSTS])
         flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / f"{speed_mps}").to_dict()["followers"]
         worst[speed_mps] = max(each["error_x_m"]["rms"] for each in flown.values())
-    assert worst[17.0] > 3.0  # 4.3 m, since gusts are answered within the envelope
+    assert worst[17.0] > 3.0  # 4.3 m, because gusts are answered within the envelope
     assert worst[20.0] < 1.5
 
 
@@ -83,7 +83,7 @@ def test_what_is_warned_of_is_far_out_of_its_slot_and_what_is_not_is_near(tmp_pa
 def test_multirotors_too_near_behind_each_other_to_stop_are_warned_of_with_the_distance_that_is_enough(
     shape: str, spacing_m: float, delay_ms: float, enough: str | None
 ) -> None:
-    """Behind one that ignored its setpoints 12 m with 300 ms at 8 m/s came to 2.4 m, and 10 m at 5 m/s to 2.6 m."""
+    """Behind one that ignored its setpoints, 12 m with 300 ms at 8 m/s became 2.4 m, and 10 m at 5 m/s 2.6 m."""
     copters: dict[str, Any] = {
         "vehicles": {"count": 3, "model": "arducopter"},
         "formation": {"shape": shape, "spacing_m": spacing_m},

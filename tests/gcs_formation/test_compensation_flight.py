@@ -1,8 +1,8 @@
-"""What is left of 0.6 m/s on all vehicles after a minute of the paper's flight, predicted over links of every kind.
+"""Errors a minute after 0.6 m/s on all vehicles in the paper's flight, with prediction over links of every kind.
 
-Bounds are 1.3 times what was measured, along x and y, of the worst follower; most measured 0.004 to 0.008 m, less than
-the last digit of the telemetry's positions. Losses are drawn: a gust that begins as five frames in a row are lost
-leaves ten times what another leaves, so half of eight flights keep these bounds.
+Bounds are 1.3 times what was measured, along x and y, for the worst follower; most measured 0.004 to 0.008 m, less than
+the last digit of the telemetry's positions. Losses are random: a gust that begins during a loss of five frames leaves
+ten times the usual error, so half of eight flights must keep these bounds.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import gcs_formation
 PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
 DISTURBED_S = 60.0
 LEAST_M = 0.011
-"""1e-7 degrees, by which positions are told: no bound is smaller."""
+"""1e-7 degrees, the resolution of positions: no bound is smaller."""
 
 
 def both_ways(delay_ms: float) -> dict[str, Any]:

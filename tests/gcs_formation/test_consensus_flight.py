@@ -1,4 +1,4 @@
-"""The consensus law in flight: over MAVLink and delayed links it loses stability where theory says."""
+"""The consensus law in flight: over MAVLink and delayed links it loses stability where theory predicts."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ TAU_S = 2.0
 MARGIN_S = 1.0
 RATE_HZ = 25.0
 LOOP_S = 0.02
-"""Period of the vehicles' main loop: a setpoint that has come waits for its next turn."""
+"""Period of the vehicles' main loop; a received setpoint waits for the next cycle."""
 HIT_S, HIT_FOR_S = 2.0, 1.0
-"""A vehicle is carried 1 m north and 1 m east in this time."""
+"""Time in which a vehicle is displaced by 1 m north and 1 m east."""
 SETTLED_S = 12.0
-"""From when on what is left of the perturbation is the slowest root of its modes."""
+"""Time from which only the slowest root of the modes is left of the perturbation."""
 STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]}
 CURVED = [[1400 * math.sin(a), 1400 * (1 - math.cos(a)), 100] for a in np.linspace(0, 1.2, 9)]
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """A graph with gains that make its margin `MARGIN_S`, and the mode that is the first to lose stability."""
+    """A graph with gains that give it the margin `MARGIN_S`, and the mode that first loses stability."""
 
     name: str
     adjacency: Array
@@ -64,11 +64,11 @@ class Protocol:
         return cls(name, adjacency, k2 / 2, k2, values[-1], vectors[:, values > values[-1] - 1e-6])
 
     def hardest_hit(self) -> int:
-        """The vehicle that takes the greatest part in the mode."""
+        """Return the vehicle with the largest share in the mode."""
         return int(np.argmax((self.vectors**2).sum(axis=1)))
 
     def root(self, delay_s: float) -> complex:
-        """Rightmost root of the mode: that of two vehicles with the same eigenvalue."""
+        """Return the rightmost root of the mode: that of two vehicles with the same eigenvalue."""
         pair = np.array([[0.0, 1.0], [1.0, 0.0]]) * self.eigenvalue / 2
         return consensus_rightmost_root(pair, self.k1, self.k2, 1 / TAU_S, delays=delay_s)
 
@@ -95,7 +95,7 @@ class Protocol:
 
 @pytest.fixture
 def fly(tmp_path: Path) -> Fly:
-    """Fly a scenario of the given keys under the virtual clock; return its summary and its time series, (T, V) each."""
+    """Fly a scenario with the given keys under the virtual clock; return summary and time series, (T, V) each."""
 
     def run(**keys: Any) -> tuple[Summary, dict[str, Array]]:
         plain: dict[str, Any] = {
@@ -118,13 +118,13 @@ def fly(tmp_path: Path) -> Fly:
 
 
 def loop_delay_s(series: dict[str, Array], one_way_ms: float) -> float:
-    """From a state's stamp to the middle of the time for which its setpoint is held."""
+    """Return the delay from a state's stamp to the middle of the hold of its setpoint."""
     wait_s = -one_way_ms / 1e3 % LOOP_S
     return float(np.nanmean(series["age_s"])) + one_way_ms / 1e3 + wait_s + 0.5 / RATE_HZ
 
 
 def amplitudes(series: dict[str, Array], which: str, vectors: Array, period_s: float) -> tuple[Array, Array]:
-    """Times and root mean squares, over a period from then on, of how far the modes are from where they were."""
+    """Return times and root mean squares, each over a period from then on, of the modes' displacements."""
     time_s, place = series["mission_time_s"][:, 0], series[which]
     before = place[(time_s > 0.5) & (time_s < HIT_S - LOOP_S)]
     moved = place - place.mean(axis=1, keepdims=True)
@@ -140,7 +140,7 @@ CASES = [
     (name, count)
     for count in (4, 10)
     for name in ("path", "ring", "star", "complete")
-    if (name, count) != ("ring", 10)  # of the same largest eigenvalue, 4, as the ring of four
+    if (name, count) != ("ring", 10)  # it has the same largest eigenvalue, 4, as the ring of four
 ]
 
 
@@ -150,13 +150,13 @@ CASES = [
 def test_a_perturbation_of_1_m_decays_below_the_margin_and_grows_above(
     fly: Fly, name: str, count: int, share: float
 ) -> None:
-    """The loop's delay is 10 % off the margin, sampling and hold included; the rate is the rightmost root's.
+    """The loop's delay is 10 % off the margin, sampling and hold included; the growth rate is the rightmost root's.
 
-    What is left after the same way of an overdamped mode is centimetres, so the mode that is first to lose
-    stability is looked at.
+    Overdamped modes are reduced to centimetres in the same time, so only the mode that first loses stability is
+    examined.
     """
     protocol = Protocol.of(name, count)
-    # The links' share of the delay: the rest is what samples wait for the tick, setpoints for the loop, and the hold.
+    # The links' share of the delay; the rest is sampling, the main loop, and the hold.
     one_way_ms = (share * MARGIN_S - 0.02 - 0.5 / RATE_HZ) / 2 * 1e3
     _, series = fly(**protocol.scenario(one_way_ms, 21.0))
     delay_s = loop_delay_s(series, one_way_ms)
@@ -183,7 +183,7 @@ def test_followers_settle_from_an_offset(fly: Fly) -> None:
 
 
 def test_the_leader_takes_part(fly: Fly) -> None:
-    """The leader goes to meet its followers: on an undirected graph the protocol doesn't move the middle of all."""
+    """The leader moves towards its followers: on an undirected graph the protocol doesn't move the centroid."""
     start = {"in_air": True, "run_in_s": 6, "offset_m": [0, 8, 0]}
     summary, series = fly(duration_s=6, start=start, law={"type": "consensus"})
     assert np.abs(series["true_east_m"][:, 0]).max() > 2.0
@@ -194,14 +194,14 @@ def test_the_leader_takes_part(fly: Fly) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0, 250])
 def test_a_turn_does_not_tear_the_formation(fly: Fly, delay_ms: float) -> None:
-    """A turn of 0.9 degrees a second with slots 40 m away, with prediction."""
+    """A turn of 0.9 degrees per second with slots 40 m away, with prediction."""
     path = {"speed_mps": 22, "waypoints_m": CURVED}
     summary, _ = fly(duration_s=30, path=path, links={"default": {"delay_ms": delay_ms}})
     assert worst(summary) < 0.4
 
 
 def test_aircraft_under_energy_control_keep_their_slots(fly: Fly) -> None:
-    """By the gains for equation (7) three ArduPlanes swing by 3 m and in height, and never gather."""
+    """With the gains for equation (7), three ArduPlanes swing by 3 m and in height, and never gather."""
     start, aircraft = {"in_air": True, "offset_m": [2, 2, 0]}, {"count": 3, "autopilot": "arduplane"}
     summary, series = fly(duration_s=60, start=start, vehicles=aircraft)
     late = series["mission_time_s"][:, 0] > 40.0
@@ -229,7 +229,7 @@ def test_a_formation_without_a_leader_is_held_on_the_path(fly: Fly) -> None:
 
 
 def test_a_column_without_a_leader_keeps_its_slots_through_bends(fly: Fly) -> None:
-    """Who is behind a turning leader heads otherwise than it does: taken for its heading, that leaves 5.2 m."""
+    """Vehicles behind a turning leader have other headings than it; with the leader's heading the error was 5.2 m."""
     bend = [[0, 0, 100], [200, 0, 100], [400, 40, 100], [560, 200, 100], [600, 400, 100]]
     summary, _ = fly(
         duration_s=25,
@@ -242,7 +242,7 @@ def test_a_column_without_a_leader_keeps_its_slots_through_bends(fly: Fly) -> No
 
 
 def test_links_of_unlike_delay_are_paired_at_one_stamp(fly: Fly) -> None:
-    """States of unlike age, taken as if they were of one, would leave 22 m/s times 0.15 s, or 3.3 m."""
+    """States of different ages, taken as simultaneous, would leave 22 m/s times 0.15 s, or 3.3 m."""
     changes = [{"at_s": 0, "vehicles": [3], "delay_ms": 150}]
     law = {"type": "consensus", "delay_compensation": False}
     start = {"in_air": True, "run_in_s": 8}

@@ -1,4 +1,4 @@
-"""Gains that come down when a loop's delay nears its margin, in whole flights under the virtual clock."""
+"""Gains are reduced as a loop's delay nears its margin, in whole flights under the virtual clock."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BEYOND = delayed(700)
 
 @pytest.fixture
 def fly(tmp_path: Path) -> Fly:
-    """Fly a leader and a follower, who begins off its slot, without prediction, over links that change as given."""
+    """Fly a leader and a follower that begins off its slot, without prediction, with these changes of the links."""
 
     def run(changes: list[dict[str, Any]], duration_s: float = 60, **law: Any) -> FlownFlight:
         plain: dict[str, Any] = {
@@ -86,7 +86,7 @@ def test_no_setpoint_jumps_as_gains_move_over_a_second(fly: Fly) -> None:
 
 @pytest.mark.slow
 def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> None:
-    """The paper's flight, without prediction over 150 ms and with it over 500 ms and a scatter of 10 ms."""
+    """The paper's flight, without prediction over 150 ms, and with it over 500 ms and a scatter of 10 ms."""
     paper = Formation((), tmp_path)(PAPER).with_keys(law__on_delay="degrade")
     plain = paper.with_keys(law__delay_compensation=False).with_link(delay_ms=150)
     predicted = paper.with_link(delay_ms=500, jitter_ms=10, loss=0.02)
@@ -98,7 +98,7 @@ def test_nothing_comes_down_in_flights_that_are_well_inside(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_follower_beyond_its_margin_loiters_where_that_is_asked_for_and_comes_back_with_the_delay(fly: Fly) -> None:
-    """The delay is the mean of the last 4 s of round trips; the margin is looked at once a second."""
+    """The delay is the mean of the last 4 s of round trips; the margin is checked once a second."""
     flown = fly([{"at_s": 2, "delay_ms": 700}, {"at_s": 12, "delay_ms": 0}], duration_s=40, on_delay="hold")
     events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
     (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]

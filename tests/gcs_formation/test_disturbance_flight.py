@@ -1,4 +1,4 @@
-"""Gusts and noise in whole flights under the virtual clock, by the true errors."""
+"""Gusts and noise in whole flights under the virtual clock, judged by the true errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.record.timeseries import flying
-from gcs_formation.report.gusts import allowed_gust_error_m, met_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, response_s
 from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.testing.flight_plan import Formation, Plan
 
@@ -23,7 +23,7 @@ TURBULENCE = [{"at_s": 2, "vehicles": [2], "kind": "dryden", "wind_6m_mps": 7}]
 
 @pytest.fixture
 def plan(tmp_path: Path) -> Callable[..., Plan]:
-    """Plan a flight in the air along a straight line north, with the given keys instead of or beside these."""
+    """Plan a flight in the air along a straight line north, with the given keys added or replaced."""
 
     def of(**keys: Any) -> Plan:
         plain: dict[str, Any] = {
@@ -49,7 +49,7 @@ def plan(tmp_path: Path) -> Callable[..., Plan]:
     ],
 )
 def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, frame, delay_ms):
-    """Also where a follower's crab swings its own slot, 30 m aside, by 0.8 m: the heading waits for the speed."""
+    """Also if a follower's crab swings its own slot, 30 m aside, by 0.8 m: the heading waits for the speed."""
     formation = {"shape": "diamond", "spacing_m": 30, "frame": frame}
     flown = plan(duration_s=12, disturbances=GUST, formation=formation).with_link(delay_ms=delay_ms).fly()
     measured_s = flown.link(2)["measured_delay_ms"]["p50"] / 1e3
@@ -64,13 +64,13 @@ def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, 
 @pytest.mark.slow
 @pytest.mark.parametrize("later_s", [0.01 * hundredth for hundredth in range(10)])
 def test_whenever_a_gust_on_the_followers_begins_errors_are_near_the_least_possible_then(plan, later_s):
-    """Ten phases of a tick; the bound's T is that of the gust itself, which a vehicle meets in its loop's next pass."""
+    """At ten phases of a tick; T is the gust's own, which begins in the next cycle of the vehicle's loop."""
     formation, gust = {"shape": "diamond", "spacing_m": 30}, [GUST[0] | {"at_s": 4 + later_s}]
     flown = plan(duration_s=8, disturbances=gust, formation=formation).with_link(delay_ms=20).fly()
     for follower in (2, 3):
         series = flown.series(follower)
         time_s, up_s = series["mission_time_s"], float(np.median(series["delay_s"]))
-        response = response_s(met_s(4 + later_s) + up_s, time_s, time_s - series["age_s"], up_s)
+        response = response_s(gust_acts_s(4 + later_s) + up_s, time_s, time_s - series["age_s"], up_s)
         for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
             worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
             assert worst_m <= allowed_gust_error_m(0.6, response, most_mps2)
@@ -128,7 +128,7 @@ def test_noise_and_turbulence_are_the_same_bytes_with_the_same_seed(plan):
 
 @pytest.mark.slow
 def test_vehicles_that_navigate_by_aided_inertia_keep_their_slots_as_well_as_they_know_their_places(plan):
-    """GNSS of 1.5 m and 0.1 m/s once a second leaves about 0.3 m of each vehicle's place."""
+    """GNSS of 1.5 m and 0.1 m/s once a second leaves an error of about 0.3 m in each vehicle's position."""
     flown = plan(vehicles=INERTIAL).fly()
     for follower in (2, 3):
         for axis in "xyz":
@@ -150,7 +150,7 @@ def test_with_noise_like_a_gnss_receivers_the_rms_error_stays_below_a_quarter_of
 @pytest.mark.slow
 @pytest.mark.parametrize(("autopilot", "speed_mps", "height_m"), [("emulator", 22, 1.0), ("px4", 14, 2.5)])
 def test_in_turbulence_nobody_is_said_to_disobey_or_to_come_near_a_delay_margin(plan, autopilot, speed_mps, height_m):
-    """PX4 turns against gusts by itself, as it is told courses; its airspeeds have little room for a minute."""
+    """PX4 is commanded by course and turns into gusts by itself; its airspeed is near a limit for a minute."""
     vehicles = {"count": 3, "autopilot": autopilot}
     path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 120], [1000, 0, 120], [2000, 600, 130], [9000, 600, 120]]}
     gusts = [{"at_s": 2, "kind": "dryden", "wind_6m_mps": 7}]

@@ -1,4 +1,4 @@
-"""`gcs-formation init`, and what the commands' help says."""
+"""`gcs-formation init`, and the help texts of the commands."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_command_shows_examples(program: click.Group, command: str) -> Non
 
 
 def loaded_by(program: str, *arguments: str) -> tuple[str, list[str]]:
-    """Return what a command says on standard output, and the modules that it has loaded at its end."""
+    """Return a command's standard output, and the modules that it has loaded at its end."""
     script = "import atexit, sys; atexit.register(lambda: print(chr(0), *sys.modules)); "
     script += f"from {program} import main; main()"
     done = subprocess.run([sys.executable, "-c", script, *arguments], check=False, capture_output=True, text=True)

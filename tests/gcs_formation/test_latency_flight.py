@@ -18,12 +18,12 @@ DELAYS_MS = (0, 50, 150, 300, 600)
 DRIFTS_PPM = (0, 50, 15000)
 SPEED_MPS = 22
 ONE_FAST = ("uplink", *(pytest.param(way, marks=pytest.mark.slow) for way in ("both", "downlink")))
-"""Ways of a link that may be out: all of them at night, one at each push."""
+"""Directions of links that fail: all of them at night, one at each push."""
 
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Plan]:
-    """Plan a flight in the air along a straight line, with the given keys instead of or beside these."""
+    """Plan a flight in the air along a straight line, with the given keys added or replaced."""
 
     def of(**keys: Any) -> Plan:
         plain: dict[str, Any] = {
@@ -40,7 +40,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Plan]:
 
 
 def difference_ms(link: Any) -> float:
-    """Return measured minus realised one-way delay, as a share of what is allowed: the larger of 2 ms and 2 %."""
+    """Return measured minus realised one-way delay, relative to the allowed error: the larger of 2 ms and 2 %."""
     injected_ms = link["injected_delay_ms"]
     return (link["measured_delay_ms"]["p50"] - injected_ms) / max(2.0, 0.02 * injected_ms)
 
@@ -63,7 +63,7 @@ def test_the_measured_delay_is_the_realised_one_whatever_the_clocks_drift(plan, 
     """With 20 ms of jitter each way the median of 600 round trips is known to 0.7 ms."""
     vehicles, links = grid(jitter_ms)
     slow = {"rate_hz": 2}
-    start = {"in_air": True, "run_in_s": 16, "timeout_s": 5}  # at 2 Hz over 600 ms nobody settles
+    start = {"in_air": True, "run_in_s": 16, "timeout_s": 5}  # at 2 Hz over 600 ms no follower settles
     flight = plan(duration_s=duration_s, start=start, vehicles=vehicles, telemetry=slow, law=slow)
     flown = flight.with_keys(links={"changes": links}).fly()
     shares = {v["id"]: difference_ms(flown.link(v["id"])) for v in vehicles[1:]}
@@ -71,7 +71,7 @@ def test_the_measured_delay_is_the_realised_one_whatever_the_clocks_drift(plan, 
 
 
 def test_both_ways_count_alike_in_the_injected_delay(plan):
-    """Half a round trip is the mean of both ways, though twice as many datagrams come down as go up."""
+    """Half a round trip is the mean of both directions, although twice as many datagrams go down as up."""
     flight = plan(duration_s=10, vehicles={"count": 2}).with_link(uplink={"delay_ms": 50}, downlink={"delay_ms": 250})
     link = flight.fly().link(2)
     assert link["injected_delay_ms"] == pytest.approx(150.0, abs=5.0)
@@ -88,7 +88,7 @@ def test_unequal_ways_leave_the_constant_error_that_check_warns_of(plan):
     settled = (series["mission_time_s"] > 30) & (series["mission_time_s"] < 40)
     assert series["error_x_m"][settled].mean() == pytest.approx(3.52, abs=0.1)
     assert (link["injected_up_ms"], link["injected_down_ms"]) == (pytest.approx(400), pytest.approx(80))
-    assert (link["measured_up_ms"], link["measured_down_ms"]) == (None, None)  # round trips can't tell
+    assert (link["measured_up_ms"], link["measured_down_ms"]) == (None, None)  # round trips don't show the split
 
 
 def test_a_step_of_delay_is_tracked_within_5_s(plan):
@@ -100,7 +100,7 @@ def test_a_step_of_delay_is_tracked_within_5_s(plan):
 
 @pytest.mark.slow
 def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
-    """Under the machine's clock: within 5 ms or 3 %, and what the machine itself adds to a link without delay."""
+    """Under the machine's clock: within 5 ms or 3 %, plus what the machine itself adds to a link without delay."""
     delays_ms = dict(enumerate((0, 50, 150, 300, 600), start=1))
     flight = plan(duration_s=10, vehicles={"count": 5, "endpoint": f"udpin:127.0.0.1:{free_port()}"}).in_real_time()
     for vehicle, delay_ms in delays_ms.items():
@@ -147,7 +147,7 @@ BOTH, DOWN = {"outage": True}, {"downlink": {"outage": True}}
 
 
 OUTAGES: dict[int, tuple[dict[str, Any], int]] = {2: (BOTH, 6), 3: (BOTH, 20), 4: (DOWN, 6), 5: (DOWN, 20)}
-"""Followers' links: which way they are out from 5 s on, and for how long."""
+"""Followers' links: the direction that fails from 5 s on, and for how long."""
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def cut_off(plan) -> FlownFlight:
 
 @pytest.mark.parametrize("follower", OUTAGES)
 def test_a_loss_is_measured_whether_or_not_the_vehicle_hears_us_meanwhile(cut_off, follower):
-    """Where it doesn't it sends no answers: a third less, which is more than numbers take to come round."""
+    """If it doesn't hear us it sends no answers: a third fewer frames, more than a round of sequence numbers."""
     link = cut_off.link(follower)
     assert link["injected_loss"] > 0.05
     assert link["measured_loss"] == pytest.approx(link["injected_loss"], abs=2e-4)
@@ -197,7 +197,7 @@ def test_a_vehicle_that_is_to_fall_silent_has_a_link_without_loss(plan):
 
 @pytest.mark.slow
 def test_the_record_has_injected_delay_and_jitter_tick_by_tick(plan):
-    """Of 60 s at 10 Hz the mean jitter is known to 4 %; it's that of the way down alone."""
+    """Over 60 s at 10 Hz the mean jitter is known to 4 %; it's the downlink's only."""
     jittery = plan(duration_s=60, vehicles={"count": 2}).with_link(2, uplink={"delay_ms": 50})
     flown = (
         jittery.with_link(2, downlink={"delay_ms": 150, "jitter_ms": 20, "reorder": True})

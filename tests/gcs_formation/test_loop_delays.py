@@ -1,4 +1,4 @@
-"""How old the newest of periodic messages is over links that lose some."""
+"""The age of the newest periodic message over lossy links."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_without_loss_an_age_is_uniform_within_a_period() -> None:
 
 
 def test_independent_losses_make_the_mean_age_so_much_longer() -> None:
-    """Of a geometric number of periods with the probability q of each to arrive: var = (q^2 - 12 q + 12)/(12 q^2)."""
+    """A geometric number of periods, each arriving with the probability q: var = (q^2 - 12 q + 12)/(12 q^2)."""
     q = 0.85
     assert message_age(Impairment(loss=1.0 - q)) == pytest.approx((1.15 / 1.7, (q**2 - 12 * q + 12) / (12 * q**2)))
 

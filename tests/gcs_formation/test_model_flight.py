@@ -1,4 +1,4 @@
-"""Flights of vehicles whose lags aren't those of the model that the station believes, with 300 ms each way."""
+"""Flights of vehicles whose lags differ from those of the station's model, with 300 ms each way."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ DISTURBED_S = 60.0
 
 
 def errors_m(out, *ratios):
-    """Return the largest errors, x and y, after 0.6 m/s north and east on all vehicles; four lags' ratios for each."""
+    """Return the largest errors, x and y, after 0.6 m/s north and east on all; ratios of four lags for each vehicle."""
     vehicles = [
         {
             "id": number,
@@ -46,7 +46,7 @@ def errors_m(out, *ratios):
     ids=["30 % longer", "half as long", "each its own"],
 )
 def test_lags_that_are_not_the_models_are_learnt_within_a_minute(tmp_path, ratios, x_m, y_m):
-    """The first bounds are 1.3 times what was measured; by the lags as told, errors would be 0.071 and 0.149 m."""
+    """The first bounds are 1.3 times the measured errors; with unlearned lags, errors would be 0.071 and 0.149 m."""
     found = errors_m(tmp_path, *ratios)
     assert found[0] <= x_m
     assert found[1] <= y_m

@@ -1,6 +1,6 @@
-"""Flights of vehicles whose telemetry isn't as noisy as the scenario declares, against the right declaration.
+"""Flights with telemetry noise other than declared, against flights with the right declaration.
 
-The sensors' errors are drawn from the same random numbers in both, so they differ by their size alone.
+The sensors' errors come from the same random numbers in both, so they differ in size only.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import gcs_formation
 
 NOISE = Path(__file__).parents[2] / "configs" / "noise.yaml"
 DECLARED = {"position_sigma_m": 0.3, "velocity_sigma_mps": 0.1, "airspeed_sigma_mps": 0.2, "heading_sigma_deg": 0.5}
-"""That of configs/noise.yaml."""
+"""The noise in configs/noise.yaml."""
 SETTLED_S, END_S = 25.0, 60.0
 Errors = tuple[float, float]
 
 
 def times(share: float) -> dict[str, float]:
-    """Return so many times the declared noise."""
+    """Return the declared noise times `share`."""
     return {key: sigma * share for key, sigma in DECLARED.items()}
 
 
 def fly(true: dict[str, float], declared: dict[str, float] | None, delay_ms: float) -> Errors:
-    """Return the worst follower's rms of the true errors along x and y, m; nothing is `declared` of exact telemetry."""
+    """Return the worst follower's rms of the true errors along x and y, m; `declared` is None for exact telemetry."""
     noisy = {"source": "noisy", **DECLARED}
     with TemporaryDirectory() as out:
         summary = gcs_formation.run(
@@ -50,7 +50,7 @@ def fly(true: dict[str, float], declared: dict[str, float] | None, delay_ms: flo
 
 @cache
 def rightly_declared(share: float, delay_ms: float) -> Errors:
-    """Return the errors with so many times the noise of configs/noise.yaml, and declared so."""
+    """Return the errors with the noise of configs/noise.yaml times `share`, declared as such."""
     return fly({}, times(share), delay_ms)
 
 
@@ -78,7 +78,7 @@ def test_a_receiver_three_times_as_noisy_as_declared_leaves_a_third_of_its_error
 
 @pytest.mark.slow
 def test_ten_times_the_declared_noise_is_flown_through() -> None:
-    """Position is known to 3 m, airspeed to 2 m/s: errors stay below what one sample has, and don't grow."""
+    """Position is known to 3 m, airspeed to 2 m/s: errors stay below a single sample's, and don't grow."""
     assert max(fly(times(10.0), DECLARED, 300.0)) <= 3.0
 
 
@@ -95,7 +95,7 @@ def test_outliers_are_ridden_through(delay_ms: float) -> None:
 
 
 def test_errors_that_last_are_no_reason_to_follow_the_model_past_a_gust() -> None:
-    """A gust of 3 m/s on both; the errors last for 20 s. Declared so, the follower was 18 m aside, else 0.9 m."""
+    """A gust of 3 m/s on both; errors last for 20 s. If declared so, the follower was 18 m aside, otherwise 0.9 m."""
     keys = {"source": "noisy", **DECLARED, "correlation_s": 20}
     with TemporaryDirectory() as out:
         summary = gcs_formation.run(

@@ -1,4 +1,4 @@
-"""`gcs_formation.run`, as a script calls it."""
+"""`gcs_formation.run`, as called by a script."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from tests.processes import events_of
 
 
 def test_a_summary_says_where_the_run_is_and_an_earlier_run_is_replaced_on_request_only(tmp_path: Path) -> None:
-    """The flight is the same once more: under the virtual clock no delay depends on how fast the machine is."""
+    """The repeated flight is the same: under the virtual clock no delay depends on the machine's speed."""
     keys: dict[str, Any] = {"clock": "virtual", "until": 0.5, "out": tmp_path / "run"}
     summary = gcs_formation.run(scenario(), **keys)
     assert summary.run_dir == tmp_path / "run"
@@ -61,7 +61,7 @@ def test_a_wrong_key_is_named_as_it_was_given_and_not_as_an_option_of_the_comman
     assert "--set" not in str(refused.value)
 
 
-def test_an_empty_directory_name_is_none() -> None:
+def test_an_empty_directory_name_is_refused() -> None:
     with pytest.raises(ValueError, match="out: found ''; allowed: a directory"):
         gcs_formation.run(scenario(), out="")
 

@@ -1,4 +1,4 @@
-"""How far setpoints step from tick to tick, and what they hold of the formation all the same."""
+"""Steps of setpoints from tick to tick, and the formation's errors meanwhile."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEADY_S = 30.0
 
 
 class Steps(NamedTuple):
-    """Of the follower whose setpoints step most: 95th percentile in steady flight, and the largest."""
+    """Steps of the follower with the largest ones: 95th percentile in steady flight, and maximum."""
 
     speed_mps: tuple[float, float]
     heading_deg: tuple[float, float]
@@ -77,7 +77,7 @@ def test_setpoints_from_noisy_telemetry_are_quiet_from_the_start_of_the_path_on(
 
 @pytest.mark.parametrize("config", ["quickstart.yaml", "arduplane.yaml"])
 def test_of_a_quiet_flight_there_is_nothing_to_say_but_what_it_does(config: str, tmp_path: Path) -> None:
-    """Through to 12 s after everybody has been told to loiter, when nobody is sent setpoints any more."""
+    """Until 12 s after all have been told to loiter, when no setpoints are sent any more."""
     summary = gcs_formation.run(
         CONFIGS / config,
         clock="virtual",

@@ -1,4 +1,4 @@
-"""What a command doesn't need isn't imported: that is most of the time that a short command takes."""
+"""Commands import only what they need, because imports take most of the time of a short command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated real autopilots: their processes, what is set on them, and flights of the ground station against them."""
+"""Simulated real autopilots: their processes and parameters, and flights of the ground station with them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SENSORS = {
     for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
     for axis in "XYZ"
 }
-"""The simulator's accelerometers count as calibrated only with offsets that aren't 0."""
+"""The simulator's accelerometers count as calibrated only if their offsets aren't 0."""
 COMPASS = {
     f"COMPASS_OFS{which}_{axis}": value for which in ("", 2, 3) for axis, value in zip("XYZ", (5, 13, -18), strict=True)
 }
@@ -36,7 +36,7 @@ TRANSMITTER = {f"RC{channel}_{end}": value for channel in range(1, 9) for end, v
 
 
 def needs(variable: str, what: str) -> list[pytest.MarkDecorator]:
-    """Return the marks of tests that fly a simulator, whose path an environment variable names."""
+    """Return the marks of tests that need a simulator, whose path is in an environment variable."""
     reason = f"{variable} isn't set to the path of {what}"
     return [pytest.mark.skipif(not os.environ.get(variable), reason=reason), pytest.mark.slow]
 
@@ -60,13 +60,13 @@ def running(
 
 @dataclass(frozen=True)
 class ArduPilot:
-    """One vehicle of ArduPilot's simulator; several stand in a row to the east."""
+    """A vehicle in ArduPilot's simulator; several are in a row to the east."""
 
     variable: str
     """Environment variable with the path of its binary."""
     model: str
     first_instance: int
-    """Its RC input is at UDP port 5501 + 10 times this: away from a simulation that somebody else runs."""
+    """Its RC input is at UDP port 5501 + 10 times this, away from simulations that somebody else runs."""
     apart_deg: float
     parameters: Mapping[str, float]
     field_m: float = 0.0
@@ -76,7 +76,7 @@ class ArduPilot:
     def simulated(
         self, number: int, port: int, directory: Path, speedup: float = 1.0, **parameters: float
     ) -> Generator[subprocess.Popen[bytes]]:
-        """Run one as system `number`, which sends to `port`; parameters are set beside its own."""
+        """Run a vehicle as system `number`, which sends to `port`; `parameters` are set besides its own."""
         directory.mkdir()
         lines = [f"{key} {value}" for key, value in {**self.parameters, **parameters, "MAV_SYSID": number}.items()]
         (directory / "set.parm").write_text("\n".join(lines) + "\n")
@@ -92,7 +92,7 @@ class ArduPilot:
     def several(
         self, ports: Iterable[int], directory: Path, speedup: float = 1.0, **parameters: float
     ) -> Generator[list[subprocess.Popen[bytes]]]:
-        """Run one for each port, as systems 1, 2, …"""
+        """Run a vehicle for each port, as systems 1, 2, …"""
         with ExitStack() as stack:
             yield [
                 stack.enter_context(self.simulated(number, port, directory / f"{number}", speedup, **parameters))
@@ -135,13 +135,13 @@ ARDUCOPTER = ArduPilot(
 
 
 def at_ports(keys: Mapping[str, Any], ports: Iterable[int]) -> dict[str, Any]:
-    """Return a scenario whose vehicles are heard at these ports."""
+    """Return a scenario with the vehicles' endpoints at these ports."""
     pairs = zip(keys["vehicles"], ports, strict=True)
     return {**keys, "vehicles": [each | {"endpoint": f"udpin:127.0.0.1:{port}"} for each, port in pairs]}
 
 
 def command_to_fly(directory: Path, keys: Mapping[str, Any], *options: str) -> list[str]:
-    """Write the scenario, and return the command whose record is in `directory / "run"`."""
+    """Write the scenario, and return the command that flies it and records in `directory / "run"`."""
     file = directory / "scenario.yaml"
     file.write_text(yaml.safe_dump(dict(keys)))
     return [*STATION, "fly", str(file), "--out", str(directory / "run"), *options]
@@ -160,9 +160,9 @@ def flown(
     delay_ms: float = 0.0,
     **parameters: float,
 ) -> Path:
-    """Simulate a scenario's vehicles, have it flown to its end, and return the run directory.
+    """Simulate a scenario's vehicles, fly it to its end, and return the run directory.
 
-    With a delay each way, simulated like all time, each vehicle is behind a proxy of its own.
+    With a delay each way, in simulated time, each vehicle is behind a proxy of its own.
     """
     ports = free_ports(2 * len(keys["vehicles"]))
     heard, sent_to = ports[::2], ports[1::2] if delay_ms else ports[::2]

@@ -1,4 +1,4 @@
-"""Steps of setpoints told to one vehicle over UDP by pymavlink, and how long it takes to do them."""
+"""Steps of setpoints commanded to one vehicle over UDP by pymavlink, and the time that it takes for them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Told = tuple[float, ...]
 
 
 class Step(NamedTuple):
-    """From one setpoint to another, and the value that is watched."""
+    """From one setpoint to another, and the quantity that is measured."""
 
     name: str
     before: Told
@@ -31,7 +31,7 @@ class Step(NamedTuple):
 
 
 class Family(NamedTuple):
-    """How a family takes off and is told setpoints."""
+    """How a family takes off and takes setpoints."""
 
     guided: int
     take_off: Callable[[Pilot], None]
@@ -41,7 +41,7 @@ class Family(NamedTuple):
 
 @dataclass
 class Pilot:
-    """One vehicle's ground station; time is the vehicle's since its boot, so it may fly at any speed."""
+    """One vehicle's ground station; its time is the vehicle's since boot, so simulation may run at any speed."""
 
     port: int
     family: Family
@@ -50,7 +50,7 @@ class Pilot:
     ready: bool = False
 
     def __post_init__(self) -> None:
-        """Listen at the port until it is heard."""
+        """Listen at the port until the vehicle is heard."""
         self.link: Any = mavutil.mavlink_connection(
             f"udpin:127.0.0.1:{self.port}", source_system=255, dialect="ardupilotmega"
         )
@@ -68,7 +68,7 @@ class Pilot:
         return self.seen[name][-1][1]
 
     def fly(self, seconds: float, told: Told | None = None) -> None:
-        """Go on for a time, telling the same setpoint ten times a second."""
+        """Fly for a time, repeating the same setpoint ten times a second."""
         self.turn()
         until_s = self.now_s + seconds
         while self.now_s < until_s:
@@ -107,7 +107,7 @@ class Pilot:
         self.seen.setdefault(name, []).append((self.now_s, value))
 
     def step(self, step: Step) -> tuple[float, float]:
-        """Return after what time 63 % and 90 % of a step were done, s."""
+        """Return the times at which 63 % and 90 % of a step were done, s."""
         self._told_s = -math.inf
         self.fly(step.settles_s, step.before)
         self._told_s = -math.inf
@@ -123,7 +123,7 @@ class Pilot:
 
 
 def crossing_s(times_s: np.ndarray, share: np.ndarray, level: float) -> float:
-    """Return when a step first came to a share of its way, between two samples."""
+    """Return when a step first reached a share of its size, between two samples."""
     after = int(np.argmax(share >= level))
     before = max(after - 1, 0)
     if share[after] == share[before]:
@@ -205,7 +205,7 @@ PLANE = Family(
 
 
 def times_s(port: int, family: Family) -> dict[str, tuple[float, float]]:
-    """Return the times of 63 % and 90 % of every step of one vehicle that begins on the ground."""
+    """Return the times of 63 % and 90 % of each step, for a vehicle that begins on the ground."""
     pilot = Pilot(port, family)
     with closing(pilot.link):
         while not pilot.ready:

@@ -1,4 +1,4 @@
-"""Four simulated ArduCopters fly `configs/arducopter.yaml`: stops and changes of the formation included.
+"""Four simulated ArduCopters fly `configs/arducopter.yaml`, including stops and changes of the formation.
 
 Set ARDUCOPTER_SITL to the path of ArduPilot's `arducopter` binary for SITL to run it.
 """

@@ -86,7 +86,7 @@ def test_they_land_one_after_another_where_they_took_off(tmp_path):
 
 
 def places_at_the_end(run: Path) -> dict[int, tuple[float, float, float, bool]]:
-    """Return where each vehicle was last told to be, m north, east and up of the first one's home, and if armed."""
+    """Return each vehicle's last position, m north, east and up of the first one's home, and whether it is armed."""
     log = mavutil.mavlink_connection(str(run / "flight.tlog"), dialect="ardupilotmega")
     last: dict[int, dict[str, Any]] = {1: {}, 2: {}}
     while (message := log.recv_match(type=["GLOBAL_POSITION_INT", "HEARTBEAT"])) is not None:

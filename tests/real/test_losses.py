@@ -1,4 +1,4 @@
-"""Four real autopilots of which a follower's, then the leader's, then the ground station are killed in flight."""
+"""Four real autopilots; in flight a follower, then the leader, then the ground station are killed."""
 
 from __future__ import annotations
 
@@ -47,22 +47,22 @@ pytestmark = pytest.mark.slow
 
 
 class Losses(NamedTuple):
-    """When what was killed, s of the record, and the record."""
+    """The times at which each was killed, s of the record, and the record."""
 
     follower_s: float
     leader_s: float
     run: Path
     ids: list[int]
-    """Of the leader, and of three followers, the second of which was killed."""
+    """The leader's number, and those of three followers, of which the second was killed."""
 
     def first_s(self, after_s: float, **fields: str) -> float:
-        """Return how long after an instant an event of these fields came."""
+        """Return how long after an instant an event with these fields came."""
         those = [each for each in events_of(self.run) if each["t_s"] > after_s and fields.items() <= each.items()]
         return those[0]["t_s"] - after_s
 
 
 def lost(processes: list[subprocess.Popen[bytes]], directory: Path, keys: Mapping[str, Any], speedup: float) -> Losses:
-    """Fly, kill a follower, then its leader, then the station, and have the flight resumed to its end."""
+    """Fly, kill a follower, then its leader, then the station, and resume the flight to its end."""
     run = directory / "run"
     with started(command_to_fly(directory, keys, "--speedup", str(speedup))) as station:
         now_s = clock(wait_for_event(run, "flying", within_s=LIMIT_S)["t_s"], speedup)
@@ -85,7 +85,7 @@ def lost(processes: list[subprocess.Popen[bytes]], directory: Path, keys: Mappin
 
 
 def of_ardupilot(kind: ArduPilot, family: str, directory: Path, keys: dict[str, Any]) -> Losses:
-    """Have four of ArduPilot's simulated vehicles lost."""
+    """Fly and lose four of ArduPilot's simulated vehicles."""
     vehicles = [{"id": i, "autopilot": family, "role": "leader" if i == 1 else "follower"} for i in range(1, 5)]
     ports = free_ports(4)
     with kind.several(ports, directory, SPEEDUP) as processes:
@@ -93,14 +93,14 @@ def of_ardupilot(kind: ArduPilot, family: str, directory: Path, keys: dict[str, 
 
 
 def of_px4(directory: Path) -> Losses:
-    """Have four of PX4's simulated multirotors lost, in real time."""
+    """Fly and lose four of PX4's simulated multirotors, in real time."""
     with test_px4.multirotors(directory) as processes:
         vehicles = test_px4.scenario(4, "px4_copter")["vehicles"]
         return lost(processes, directory, {**COPTERS, "vehicles": vehicles}, 1.0)
 
 
 def clock(begun_s: float, speedup: float) -> Callable[[], float]:
-    """Return what tells the record's time, which was `begun_s` just now."""
+    """Return a clock of the record's time, which is `begun_s` now."""
     seen = time.monotonic()
     return lambda: begun_s + (time.monotonic() - seen) * speedup
 
@@ -123,7 +123,7 @@ def test_a_lost_follower_is_said_within_3_s(losses):
 
 def test_a_lost_leader_is_said_within_3_s_and_succeeded_within_5_s(losses):
     assert losses.first_s(losses.leader_s, kind="link", vehicle=str(losses.ids[0])) < 3.0
-    assert losses.first_s(losses.leader_s, kind="leader") < 5.5  # told every tenth of a second, of the emulators 5.0
+    assert losses.first_s(losses.leader_s, kind="leader") < 5.5  # checked every tenth of a second; 5.0 with emulators
 
 
 def test_the_formation_is_regained_within_60_s_after_the_station_was_killed(losses):

@@ -26,12 +26,12 @@ from tests.real.simulators import ROOT, acknowledgements, command_to_fly, fly, n
 pytestmark = needs("PX4_SITL", "a PX4 SITL binary")
 
 FIRST_INSTANCE = 40
-"""Instance n is system n + 1 and listens at UDP port 18570 + n: away from a simulation that somebody else runs."""
+"""Instance n is system n + 1 and listens at UDP port 18570 + n, away from simulations that somebody else runs."""
 GCS_PORT, PILOT_PORT = 18570, 14580
 APART_DEG, COPTERS_APART_DEG = 0.0006, 0.0001
 BOOT_S = 8.0
 PARAMETERS = {"SIH_T_MAX": 10, "FW_AIRSPD_MAX": 22, "FW_AIRSPD_TRIM": 14, "SDLOG_MODE": -1}
-"""The simulator's aircraft hardly flies faster than 14 m/s with its stock 6 N."""
+"""With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
 
 
 COPTERS_PARAMETERS = {"NAV_DLL_ACT": 2, "SDLOG_MODE": -1}
@@ -41,7 +41,7 @@ COPTERS_PARAMETERS = {"NAV_DLL_ACT": 2, "SDLOG_MODE": -1}
 def simulated(
     instance: int, directory: Path, airframe: int = 10041, model: str = "airplane"
 ) -> Generator[subprocess.Popen[bytes]]:
-    """Run one PX4, some way east of the others; the field is at 10 m."""
+    """Run one PX4, some distance east of the others; the field is at 10 m."""
     directory.mkdir()
     flies = model == "airplane"
     binary = Path(os.environ["PX4_SITL"]).resolve()
@@ -121,7 +121,7 @@ def test_identify_finds_in_the_flight_what_the_shipped_model_says(run, tmp_path)
 
 
 def test_a_pilot_takes_over_with_another_mode_and_gives_back_with_hold(tmp_path):
-    """Each setpoint commands Hold: without more ado RTL would last for a tenth of a second."""
+    """Each setpoint commands Hold: RTL would otherwise last for a tenth of a second."""
     follower, run = FIRST_INSTANCE + 2, tmp_path / "run"
     with ExitStack() as stack:
         for instance in (FIRST_INSTANCE, FIRST_INSTANCE + 1):

@@ -1,4 +1,4 @@
-"""Steps of setpoints of real autopilots: what the emulators' tests and docs/real-autopilots.md have as measured."""
+"""Steps of setpoints of real autopilots, against the figures in the emulators' tests and docs/real-autopilots.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Real autopilots flown by a scenario without a gain or a lag: the shipped model, and gains designed for it."""
+"""Real autopilots in scenarios without gains or lags: the shipped models, and gains designed for them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_setpoints_of_airspeed_are_quiet(summary):
 
 
 def test_links_of_300_ms_that_no_key_names_cost_half_as_much_again_at_most(tmp_path):
-    """With gains designed for no delay they swing by metres, and aren't assembled within 900 s."""
+    """With gains designed for no delay they oscillate by metres, and aren't assembled within 900 s."""
     run = flown(ARDUPLANE, tmp_path, KEYS, delay_ms=300.0)
     followers = json.loads((run / "summary.json").read_text())["followers"].values()
     worst_m = [max(follower[f"error_{axis}_m"]["rms"] for follower in followers) for axis in "xyz"]
@@ -64,9 +64,9 @@ def test_links_of_300_ms_that_no_key_names_cost_half_as_much_again_at_most(tmp_p
 
 
 def test_a_field_1500_m_up_costs_no_more_than_one_at_the_sea(tmp_path):
-    """There the simulator's ground speed is 1.17 of what its sensor reads: 1.08 by the air's density, 1.08 besides.
+    """The simulator's ground speed is 1.17 of its sensor's reading there: 1.08 by air density, 1.08 otherwise.
 
-    Taken for true airspeeds, the readings had them pass each other at 9 m, and fly with 0.9 m RMS.
+    Taken for true airspeeds, the readings made them pass each other at 9 m, and fly with 0.9 m RMS.
     """
     high = {**KEYS, "origin": {"lat_deg": 35.0, "lon_deg": 125.0, "alt_m": 1500.0}}
     run = flown(replace(ARDUPLANE, field_m=1500.0), tmp_path, high, SPEEDUP)
@@ -77,7 +77,7 @@ def test_a_field_1500_m_up_costs_no_more_than_one_at_the_sea(tmp_path):
 
 
 def test_emulated_and_real_aircraft_fly_in_one_formation(tmp_path):
-    """The second and the fourth are emulated: one flies as ArduPlane does, one by equation (7)."""
+    """The second and the fourth are emulated: one flies like ArduPlane, one by equation (7)."""
     ports = free_ports(COUNT)
     vehicles = [{**each, "endpoint": f"udpin:127.0.0.1:{port}"} for each, port in zip(VEHICLES, ports, strict=True)]
     vehicles[3] |= {"autopilot": "emulator", "model": {"speed_min_mps": 12.0, "speed_max_mps": 30.0}}

@@ -1,4 +1,4 @@
-"""The reference flights on two revisions, compared: `python -m tests.reference_flights BASE [HEAD]`."""
+"""Compares the reference flights of two revisions: `python -m tests.reference_flights BASE [HEAD]`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FLOWN = "flown.json"
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree that is flown, and where its records are kept."""
+    """A source tree to fly, and where its records are kept."""
 
     path: Path
     records: Path
@@ -33,7 +33,7 @@ class Tree:
     def fly(self, flight: Flight | Stress, until_s: float | None, configs: Path) -> dict[str, Any]:
         """Fly with the tree's command line, unless the flight is on record; return how it ended.
 
-        The packages are the tree's own, the interpreter and whatever else is installed the caller's.
+        The packages are the tree's own; interpreter and other packages are the caller's.
         """
         out, asked = self.records / flight.name, f"{flight} {until_s}"
         if (out / FLOWN).is_file() and (flown := json.loads((out / FLOWN).read_text()))["asked"] == asked:
@@ -71,9 +71,9 @@ def _children_s() -> float:
 def main(
     base: str, head: str | None, only: tuple[str, ...], until_s: float | None, seeds: int, keep: Path | None
 ) -> None:
-    """Fly the reference flights on revision BASE and on HEAD (the files as they are, if none), and compare.
+    """Fly the reference flights on revision BASE and on HEAD (by default the files as they are), and compare.
 
-    A line for each flight: the same, or the first difference; and the processor time of both. Exit status 1 at a
+    Prints a line for each flight: the same, or the first difference; and the processor time of both. Exit status 1 at a
     difference.
     """
     flights = [each for each in reference_flights(seeds) if not only or each.name.startswith(only)]
@@ -91,7 +91,7 @@ def main(
 
 
 def _compare(flight: Flight | Stress, earlier: Tree, later: Tree, until_s: float | None) -> bool:
-    """Fly a flight in both trees and print what came of it; return whether it was the same."""
+    """Fly a flight in both trees and print the result; return whether both were the same."""
     before, now = (tree.fly(flight, until_s, earlier.path) for tree in (earlier, later))
     differing = _difference(flight, earlier.records / flight.name, later.records / flight.name, before, now)
     took = f"{before['cpu_s']:.1f} s, now {now['cpu_s']:.1f} s"

@@ -1,4 +1,4 @@
-"""The reference flights: what each is flown with on the command line, and how much of it."""
+"""The reference flights: their command lines and durations."""
 
 from __future__ import annotations
 
@@ -82,6 +82,6 @@ FLIGHTS: tuple[Flight, ...] = (
 
 
 def reference_flights(seeds: int) -> Iterable[Flight | Stress]:
-    """Return every flight, with this many of `stress` of each severity."""
+    """Return every flight, with this many of `stress` for each severity."""
     drawn = (Stress(seed, hard) for hard in (False, True) for seed in range(1, seeds + 1))
     return (*FLIGHTS, *drawn)

@@ -1,4 +1,4 @@
-"""What each side of a flight over UDP said, and in which order; not when, nor how often."""
+"""What each side of a flight over UDP sent, and in which order, but not when or how often."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pymavlink.dialects.v20 import ardupilotmega
 from tests.reference_flights.records import TLOG, stamped_frames
 
 TELLING = ("command", "result", "param_id", "name", "type", "text", "mission_type", "seq")
-"""Fields that tell one message of a type from another, whenever it's sent."""
+"""Fields that distinguish messages of a type, independent of the time."""
 INTERVALS = (ardupilotmega.MAV_CMD_SET_MESSAGE_INTERVAL, ardupilotmega.MAV_CMD_REQUEST_MESSAGE)
 """Commands whose first parameter is a message's number."""
 
 Stream = tuple[int, int, str]
-"""Sender, the system that it's for (0: everybody) and type of message."""
+"""Sender, target system (0: all) and type of message."""
 Protocol = dict[Stream, list[str]]
 
 
 def difference(base: Path, head: Path) -> str | None:
-    """Return the first difference between what was said in two run directories; None if there's none."""
+    """Return the first difference between the messages in two run directories; None if there's none."""
     before, now = protocol(base / TLOG), protocol(head / TLOG)
     for stream in sorted(before.keys() | now.keys()):
         if before.get(stream) != now.get(stream):
@@ -31,7 +31,7 @@ def difference(base: Path, head: Path) -> str | None:
 
 
 def protocol(tlog: Path) -> Protocol:
-    """Return what every system said to each other by each type of message, each thing where it was said first."""
+    """Return what every system sent to each other by type of message, each content at its first occurrence."""
     said: Protocol = {}
     for stream, text in _said(tlog):
         texts = said.setdefault(stream, [])

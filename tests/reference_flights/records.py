@@ -1,4 +1,4 @@
-"""What two records of a flight differ in: byte for byte, value for value."""
+"""Differences between two records of a flight: byte for byte, value for value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TIMESERIES = "timeseries.parquet"
 EVENTS = "events.jsonl"
 SUMMARY = "summary.json"
 WALL_CLOCK = ("wall_s", "real_time_factor", "control.compute_ms", "stability.worst_loop_delay_s")
-"""Figures of the summary that hang on the machine; the worst loop delay has computing time in it."""
+"""Figures of the summary that depend on the machine; the worst loop delay includes computing time."""
 STAMP_BYTES = 8
 """Before each frame of a tlog: microseconds since 1970, big-endian."""
 MARKER_V2 = 0xFD

@@ -1,4 +1,4 @@
-"""The comparison of records notices each kind of difference, and names its place."""
+"""The comparison of records detects each kind of difference, and names its place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A ground station made of pymavlink, an independent implementation of the protocol, joined to a fleet by hand."""
+"""A ground station made with pymavlink, an independent implementation, connected to a fleet by hand."""
 
 import importlib
 import math
@@ -19,7 +19,7 @@ LOOP_S = 0.02
 
 
 class Peer:
-    """pymavlink at one address: builds frames, and keeps what came as (seconds, message)."""
+    """pymavlink at one address: encodes frames, and keeps received messages as (seconds, message)."""
 
     def __init__(self, fleet, address=GROUND, system=GROUND_SYSTEM, component=GROUND_COMPONENT):
         self.fleet, self.address = fleet, address
@@ -46,7 +46,7 @@ class Peer:
 
 
 class Air:
-    """A fleet and the peers that talk to it, run turn by turn of the main loop."""
+    """A fleet and its peers, run cycle by cycle of the main loop."""
 
     def __init__(self, config):
         self.fleet = Fleet(config)
@@ -78,13 +78,13 @@ class Air:
         self.ground.send(self.ground.dialect.named_value_float_encode(0, b"MISSION_T", seconds), vehicle)
 
     def command_int(self, command, *params, frame=3, x=0, y=0, z=0.0, target=1, component=1, vehicle=0, peer=None):
-        """Send COMMAND_INT, take a turn, and return the MAV_RESULT; None when no answer came."""
+        """Send COMMAND_INT, run a cycle, and return the MAV_RESULT; None if there was no answer."""
         p1, p2, p3, p4 = (*params, 0.0, 0.0, 0.0, 0.0)[:4]
         message = mavlink.MAVLink_command_int_message(target, component, frame, command, 0, 0, p1, p2, p3, p4, x, y, z)
         return self._result(message, command, vehicle, peer or self.ground)
 
     def command_long(self, command, *params, target=1, component=1, vehicle=0, peer=None):
-        """Send COMMAND_LONG, take a turn, and return the MAV_RESULT; None when no answer came."""
+        """Send COMMAND_LONG, run a cycle, and return the MAV_RESULT; None if there was no answer."""
         values = (*params, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
         message = mavlink.MAVLink_command_long_message(target, component, command, 0, *values)
         return self._result(message, command, vehicle, peer or self.ground)
@@ -125,7 +125,7 @@ def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apa
 
 @pytest.fixture(scope="session")
 def make_air_for_any_bytes():
-    """What makes a flying vehicle in GUIDED, for tests that hypothesis repeats."""
+    """Return a factory of flying vehicles in GUIDED, for tests that hypothesis repeats."""
 
     def make():
         return Air(fleet_config())
@@ -135,7 +135,7 @@ def make_air_for_any_bytes():
 
 @pytest.fixture
 def make_air():
-    """What makes a fleet and its ground station."""
+    """Return a factory of fleets with a ground station."""
 
     def make(count=1, **keys):
         return Air(fleet_config(count, **keys))

@@ -1,4 +1,4 @@
-"""Bodies of emulated vehicles: what carries them, and aircraft under total-energy control beside equation (7)."""
+"""Bodies of emulated vehicles: motion of the air, and aircraft under total-energy control beside equation (7)."""
 
 import math
 
@@ -20,7 +20,7 @@ ENDPOINT = parse_endpoint("udpout:127.0.0.1:14550")
 
 
 def body(airframe=None, number=1, seed=1, wind_mps=(0.0, 0.0, 0.0)):
-    """A vehicle in the air, north at 22 m/s; without an airframe: equation (7)."""
+    """Return a vehicle in the air, heading north at 22 m/s; without an airframe it flies by equation (7)."""
     model = VehicleModel(airframe=None if airframe is None else EnergyAirframe(**airframe))
     made = Body(VehicleConfig(VehicleId(1, number), ENDPOINT, START, model), wind_mps, seed)
     made.steering.stopped, made.steering.airborne = False, True

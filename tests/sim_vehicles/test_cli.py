@@ -1,4 +1,4 @@
-"""The command line, by what a user sees; one flight over UDP."""
+"""The command line as a user sees it; one flight over UDP."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ from sim_vehicles.cli import main
 
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 300.0
-"""How long a crowded machine may take for what takes a second."""
+"""How long a busy machine may take for what usually takes a second."""
 
 
 def call(*arguments):
@@ -32,7 +32,7 @@ def listener():
 
 @pytest.fixture(autouse=True)
 def signal_handlers():
-    """Give pytest its own handlers back: the runner takes SIGINT and SIGTERM for itself."""
+    """Restore pytest's signal handlers: the runner installs its own for SIGINT and SIGTERM."""
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in kept.items():

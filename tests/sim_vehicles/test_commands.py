@@ -1,4 +1,4 @@
-"""What an ArduPlane accepts and refuses, asked by pymavlink."""
+"""What an ArduPlane accepts and refuses when pymavlink asks."""
 
 import math
 

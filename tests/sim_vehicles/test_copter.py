@@ -1,4 +1,4 @@
-"""An emulated ArduCopter, asked by pymavlink: acceptance, refusals and motion as measured on ArduCopter 4.7."""
+"""An emulated ArduCopter and pymavlink: acceptance, refusals and motion as measured on ArduCopter 4.7."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MODEL = load_scenario({"vehicles": {"count": 1, "autopilot": "arducopter"}, "pat
 
 
 class Pilot:
-    """Sends one emulated copter velocities at 10 Hz."""
+    """Sends velocities to one emulated copter at 10 Hz."""
 
     def __init__(self, air):
         self.air = air
@@ -43,7 +43,7 @@ class Pilot:
         return math.degrees(math.remainder(self.shown.heading_rad - before, math.tau))
 
     def fly(self, seconds, *velocity, **keys):
-        """Return the ground velocities (north, east) of each 0.02 s."""
+        """Return the ground velocities (north, east) after each 0.02 s."""
         seen = []
         for _ in range(round(seconds * 10)):
             self.tell(*velocity, **keys)
@@ -67,7 +67,7 @@ class Pilot:
 
 @pytest.fixture
 def standing(make_air):
-    """One that stands in the air, in GUIDED."""
+    """Return a copter that hovers in GUIDED."""
     copter = Pilot(make_air(model=MODEL))
     copter.air.run(8.0)
     return copter
@@ -81,7 +81,7 @@ def grounded(make_air):
 
 
 def reached(speeds, share):
-    """Return when a step has come to a share of its way, s."""
+    """Return when a step has reached a share of its size, s."""
     begin, end = speeds[0], speeds[-1]
     return 0.02 * next(i for i, speed in enumerate(speeds, 1) if (speed - begin) / (end - begin) >= share)
 
@@ -101,7 +101,7 @@ def test_steps_of_velocity_take_as_long_as_measured(standing, before, after, t63
     ("climb_mps", "t63_s", "t90_s"), [(1.0, 0.79, 1.04), (-1.0, 0.8, 1.04), (0.3, 0.41, 0.6), (-0.3, 0.42, 0.61)]
 )
 def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90_s):
-    """To a climb, and back to none."""
+    """A step to a climb, and a step back to level flight."""
     for reported in (climb_mps, 0.0):
         climbs = []
         for _ in range(25):
@@ -219,7 +219,7 @@ def test_condition_yaw_turns_at_the_rate_and_the_way_round_that_it_says(standing
     assert standing.air.command_long(CONDITION_YAW, 90, 10, 1, 1) == ACCEPTED
     for wrong in ((-10, 30, 1, 0), (400, 30, 1, 0), (10, 30, 1, 2), (math.nan, 30, 1, 0)):
         assert standing.air.command_long(CONDITION_YAW, *wrong) == FAILED
-    assert standing.turned(3.5) == pytest.approx(34, abs=5)  # these didn't stop it
+    assert standing.turned(3.5) == pytest.approx(34, abs=5)  # these didn't stop the turn
 
 
 def test_in_other_modes_condition_yaw_is_accepted_and_has_no_effect(standing):
@@ -236,7 +236,7 @@ def test_a_place_has_the_nose_turn_to_it_again(standing):
 
 
 def test_a_yaw_rate_turns_the_nose_until_it_is_too_old(standing):
-    """A real one told 0.3 rad/s for 4 s turned by 64 degrees, by another 54 in the next 3 s, and then stopped."""
+    """A real one at 0.3 rad/s turned by 64 degrees in 4 s, by 54 more in 3 s without setpoints, and stopped."""
     before = standing.shown.heading_rad
     standing.fly(4.0, 0.0, mask=VELOCITY_ALONE, rate=0.3)
     assert math.degrees(standing.shown.heading_rad - before) == pytest.approx(64.0, abs=5.0)
@@ -424,7 +424,7 @@ def test_in_circle_it_flies_round_a_place_ahead_of_it_clockwise_and_sinks(standi
 
 
 def test_a_way_of_30_m_is_flown_as_fast_as_measured(standing):
-    """A real one flew it at up to 6.6 m/s, and stood after 9 s, 0.7 m beyond it at most."""
+    """A real one flew it at up to 6.6 m/s, and stopped after 9 s, 0.7 m beyond its end at most."""
     begin_m, speeds = standing.motion.north_m, []
     standing.send_to(begin_m + 30.0, 0.0, 100.0)
     for _ in range(500):

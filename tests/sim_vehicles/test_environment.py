@@ -1,4 +1,4 @@
-"""Wind, disturbances and faults by mission time, which the ground station tells."""
+"""Wind, disturbances and faults by mission time, which the ground station sends."""
 
 import math
 from typing import Any
@@ -57,7 +57,7 @@ def test_disturbances_add_up_with_the_wind(make_air):
 
 
 def over_time(air, seconds):
-    """Return what carries the first vehicle north, m/s, at mission times 1 s, 2 s and so on."""
+    """Return the first vehicle's northward velocity by wind and disturbances at mission times 1 s, 2 s and so on."""
     air.tell_mission_time(0.0)
     air.run(0.02)
     velocities = []

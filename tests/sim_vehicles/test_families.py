@@ -1,4 +1,4 @@
-"""Which vehicles are emulated in the place of real ones."""
+"""Emulated vehicles that stand in for real autopilots."""
 
 from __future__ import annotations
 

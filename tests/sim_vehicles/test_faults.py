@@ -1,4 +1,4 @@
-"""Faults that end: a hang, orders that are ignored, a pilot's switch."""
+"""Faults that end: a hang, ignored commands, a pilot's mode switch."""
 
 import math
 
@@ -15,7 +15,7 @@ AT_S, END_S = 60.0, 80.0
 
 @pytest.fixture
 def struck(make_air):
-    """Return a vehicle in GUIDED on which a fault has just struck; it ends 20 s later."""
+    """Return a vehicle in GUIDED on which a fault has just begun; it ends 20 s later."""
 
     def made(kind, mode: PilotsMode = "LOITER"):
         air = make_air(1, faults=((Fault(at_s=AT_S, until_s=END_S, kind=kind, mode=mode), WHO),))
@@ -48,7 +48,7 @@ def test_a_vehicle_that_ignores_acknowledges_orders_and_flies_on(struck):
     assert air.set_mode(RTL) == 0
     assert air.command_int(HEADING, 1, 90.0, 10.0) == 0
     assert air.command_long(INTERVAL, ATTITUDE, 100_000) == 0
-    assert 95 <= counted(air, "ATTITUDE", 10.0) <= 102  # what it tells is no order
+    assert 95 <= counted(air, "ATTITUDE", 10.0) <= 102  # telemetry goes on
     assert air.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
     assert air.state("heading_rad") == pytest.approx(heading_rad)
     air.run(10.0)

@@ -1,4 +1,4 @@
-"""The parameters as a file over MAVLink FTP, read by a peer that follows MAVLink's own description."""
+"""The parameters as a file over MAVLink FTP, read by a peer that follows MAVLink's specification."""
 
 import struct
 
@@ -34,7 +34,7 @@ def open_file(air, name=b"@PARAM/param.pck?withdefaults=1"):
 
 
 def unpacked(content):
-    """Return the parameters of a param.pck: name -> (type, value)."""
+    """Return the parameters in a param.pck: name -> (type, value)."""
     magic, count, total = struct.unpack_from("<HHH", content)
     assert (magic, count) == (0x671B, total)
     at, last, found = 6, b"", {}

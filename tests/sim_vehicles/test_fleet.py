@@ -17,7 +17,7 @@ SPEED, HEADING = 43000, 43002
 
 
 class Recorder(Engine):
-    """A ground station that steers vehicle 1 about at 10 Hz and keeps every byte."""
+    """A ground station that steers vehicle 1 at 10 Hz and keeps every byte."""
 
     def __init__(self, endpoint="udpin:0.0.0.0:14550"):
         self.endpoint, self.bytes, self.out, self.peers = parse_endpoint(endpoint), [], [], []
@@ -171,7 +171,7 @@ def test_every_known_command_is_answered_once_whatever_its_numbers(
 
 
 def test_what_arrives_after_a_pause_is_read_by_no_cycle_that_is_made_up_for(flying):
-    """A probe is answered with the time of its arrival, not with one from before it was sent."""
+    """A probe is answered with the time of its arrival, not with an earlier one."""
     cycle, paused_s = flying.fleet.next_timer(), 5.0
     arrived = after(cycle, paused_s)
     flying.fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7)))], arrived)

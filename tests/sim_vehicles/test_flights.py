@@ -1,4 +1,4 @@
-"""What is left over from one thing when the next begins: headings and circles, crashes and restarts, wind."""
+"""Transitions in which an earlier state might linger: headings and circles, crashes and restarts, wind."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""AUTOLAND: down beside where the final approach begins, and straight in as the take-off went."""
+"""AUTOLAND: down beside the start of the final approach, then straight in along the take-off's direction."""
 
 import pytest
 

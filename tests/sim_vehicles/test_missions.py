@@ -32,7 +32,7 @@ def count(number, kind=0):
 
 
 def ask(air, message, seconds=0.1, peer=None):
-    """Send, and return what came of the mission protocol, as (name, number or result)."""
+    """Send a message; return the answers of the mission protocol, as (name, number or result)."""
     peer = peer or air.ground
     before = len(peer.heard)
     peer.send(message)
@@ -47,7 +47,7 @@ def reported(message):
 
 
 def upload(air, *items):
-    """Write items after home; return the answer to the last one."""
+    """Upload items after home; return the answer to the last one."""
     answers = ask(air, count(1 + len(items)))
     for number, each in enumerate([item(0), *items]):
         assert answers == [("MISSION_REQUEST", number)]
@@ -187,7 +187,7 @@ def test_an_upload_is_nobody_elses(flying):
     ask(flying, count(2))
     for message in (count(3), item(0), dialect.MAVLink_mission_clear_all_message(1, 1)):
         assert ask(flying, message, peer=other) == [("MISSION_ACK", DENIED)]
-    assert ask(flying, count(3)) == [("MISSION_REQUEST", 0)]  # begun again by who began it
+    assert ask(flying, count(3)) == [("MISSION_REQUEST", 0)]  # restarted by its owner
 
 
 def test_what_there_is_not_is_out_of_sequence(flying):
@@ -291,7 +291,7 @@ def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_told(flying):
     assert told.wp_dist == pytest.approx(circle.radius_m, rel=0.1)
     assert told.xtrack_error == pytest.approx(told.wp_dist - circle.radius_m, abs=1.0)
     heading = flying.ground.of("VFR_HUD")[-1].heading
-    assert (told.target_bearing - heading) % 360 == pytest.approx(90.0, abs=10.0)  # to the right, of a clockwise one
+    assert (told.target_bearing - heading) % 360 == pytest.approx(90.0, abs=10.0)  # to the right, on a clockwise circle
 
 
 def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying):

@@ -1,4 +1,4 @@
-"""The table of conditions, and flights through the modes."""
+"""The table of vehicle states, and flights through the modes."""
 
 import math
 

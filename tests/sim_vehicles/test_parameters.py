@@ -1,4 +1,4 @@
-"""The parameter protocol, and what the parameters do, asked by pymavlink."""
+"""The parameter protocol, and the effects of parameters, tested with pymavlink."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Places as targets of emulated multirotors, in every frame, as ArduCopter 4.7 and PX4 1.17 flew to them."""
+"""Emulated multirotors fly to places in every frame, as ArduCopter 4.7 and PX4 1.17 did."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ PLACE_ALONE, PLACE_AND_VELOCITY, VELOCITY_ONLY = 0xDF8, 0xDC0, 0xDC7
 LOCAL, OFFSET, BODY, BODY_OFFSET = 1, 7, 8, 9
 REPOSITION, CHANGE_MODE = 192, 1.0
 LAT, LON, E7_PER_M = 350000000, 1250000000, 90.15
-"""Of a degree of latitude, 110.9 km; home is at 35° N."""
+"""Metres in a degree of latitude, 110.9 km; home is at 35° N."""
 
 
 class Flier:
-    """Sends one emulated multirotor that stands at 100 m setpoints."""
+    """Sends setpoints to one emulated multirotor that hovers at 100 m."""
 
     def __init__(self, air):
         self.air = air
@@ -50,17 +50,17 @@ class Flier:
 
 @pytest.fixture
 def copter(make_air):
-    """An ArduCopter in GUIDED that stands 100 m over its home, which is 10 m above sea level."""
+    """Return an ArduCopter in GUIDED that hovers 100 m over its home, which is 10 m above sea level."""
     flier = Flier(make_air(model=MODEL, origin_alt_m=10.0))
     flier.air.run(4.0)
-    flier.tell(0.0, 0.0, -100.0, mask=PLACE_ALONE & ~0x400)  # it comes up at speed
+    flier.tell(0.0, 0.0, -100.0, mask=PLACE_ALONE & ~0x400)  # speeds up the climb
     flier.air.run(40.0)
     return flier
 
 
 @pytest.fixture
 def px4(make_air):
-    """A PX4 multirotor that stands likewise, in OFFBOARD by a stream of velocities of 0."""
+    """Return a PX4 multirotor that hovers likewise, in OFFBOARD by a stream of zero velocities."""
     flier = Flier(make_air(model=COPTER, origin_alt_m=10.0))
     flier.air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     for _ in range(40):

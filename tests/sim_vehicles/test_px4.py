@@ -1,4 +1,4 @@
-"""Emulated PX4s, asked by pymavlink: acceptance, refusals and failsafes as the simulator of PX4 1.17 showed."""
+"""Emulated PX4s and pymavlink: acceptance, refusals and failsafes as in the simulator of PX4 1.17."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def model_of(name, speed_mps):
 
 COPTER, PLANE = model_of("px4_copter", 5), model_of("px4", 14)
 DRAGLESS = PLANE.model_copy(update={"prompt_share": 1.0})
-"""Leaves no part of a change of airspeed to its throttle's integrator."""
+"""Leaves no part of an airspeed change to its throttle's integrator."""
 
 
 class Px4:
-    """Speaks to one emulated PX4 as a ground station."""
+    """A ground station of one emulated PX4."""
 
     def __init__(self, air):
         self.air, self.vehicle = air, air.fleet.vehicles[0]
@@ -45,7 +45,7 @@ class Px4:
         self.air.ground.send(mavlink.MAVLink_heartbeat_message(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3))
 
     def wait(self, seconds, *, greeting=True, every=None):
-        """Let time pass: with heartbeats, and a setpoint (`every`) ten times a second."""
+        """Let time pass, with heartbeats, and with a setpoint (`every`) ten times a second."""
         for number in range(round(seconds * 10)):
             if greeting and number % 10 == 0:
                 self.greet()
@@ -103,7 +103,7 @@ class Px4:
 
 @pytest.fixture
 def px4(make_air):
-    """What makes a PX4 that is up and has heard its ground station."""
+    """Return a factory of PX4s that have booted and heard their ground station."""
 
     def make(model=COPTER, *, wait_s=3.5, **keys):
         vehicle = Px4(make_air(model=model, **keys))
@@ -171,7 +171,7 @@ def test_neither_arm_nor_disarm_is_only_remarked_on(px4):
     assert copter.vehicle.pilot.condition.armed
 
 
-def test_to_loiter_is_no_command(px4):
+def test_nav_loiter_unlim_is_unsupported(px4):
     copter = px4()
     copter.set_mode(RTL)
     assert copter.results(m.MAV_CMD_NAV_LOITER_UNLIM) == [UNSUPPORTED]
@@ -239,7 +239,7 @@ def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
 
 
 def test_part_of_a_change_of_velocity_comes_slowly_as_measured(px4):
-    """What PX4's simulated quadrotor flew 0.5, 1, 2, 4 and 8 s after a step, from rest and back: 5 m/s for 9 s."""
+    """PX4's simulated quadrotor 0.5, 1, 2, 4 and 8 s after a step, from rest and back: 5 m/s for 9 s."""
     copter = px4()
     copter.offboard()
     copter.wait(60.0, every=copter.stand)
@@ -279,7 +279,7 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
 
 @pytest.mark.parametrize("model", [COPTER, PLANE])
 def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
-    """What it still turned for in each cycle was the end of setpoints that it doesn't wait for any more."""
+    """Otherwise the timeout of setpoints that it no longer expects would wake it in each cycle."""
     vehicle = px4(model)
     place = {"mask": PLACE_ALONE, "place": (900.0, 0.0, -80.0)}
     vehicle.wait(0.5, every=lambda: vehicle.tell(0.0, 0.0, 0.0, **place))
@@ -290,7 +290,7 @@ def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
     assert vehicle.vehicle.pilot.silent_at > vehicle.vehicle.now
 
 
-def test_setpoints_that_say_nothing_are_none(px4):
+def test_setpoints_that_ignore_every_field_are_invalid(px4):
     copter = px4()
     copter.offboard()
     copter.wait(1.2, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=0xFFF))
@@ -437,7 +437,7 @@ def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_told_with
 
 
 def test_of_a_change_of_airspeed_a_share_comes_soon_and_the_rest_with_its_integrator(px4):
-    """docs/real-autopilots.md. Of 2 m/s at the setpoint's own rate, most of 0.55 times that is flown after 6 s."""
+    """docs/real-autopilots.md. Of 2 m/s at the setpoint's rate, most of the prompt share, 0.55, is flown after 6 s."""
     plane = px4(PLANE.model_copy(update={"rest_s": 30.0}))
     for told_mps, after_s, flown_mps in ((16.0, 80.0, 16.0), (14.0, 6.0, 16.0 - 0.55 * 2.0), (14.0, 60.0, 14.0)):
         assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, told_mps, -1) == [ACCEPTED]
@@ -521,7 +521,7 @@ def test_it_orbits_a_place_with_its_nose_to_it(px4, radius_m, speed_mps, clockwi
 
 
 def test_a_yaw_rate_turns_the_nose(px4):
-    """A real one told 0.3 rad/s turned by 57 degrees in 4 s; told a velocity alone it kept its nose."""
+    """A real one at 0.3 rad/s turned by 57 degrees in 4 s; commanded a velocity only, it kept its nose."""
     copter = px4()
     copter.offboard()
     before = copter.vehicle.sensed.heading_rad

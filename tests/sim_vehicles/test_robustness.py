@@ -1,4 +1,4 @@
-"""Whatever the fields of whatever message: nothing raises, and every state stays a flight's."""
+"""With any fields of any message nothing raises, and every state stays within the flight envelope."""
 
 import importlib
 import math

@@ -1,4 +1,4 @@
-"""What noisy vehicles tell of themselves, as pymavlink reads it, beside what they really do."""
+"""Telemetry of noisy vehicles, as pymavlink reads it, beside their true state."""
 
 import math
 
@@ -28,7 +28,7 @@ SIGMAS = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.2, math.radians(0.5))
 
 
 def errors(samples, vehicle=1, seed=1, keys=GNSS):
-    """Return (samples, 8): told minus true, a sample every 0.1 s."""
+    """Return (samples, 8): telemetry minus truth, a sample every 0.1 s."""
     sensors = Sensors(keys, VehicleId(1, vehicle), seed)
     reported = [sensors.sense(STILL, Instant(n * 100_000_000)) for n in range(samples)]
     return np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in reported])

@@ -1,4 +1,4 @@
-"""What ground stations ask beside flying: restarts, logs, echoes, what a vehicle can do."""
+"""Requests of ground stations besides flying: restarts, logs, echoes, capabilities."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_multirotor_says_that_it_takes_setpoints(make_air, model, capabilities
 
 
 def test_a_px4_has_no_mission_and_takes_none(make_air):
-    """One written to it would lose its first item, in whose place ArduPilot has home, and never be flown."""
+    """A mission written to it would lose its first item, in whose place ArduPilot has home, and never be flown."""
     air = make_air(model=COPTER)
     air.run(3.5)
     for message in (
@@ -81,7 +81,7 @@ def test_a_px4_has_no_mission_and_takes_none(make_air):
 
 @pytest.mark.parametrize(("model", "waits"), [(None, True), (MODEL, False), (COPTER, False), (PLANE, False)])
 def test_time_is_told_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, model, waits):
-    """A PX4's receiver is a thread of its own, an ArduCopter's loop takes 2.5 ms; an ArduPlane's 20 ms."""
+    """A PX4's receiver is a separate thread, an ArduCopter's loop takes 2.5 ms, an ArduPlane's 20 ms."""
     air = make_air(**({"model": model} if model else {}))
     air.run(3.5)
     air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))

@@ -1,4 +1,4 @@
-"""Take-offs beside those measured on the simulated aircraft of ArduPlane 4.7 and PX4 1.17; times are from arming."""
+"""Take-offs beside those measured on simulated aircraft of ArduPlane 4.7 and PX4 1.17; times are from arming."""
 
 import bisect
 import math
@@ -14,9 +14,9 @@ TAKEOFF, GUIDED = 13, 15
 TO_100_M = {4: 3.1, 5: 20.1, 6: 36.5, 7: 50.9, 8: 64.2, 10: 89.6, 12: 109.3, 14: 113.4, 18: 100.4, 22: 98.9, 28: 99.3}
 """Height, m, by time, s: mode TAKEOFF, TKOFF_ALT 100."""
 GUIDED_FROM_45_M = {4: 2.9, 5: 18.8, 6: 35.0, 7: 48.0, 8: 57.6, 10: 64.5, 12: 63.4, 14: 67.4, 18: 83.9, 22: 96.0}
-"""The same with TKOFF_ALT 50 and GUIDED at 45 m, told 100 m and 22 m/s."""
+"""The same with TKOFF_ALT 50, then from 45 m GUIDED to 100 m and 22 m/s."""
 REACHED_S: dict[int, float] = {1: 3.9, 10: 4.5, 45: 6.8, 50: 7.2, 90: 19.5, 98: 23.7}
-"""When it passed heights, m, in that flight."""
+"""Times at which that flight passed heights, m."""
 
 
 def model_of(name, speed_mps):
@@ -49,7 +49,7 @@ class TakeOff:
 
 @pytest.fixture
 def armed(make_air):
-    """What makes an ArduPlane that has just been armed in TAKEOFF."""
+    """Return a factory of ArduPlanes that have just been armed in TAKEOFF."""
 
     def make(height_m, seed):
         air = make_air(in_air=False, model=model_of("arduplane", 22), seed=seed)
@@ -101,7 +101,7 @@ def test_where_the_climb_ends_height_climb_and_airspeed_go_on(armed):
 
 
 def test_a_px4_rolls_and_climbs_as_measured(make_air):
-    """Measured on PX4 1.17's built-in simulator; its heights are read to 1 m."""
+    """Measured in PX4 1.17's built-in simulator; heights were read to 1 m."""
     air = make_air(in_air=False, model=model_of("px4", 14), cruise_mps=14.0)
     air.run(4.0)
     air.command_long(22, 0, 0, 0, math.nan, math.nan, math.nan, 50.0)
@@ -117,7 +117,7 @@ def test_a_px4_rolls_and_climbs_as_measured(make_air):
 
 
 def test_a_px4_multirotor_spools_up_and_climbs_slowly_to_10_m(make_air):
-    """Then it flies 60 m north by DO_REPOSITION. Measured on PX4 1.17's built-in simulator."""
+    """Then it flies 60 m north by DO_REPOSITION. Measured in PX4 1.17's built-in simulator."""
     air = make_air(in_air=False, model=model_of("px4_copter", 5))
     air.run(4.0)
     air.command_long(22, 0, 0, 0, math.nan, math.nan, math.nan, 20.0)

@@ -1,4 +1,4 @@
-"""What a vehicle tells unasked and asked, by which clock, and how often."""
+"""What a vehicle sends unasked and on request, its time stamps, and its rates."""
 
 import importlib
 import math
@@ -72,7 +72,7 @@ def test_request_data_stream_sets_all_rates_but_the_heartbeat_s(flying, hz):
 
 
 def test_messages_of_one_turn_carry_one_time(flying):
-    for message_id in (30, 33):  # both in one turn, so that they're in phase
+    for message_id in (30, 33):  # both in one cycle, so that they're in phase
         flying.ground.send(flying.ground.dialect.command_long_encode(1, 1, INTERVAL, 0, message_id, 1e5, 0, 0, 0, 0, 0))
     flying.run(0.1)
     flying.ground.heard.clear()
@@ -192,7 +192,7 @@ GOOD = 831
 
 @pytest.mark.parametrize("keys", [BY_INERTIA, AIDED], ids=["by inertia alone", "aided by GNSS"])
 def test_a_vehicle_that_navigates_by_inertia_tells_of_its_receiver_and_of_its_filter(make_air, keys):
-    """Gyroscopes of several degrees an hour and accelerometers of a milli-g: useless after minutes without an aid."""
+    """Gyroscopes of several degrees per hour and accelerometers of a milli-g: useless after minutes without aiding."""
     air = make_air(navigation=keys)
     air.run(200.0)
     fix, ekf, status = (air.ground.of(name)[-1] for name in ("GPS_RAW_INT", "EKF_STATUS_REPORT", "SYS_STATUS"))

@@ -1,4 +1,4 @@
-"""The record of ground truth: what it holds, and that it can be read while it's written."""
+"""The record of ground truth: its content, and that it can be read while it's written."""
 
 import numpy as np
 import pytest

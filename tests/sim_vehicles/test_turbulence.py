@@ -1,4 +1,4 @@
-"""Dryden's turbulence against MIL-F-8785C: figures worked out by hand, variance and spectra of the gusts."""
+"""Dryden's turbulence against MIL-F-8785C: figures computed by hand, variance and spectra of the gusts."""
 
 import math
 from types import SimpleNamespace
@@ -88,7 +88,7 @@ def test_vehicles_and_axes_are_independent_of_each_other():
 
 @pytest.mark.parametrize(("hovers", "turns"), [(False, True), (True, False)])
 def test_a_wings_gusts_turn_with_it_and_a_multirotors_lie_along_the_wind(hovers, turns):
-    """A multirotor that hardly flies may take any course from one cycle to the next: its gusts spun with that."""
+    """A multirotor at low speed may take any course from one cycle to the next; its gusts used to rotate with that."""
     body: Any = SimpleNamespace(
         state=SimpleNamespace(airspeed_mps=0.1, height_m=100.0, heading_rad=0.0),
         model=SimpleNamespace(may_stand=hovers),

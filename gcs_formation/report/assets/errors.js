@@ -32,7 +32,7 @@ class ErrorPlot extends View {
     return { left, wide: width - left - right, bottom: height - bottom, panels, names };
   }
 
-  // Where the marks' names stand: from the last to the first, so that no line to a name runs through another.
+  // Places of the marks' names, from the last to the first, so that no line to a name crosses another name.
   names(box) {
     const pen = this.canvas.getContext("2d");
     pen.font = FONT;
@@ -105,7 +105,7 @@ class ErrorPlot extends View {
     this.drawBounds(pen, colours, panel.axis, box, y);
     const few = this.data.vehicles.length <= 5;
     for (const series of this.shown()) {
-      pen.lineWidth = few ? 3.2 - 0.5 * series.vehicle : 1.2; // of lines on each other all are seen
+      pen.lineWidth = few ? 3.2 - 0.5 * series.vehicle : 1.2; // lines that coincide stay visible
       pen.strokeStyle = this.state.colour(series.vehicle, colours);
       this.drawSeries(pen, series[panel.axis], box, y);
     }
@@ -120,7 +120,7 @@ class ErrorPlot extends View {
     pen.fillText(name, box.left + box.wide - 4, panel.top + 9);
   }
 
-  // What errors after a gust on followers only are held to, and, dotted, what no law can do better.
+  // Bounds on errors after a gust on followers only: allowed, and (dotted) least possible under any law.
   drawBounds(pen, colours, axis, box, y) {
     pen.strokeStyle = colours.ink;
     for (const bound of this.data.bounds.filter((each) => each.axis === axis)) {
@@ -189,7 +189,7 @@ class ErrorPlot extends View {
     }
   }
 
-  // The range from..to, kept inside the flight; true if that changed anything.
+  // Shows the range from..to, kept inside the flight; returns whether that changed anything.
   zoom(from, to) {
     const least = 0.5;
     if (to - from < least) [from, to] = [(from + to - least) / 2, (from + to + least) / 2];

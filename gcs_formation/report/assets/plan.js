@@ -4,7 +4,7 @@ class PlanView extends View {
   constructor(canvas, data, state) {
     super(canvas, data, state);
     this.centre = { north: 0, east: 0 };
-    this.scale = null; // pixels a metre; null until the canvas has a size
+    this.scale = null; // pixels per metre; null until the canvas has a size
     this.following = false;
     this.relief = data.ground && relief(data.ground);
     this.listen();
@@ -209,7 +209,7 @@ class PlanView extends View {
   }
 }
 
-// The ground as a picture, a pixel for each cell, north up: the higher, the stronger its colour.
+// The ground as an image, one pixel per cell, north up; higher ground has a stronger colour.
 function relief({ columns, height }) {
   const rows = height.length / columns;
   const canvas = document.createElement("canvas");

@@ -1,4 +1,4 @@
-// Joins legend, slider and the plots.
+// Connects legend, slider and plots.
 
 function start() {
   const data = JSON.parse(document.getElementById("data").textContent);

@@ -1,6 +1,6 @@
 // The flight in space: tracks over the ground, heights stretched, turned by dragging.
 
-// Of the canvas, in pixels: room for the vehicles' marks and the words.
+// Margin of the canvas for the vehicles' marks and the text, in pixels.
 const MARGIN = 40;
 
 class SpaceView extends View {
@@ -15,7 +15,7 @@ class SpaceView extends View {
     return this.data.tracks.vehicles.flatMap((track) => known(track[name]));
   }
 
-  // Everything in view, from the side on which the flight is the widest.
+  // Shows everything, from the side where the flight is widest.
   reset() {
     const [north, east, height] = ["north", "east", "height"].map((name) => extent(this.all(name)));
     this.centre = { north: (north[0] + north[1]) / 2, east: (east[0] + east[1]) / 2, height: (this.low + height[1]) / 2 };
@@ -26,7 +26,7 @@ class SpaceView extends View {
     this.fit = null;
   }
 
-  // The scale at which every track and the ground below it fit the canvas, and the shift that centres them.
+  // The scale that fits all tracks and the ground below them into the canvas, and the shift that centres them.
   fitted() {
     [this.scale, this.shift] = [1, { x: 0, y: 0 }];
     const seen = this.data.tracks.vehicles.flatMap((track) => track.north.flatMap((north, k) => (
@@ -38,7 +38,7 @@ class SpaceView extends View {
     return { scale, x: centred((x[0] + x[1]) / 2, this.width), y: centred((y[0] + y[1]) / 2, this.height) };
   }
 
-  // Where a place is on the canvas: seen from far away, `tilt` above the level.
+  // Projects a place onto the canvas (orthographic), seen from `tilt` above the horizontal.
   project(north, east, height) {
     const [cos, sin] = [Math.cos(this.turn), Math.sin(this.turn)];
     const [n, e] = [north - this.centre.north, east - this.centre.east];
@@ -65,7 +65,7 @@ class SpaceView extends View {
     this.drawCompass(pen, colours);
   }
 
-  // The cells of the ground from the furthest to the nearest, so that hills hide what is behind them.
+  // Draws the ground's cells from the farthest to the nearest, so that hills hide what is behind them.
   drawGround(pen) {
     const { ground } = this.data;
     if (!ground) return;
@@ -88,7 +88,7 @@ class SpaceView extends View {
     }
   }
 
-  // A cell's colour: light from the north-west on slopes as steep as they are drawn, darker the higher it is.
+  // A cell's colour: lit from the north-west on slopes as drawn (stretched); higher cells are darker.
   shade(at, columns) {
     const { height, cell } = this.data.ground;
     const [here, north, east] = [at, at + columns, at + 1].map((i) => height[i] ?? this.low);

@@ -1,15 +1,15 @@
-// What all plots need: a sharp canvas, the page's colours, ticks, values between samples, and where everyone is.
+// Common parts of all plots: a sharp canvas, the page's colours, ticks, interpolation, and the vehicles' places.
 
 const FONT = "12px system-ui, sans-serif";
 
-// A canvas that paints the data as the state asks for.
+// A canvas that draws the data by the page's state.
 class View {
   constructor(canvas, data, state) {
     [this.canvas, this.data, this.state] = [canvas, data, state];
     this.drag = null;
   }
 
-  // Draw at the next frame, however often this is asked for until then.
+  // Draws at the next frame, once for all calls until then.
   draw() {
     if (this.pending) return;
     this.pending = true;
@@ -63,7 +63,7 @@ function signed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "\u2212");
 }
 
-// The index of the last of rising times that isn't after t; 0 if all are.
+// The index of the last of ascending times that isn't after t; 0 if all are.
 function before(times, t) {
   let low = 0;
   let high = times.length - 1;
@@ -87,14 +87,14 @@ function known(values) {
   return values.filter((value) => value !== null);
 }
 
-// Least and greatest of values; -1 and 1 of none.
+// Least and greatest of values; -1 and 1 if there are none.
 function extent(values) {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) [low, high] = [Math.min(low, value), Math.max(high, value)];
   return low > high ? [-1, 1] : [low, high];
 }
 
-// Where everyone is at a time, null where that isn't known.
+// All vehicles' places at a time; null where unknown.
 function placesAt(tracks, t) {
   return tracks.vehicles.map((track) => {
     const found = {};
@@ -103,7 +103,7 @@ function placesAt(tracks, t) {
   });
 }
 
-// What is said of the vehicle nearest to a point of a canvas, nothing far from all; `at` tells where a place is on it.
+// The text on the vehicle nearest to a point of a canvas, none if all are far; `at` projects a place onto it.
 function nearest(data, state, at, x, y) {
   let best = { distance: 18 };
   placesAt(data.tracks, state.time).forEach((found, i) => {

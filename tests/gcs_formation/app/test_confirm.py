@@ -1,4 +1,4 @@
-"""The question before anybody is armed, and its answer."""
+"""The question before vehicles are armed, and its answer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOW = Instant(0)
 
 
 class Gate:
-    """Stands for a `PreFlight`."""
+    """Stands in for a `PreFlight`."""
 
     def __init__(self) -> None:
         self.due = self.confirmed = False

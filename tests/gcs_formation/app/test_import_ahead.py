@@ -1,4 +1,4 @@
-"""By the real clock no tick waits for an import."""
+"""Under the real clock no tick waits for an import."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tests.flights.conftest import scenario
 
 ROOT = Path(__file__).parents[3]
 OUT_OF_FLIGHT = ("app", "cli", "identify", "report", "studies", "testing", "python_api.py")
-"""Of the station: what isn't called in its ticks."""
+"""Modules of the station that aren't called in its ticks."""
 
 
 class BeforeAnybodyError(Exception):
-    """Raised in place of the imports."""
+    """Raised instead of importing."""
 
 
 def sources() -> Iterator[Path]:
@@ -32,7 +32,7 @@ def sources() -> Iterator[Path]:
 
 
 def imported_late(tree: ast.Module) -> Iterator[str]:
-    """Yield what is imported inside functions; of scipy, the parts that the module uses."""
+    """Yield what is imported inside functions; for scipy, the parts that the module uses."""
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     late = {
         alias.name for f in functions for node in ast.walk(f) if isinstance(node, ast.Import) for alias in node.names

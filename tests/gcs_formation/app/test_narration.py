@@ -1,4 +1,4 @@
-"""What a user is told while a flight lasts."""
+"""What a user is told during a flight."""
 
 import io
 import math
@@ -14,7 +14,7 @@ THREE = VehicleId(1, 3)
 
 
 def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
-    """Return the line that is said of each event, None where none is."""
+    """Return the line printed for each event, None where there is none."""
     stream = io.StringIO()
     lines = Progress(stream)
     said: list[str | None] = []
@@ -32,7 +32,7 @@ def test_phases_are_told_with_their_cause_and_the_mission_time_once_there_is_one
 
 
 @pytest.mark.parametrize(("kind", "usual", "unusual"), [("link", "connected", "lost"), ("member", "starting", "x")])
-def test_what_every_start_is_full_of_is_told_only_after_trouble(kind: str, usual: str, unusual: str) -> None:
+def test_usual_events_of_a_start_are_told_only_after_trouble(kind: str, usual: str, unusual: str) -> None:
     well, ill = Event(Instant(0), kind, usual, THREE), Event(Instant(0), kind, unusual, THREE)
     other = Event(Instant(0), kind, usual, VehicleId(1, 4))
     lines = told(well, ill, other, well, well)

@@ -26,7 +26,7 @@ def test_what_the_command_line_refuses_is_refused_from_python_too(wrong) -> None
 
 
 def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -> None:
-    """Emulated vehicles fly their steps at once; what is allowed there is no option of another command."""
+    """Emulated vehicles fly their steps under the virtual clock; messages name no option of another command."""
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text("vehicles: {count: 2}\npath: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n")
     told = CliRunner().invoke(main, ["identify", str(scenario), "--speedup", "10", "--run-dir", str(tmp_path / "run")])
@@ -38,7 +38,7 @@ def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -
 
 @pytest.fixture
 def flown(tmp_path):
-    """Fly two vehicles under the virtual clock by the command line, and return what it said."""
+    """Fly two vehicles under the virtual clock from the command line; return the output."""
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text(
         "duration_s: 5\nstart: {in_air: true, run_in_s: 6}\nfinish: {loiter_s: 1}\nvehicles: {count: 2}\n"

@@ -19,7 +19,7 @@ from gcs_formation.errors import NothingRunningError
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    """A directory whose path is longer than a Unix socket's may be."""
+    """Return a directory whose path is longer than a Unix socket's may be."""
     deep = tmp_path.joinpath(*["a-long-name-of-a-directory"] * 6)
     deep.mkdir(parents=True)
     return deep

@@ -1,4 +1,4 @@
-"""What `fly --dry-run` prints of a vehicle that is told places."""
+"""What `fly --dry-run` prints for a vehicle that is commanded to places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session knows of the links depends on whose vehicles it flies."""
+"""What a session knows about the links depends on whose vehicles it flies."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tests.processes import wait_for
 def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     emulated: bool, delay: float | None, tmp_path: Path
 ) -> None:
-    """On links that the scenario leaves as they are: 0 of our own emulators', unknown of others'."""
+    """On links that the scenario doesn't impair: 0 with our own emulators, unknown otherwise."""
     planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
     options = RunOptions(tmp_path, "virtual")
     session = Session(planned, options, clock, Progress(), Interrupts(), emulated=emulated)
@@ -77,7 +77,7 @@ def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
 
 @pytest.mark.parametrize("flown", [True, False])
 def test_what_was_flown_before_the_end_failed_is_in_the_summary(flown: bool, tmp_path: Path) -> None:
-    """A landing that can't go on, for one; a flight that failed on its way may be resumed, and has none."""
+    """For example when a landing fails. A flight that fails on its way has no summary, because it may be resumed."""
     planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
     session = Session(planned, RunOptions(tmp_path, "virtual"), clock, Progress(), Interrupts(), emulated=True)
     fails_in = Phase.LOITERING if flown else Phase.FLYING
@@ -119,7 +119,7 @@ def test_an_earlier_runs_record_is_replaced_once_somebody_is_commanded(
 
 
 def session_of(planned: Scenario, options: RunOptions, *, answers: bool = True) -> Session:
-    """Return the session of a flight of emulated vehicles, which answer or aren't there, as it ends."""
+    """Return the session of a flight of emulated vehicles, which answer or don't exist, at its end."""
     clock = VirtualClock()
     session = Session(planned, options, clock, Progress(), Interrupts(), emulated=True)
     network = MemoryNetwork(clock)

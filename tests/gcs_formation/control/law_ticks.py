@@ -1,4 +1,4 @@
-"""One tick of the formation law: everyone in formation, and what is told, put through model (7)."""
+"""One tick of the formation law: all vehicles in formation, and their setpoints flown by model (7)."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ Array = npt.NDArray[np.float64]
 
 DT_S = 0.1
 AT_ONCE_S = 1e-6
-"""A tick so short that rates are those of its instant."""
+"""A tick so short that rates are instantaneous."""
 SPEED_MPS = 22.0
 SLOTS_M = np.array([[0.0, 0.0, 0.0], [-30.0, 20.0, 4.0], [-50.0, -25.0, -6.0]])
 COUNT = len(SLOTS_M)
 LEADER, FOLLOWERS = 0, slice(1, None)
-# Of each column its own: tau_v, tau_psi, tau_ha, tau_hb, least and most speed, acceleration, turn rate, climb.
+# A value of its own for each column: tau_v, tau_psi, tau_ha, tau_hb, least and most speed, acceleration, turn rate,
+# climb.
 MODEL = AutopilotModels(
     *np.array(
         (
@@ -53,7 +54,7 @@ MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.3, k_y=0.05, k_z=0.7)
 
 
 HELD_S = DT_S / -np.expm1(-DT_S / MODEL.air_lags_s)
-"""The lags by which a setpoint that is held for a tick changes speed and heading, in the mean."""
+"""Mean lags of speed and heading behind a setpoint that is held for a tick."""
 
 
 def law(
@@ -64,7 +65,7 @@ def law(
     scheduler: FuzzyGainScheduler | None = None,
     scales: tuple[float, float] = (1.0, 1.0),
 ) -> TableLaw:
-    """A law whose derivatives are unfiltered; `scales` of errors and rates are those of every channel."""
+    """A law with unfiltered derivatives; `scales` of errors and rates apply to every channel."""
     return TableLaw(FormationLaw(parameters(kp, ki, kd, frame, scheduler, scales), tables.models(MODEL)))
 
 
@@ -87,7 +88,7 @@ def state(rows: Array) -> FlightStates:
 
 
 def in_formation(heading_rad: float = 0.0) -> FlightStates:
-    """Everyone in its slot, level, at the formation's speed."""
+    """Return states of vehicles in their slots, level, at the formation's speed."""
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     (forward, right, up), still = SLOTS_M.T, np.zeros(COUNT)
     north, east = forward * cos - right * sin, forward * sin + right * cos
@@ -98,7 +99,7 @@ def in_formation(heading_rad: float = 0.0) -> FlightStates:
 def situation(
     states: FlightStates, told: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
 ) -> Situation:
-    """Everyone told `told`: by default, what it does already."""
+    """Return a situation in which all have the setpoints `told`; by default those that they fly already."""
     as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
     told = as_flown if told is None else told
     speed_mps, heading_rad, height_m = told.table[:, LEADER].tolist()
@@ -124,7 +125,7 @@ def situation(
 
 
 def flown(states: FlightStates, told: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightStates:
-    """Model (7) without limits, by 400 steps of the midpoint rule; the leader's told heading turns."""
+    """Fly model (7) without limits, by 400 steps of the midpoint rule, while the leader's heading setpoint turns."""
     table, step_s = states.table.copy(), over_s / 400
 
     def rates(now: Array, at_s: float) -> Array:
@@ -143,7 +144,7 @@ def flown(states: FlightStates, told: Setpoints, over_s: float, leader_turns_rps
 
 
 def sent(decision: Decision) -> Array:
-    """Setpoints (F, 3)."""
+    """Return setpoints (F, 3)."""
     return decision.setpoints.table.T
 
 
@@ -154,5 +155,5 @@ def with_rows(states: FlightStates, rows: slice | int, values: Array, columns: s
 
 
 def carried(wind_mps: tuple[float, float]) -> FlightStates:
-    """In formation northwards; a wind that carries the followers, and not their leader, to the north and east."""
+    """Return states in formation northwards; a wind carries the followers, but not their leader, north and east."""
     return with_rows(in_formation(), slice(6, 8), np.array(wind_mps)[:, None])

@@ -1,4 +1,4 @@
-"""The leader amid its followers, against followers that are in its slots."""
+"""The virtual leader amid its followers, from followers that are in its slots."""
 
 import math
 
@@ -16,7 +16,7 @@ COLUMN = [Slot([-30.0 * place, 5.0 * place, 2.0 * place], STILL, STILL) for plac
 
 
 def in_slots(leader, turn_rps, frame):
-    """States of followers that are in their slots, and head as these move while their axes turn."""
+    """Return states of followers in their slots, with the headings that these need while their axes turn."""
     followers = []
     for slot in COLUMN:
         heading_rad = slot_target(leader, 0.0, 0.0, turn_rps, slot, frame).heading_rad
@@ -31,7 +31,7 @@ def in_slots(leader, turn_rps, frame):
 
 @pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
 @given(heading_rad=st.floats(-3.0, 3.0), turn_rps=st.floats(-0.1, 0.1))
-def test_of_followers_in_their_slots_it_is_their_leader_in_turns_too(frame, heading_rad, turn_rps):
+def test_followers_in_their_slots_give_their_leader_in_turns_too(frame, heading_rad, turn_rps):
     leader = FlightState(400.0, -300.0, 100.0, 0.0, SPEED_MPS, heading_rad, 0.0, 0.0)
     followers = in_slots(leader, turn_rps, frame)
     found = amid(followers, COLUMN, SPEED_MPS, turn_rps, frame)
@@ -39,7 +39,7 @@ def test_of_followers_in_their_slots_it_is_their_leader_in_turns_too(frame, head
     assert (found.north_m, found.east_m, found.height_m) == pytest.approx((400.0, -300.0, 100.0), abs=1e-6)
 
 
-def test_a_turn_that_is_left_out_puts_it_aside():
+def test_neglecting_the_turn_displaces_the_virtual_leader():
     """Errata item 24: at 0.05 rad/s the slots 30 and 60 m behind head asin(0.05 x_rc / v) outward, 3.9 and 7.8 deg."""
     leader = FlightState(0.0, 0.0, 0.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     followers = in_slots(leader, 0.05, "leader_heading")

@@ -1,4 +1,4 @@
-"""The consensus law against its protocol, and against what no protocol may do."""
+"""The consensus law against its protocol, and against invariants of any protocol."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def places(heading_rad: float) -> tuple[Array, Array]:
 def situation(
     heading_rad: float, offset: Array, turn_rps: float = 0.0, active: npt.NDArray[np.bool_] | None = None
 ) -> Situation:
-    """Vehicles on a path of a heading, with offsets (4, N): m north and east, m/s along and to the right."""
+    """Return vehicles on a path with a heading, with offsets (4, N): m north and east, m/s along and to the right."""
     north_m, east_m = places(heading_rad)
     state = FlightStates(
         north_m=north_m + offset[0],
@@ -88,7 +88,7 @@ def situation(
 
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:
-    """What the setpoints ask of the autopilot's lags, beyond the path's speed and heading: along and across, m/s^2."""
+    """Return the accelerations along and across that setpoints ask of the lags, beyond the path's, m/s^2."""
     aside = np.remainder(decision.setpoints.heading_rad - heading_rad + np.pi, 2 * np.pi) - np.pi
     return (decision.setpoints.speed_mps - SPEED_MPS) / TAU_V_S, aside * SPEED_MPS / TAU_PSI_S
 
@@ -131,7 +131,7 @@ def test_the_place_of_the_whole_formation_is_no_matter(
 
 @given(offsets, headings)
 def test_an_undirected_graph_does_not_move_the_middle(offset: Array, heading_rad: float) -> None:
-    """The protocol's terms cancel in the sum: nobody's share in it is lost or made twice."""
+    """The protocol's terms cancel in the sum: no vehicle's term is lost or counted twice."""
     offset[2:] = 0.0
     ring = law(graph=graph_adjacency("ring", COUNT))
     for axis in accelerations(ring.decide(situation(heading_rad, offset), 0.1), heading_rad):
@@ -140,7 +140,7 @@ def test_an_undirected_graph_does_not_move_the_middle(offset: Array, heading_rad
 
 @pytest.mark.parametrize("frame", ["leader_heading", "follower_heading"])
 def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Frame) -> None:
-    """Vehicles that keep slots fixed in the frame are told what keeps them doing so (equilibria of (8), item 24)."""
+    """Vehicles in slots fixed in the frame get setpoints that keep them there (equilibria of (8), item 24)."""
     turn_rps, heading_rad = 0.05, 0.7
     forward_m, right_m = np.concatenate((np.zeros((1, 3)), SLOTS_M))[:, :2].T
     if frame == "leader_heading":
@@ -158,7 +158,7 @@ def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Fr
 
 @given(offsets, st.sampled_from(([2], [1], [1, 3])))
 def test_who_heard_one_that_is_lost_hears_whom_that_heard(offset: Array, lost: list[int]) -> None:
-    """The graph that is left is the Schur complement of its Laplacian (Kron reduction)."""
+    """The remaining graph is the Schur complement of its Laplacian (Kron reduction)."""
     active = np.ones(COUNT, dtype=bool)
     active[lost] = False
     matrix, rest, gone = laplacian(GRAPH), np.flatnonzero(active), np.flatnonzero(~active)
@@ -173,7 +173,7 @@ def test_who_heard_one_that_is_lost_hears_whom_that_heard(offset: Array, lost: l
 
 @pytest.mark.parametrize("lost", [1, 2])
 def test_on_a_path_those_behind_one_that_is_lost_stay_tied_to_those_before_it(lost: int) -> None:
-    """Without the bridge nothing but speed was left between them: a gust left them 10 m off for good."""
+    """Without the new edge only speed connected the parts, and a gust left them 10 m off for good."""
     offset, active = np.zeros((4, COUNT)), np.arange(COUNT) != lost
     offset[0, lost + 1 :] = 10.0
     table = law(graph=graph_adjacency("path", COUNT)).decide(situation(0.0, offset, active=active), 0.1).setpoints
@@ -181,6 +181,6 @@ def test_on_a_path_those_behind_one_that_is_lost_stay_tied_to_those_before_it(lo
 
 
 def test_heights_are_the_path_s_and_the_slots_own() -> None:
-    """No state of another vehicle is in them: that loop is closed on board."""
+    """They contain no state of another vehicle: that loop is closed on board."""
     told = law().decide(situation(0.0, np.ones((4, COUNT))), 0.1).setpoints
     np.testing.assert_allclose(told.height_m, [100.0, 100.0, 105.0, 100.0])

@@ -1,4 +1,4 @@
-"""Setpoints are held inside the envelope, on the side on which they're wanted."""
+"""Setpoints are limited to the envelope, on the side that the law asked for."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_what_is_sent_is_inside_the_limits(speed: float, own: float, correction:
 
 @given(st.floats(1e-3, 100.0))
 def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: float) -> None:
-    """Half a turn's worth of correction isn't a turn the other way."""
+    """A correction of half a turn must not become a turn in the other direction."""
     assert Envelope(0.0, STATE, MODEL).limit(22.0, -correction, 100.0)[1] == -min(correction, math.radians(60.0))
 
 
@@ -33,6 +33,6 @@ def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: f
 def test_with_its_back_to_the_leader_a_follower_is_told_its_slot_s_heading_whatever_its_errors(
     beside: float, correction: float
 ) -> None:
-    """So it turns about to one side; told now left, now right of what is behind it, it would fly on."""
+    """So it turns to one side; told to turn left and right in alternation, it would fly straight on."""
     behind = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, math.pi + beside, 0.0, 0.0)
     assert Envelope(0.0, behind, MODEL).limit(22.0, correction, 100.0)[1] == 0.0

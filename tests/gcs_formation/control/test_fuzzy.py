@@ -1,4 +1,4 @@
-"""The scheduler against the paper's tables and the corrected paper's golden values."""
+"""The fuzzy scheduler against the paper's tables and the corrected paper's golden values."""
 
 import numpy as np
 import pytest

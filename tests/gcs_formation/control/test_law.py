@@ -1,4 +1,4 @@
-"""The formation law tick by tick: what it feeds forward and what its rates are, against model (7) integrated finely."""
+"""The formation law tick by tick: its feed-forward and its rates, against model (7) integrated finely."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from tests.gcs_formation.control.law_ticks import (
 )
 
 TURNING = Setpoints(np.array((23.5, 22.0, 22.0)), np.array((0.25, 0.0, 0.0)), np.array((106.0, 104.0, 94.0)))
-"""The leader is told to speed up, to turn right and to climb."""
+"""Setpoints with which the leader speeds up, turns right and climbs."""
 
 
 def keeping_up() -> tuple[FlightStates, SlotMotion]:
-    """A leader that turns right, and followers that move exactly as slots do that move themselves."""
+    """Return a leader that turns right, and followers that move exactly as their moving slots do."""
     states = in_formation(0.1)
     turn_rps = (TURNING.heading_rad[0] - 0.1) / MODEL.tau_psi_s[0]
     velocity_mps = np.array([[0.0, 0.0, 0.0], [0.6, -0.5, 0.3], [-0.4, 0.7, -0.2]])
@@ -59,7 +59,7 @@ def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
 
 
 def test_who_moves_as_its_slot_does_is_told_to_accelerate_as_it_does() -> None:
-    """Error and rate are 0; what is fed forward leaves none of second order in time, whatever leader and slots do."""
+    """Error and rate are 0; the feed-forward leaves no error of second order in time, whatever leader and slots do."""
     states, slots = keeping_up()
     decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), AT_ONCE_S)
     np.testing.assert_allclose(decided.error_m, 0.0, atol=1e-12)
@@ -71,7 +71,7 @@ def test_who_moves_as_its_slot_does_is_told_to_accelerate_as_it_does() -> None:
 
 
 def test_the_rate_is_that_of_the_mixed_error() -> None:
-    """From states alone, what the derivative acts on is how the mixed error changes by model (7)."""
+    """The derivative acts on the mixed error's rate by model (7), computed from states only."""
     states, slots = keeping_up()
     off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.06, -0.08]])
     states = with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
@@ -166,7 +166,7 @@ def test_behind_a_new_leader_everything_begins_again() -> None:
 def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
     channel: int, share: float, limits: tuple[float, float]
 ) -> None:
-    """Speed by 1.6 times the greatest acceleration, heading by 1.04 times the greatest turn rate."""
+    """Speed by 1.6 times the maximum acceleration, heading by 1.04 times the maximum turn rate."""
     gain = np.zeros(3)
     gain[channel] = (0.75, 2.0)[channel]
     flying, most = law(kp=gain), share * DT_S * np.array(limits)
@@ -190,7 +190,7 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("closing_mps", [-2.0, 0.0, 3.0])
 def test_a_slot_is_closed_on_no_faster_than_can_be_braked_from(side: float, closing_mps: float) -> None:
-    """v² = 2 a x with half the greatest acceleration, and 1 m/s; by as much more as it is slower than that."""
+    """v² = 2 a x with half the maximum acceleration, plus 1 m/s, plus the vehicle's shortfall against that."""
     states, errors_m = in_formation(), side * np.array((4.0, 6.0))
     states = with_rows(states, 0, states.table[0, FOLLOWERS] - errors_m)
     states = with_rows(states, 4, states.table[4, FOLLOWERS] + side * closing_mps)
@@ -202,7 +202,7 @@ def test_a_slot_is_closed_on_no_faster_than_can_be_braked_from(side: float, clos
 
 
 def test_nothing_is_integrated_of_an_error_that_is_flown_off() -> None:
-    """From 30 m behind at 3 m/s, until it has been as fast as its slot for 5 s; who stays so far off is made up for."""
+    """From 30 m behind at 3 m/s, until it has had its slot's speed for 5 s; a lasting offset is integrated."""
     flying = law(ki=np.array((0.5, 0.0, 0.0)))
 
     def gathers(metres: float, faster_mps: float, ticks: int) -> Array:
@@ -227,7 +227,7 @@ def test_the_height_of_a_correction_is_as_wanted() -> None:
 
 
 def test_a_gust_is_led_by_how_fast_its_drift_is_followed() -> None:
-    """The drift is followed with a lag of 1/2 s; a setpoint leads what the airspeed must change by tau."""
+    """The drift's estimate has a lag of 1/2 s; the setpoint leads the required change of airspeed by tau."""
     flying, gust_mps, pole_radps = law(), np.array((0.5, 0.4)), 2.0
     flying.decide(situation(carried((0.0, 0.0))), DT_S)
     for tick in range(3):
@@ -243,10 +243,10 @@ def test_a_gust_is_led_by_how_fast_its_drift_is_followed() -> None:
 
 
 def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
-    """Beyond three standard deviations it counts, less their square."""
+    """A change beyond three standard deviations counts, minus their square."""
 
     def led(gust_mps: float) -> float:
-        flying, unknown = law(), [0.06**2, 0.08**2, 0.0]  # 0.1 m/s of the pair 0, 1
+        flying, unknown = law(), [0.06**2, 0.08**2, 0.0]  # 0.1 m/s for the pair 0, 1
         flying.decide(tables.changed(situation(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
         here = tables.changed(situation(carried((gust_mps, 0.0))), wind_variance=unknown)
         return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
@@ -263,7 +263,7 @@ def test_a_share_of_the_bandwidth_is_that_of_the_gains_and_its_square_of_the_int
 
 
 def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
-    """1.6 times the greatest acceleration, and what the setpoint leads the change of the drift by, in either sense."""
+    """1.6 times the maximum acceleration, plus the setpoint's lead on the change of the drift, in both directions."""
     for wind_mps in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5)):
         flying, steady = law(kp=np.array((9.0, 0.0, 0.0))), law()
         for each in (flying, steady):
@@ -279,7 +279,7 @@ def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
 
 @pytest.mark.parametrize("ahead_m", [60.0, -60.0])
 def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m: float) -> None:
-    """Far ahead of the slot everybody is told the least airspeed, whatever gust pushes them; far behind, the most."""
+    """Far ahead of the slot a vehicle is commanded the least airspeed, whatever the gust; far behind, the highest."""
     least_mps, most_mps = 18.0, 26.0
     rows = MODEL.table.copy()
     rows[4:6] = [[least_mps], [most_mps]]
@@ -295,12 +295,12 @@ def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m
 
 
 def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
-    """In a steady turn, where told headings move once a tick: followers stay in their slots, and no rate is seen."""
+    """In a steady turn heading setpoints move once a tick: followers stay in their slots, and rates are 0."""
     turn_rps, table = 0.03, in_formation().table
     forward_mps, right_mps = SPEED_MPS - turn_rps * SLOTS_M[:, 1], turn_rps * SLOTS_M[:, 0]
     table[4], table[5] = np.hypot(forward_mps, right_mps), np.arctan2(right_mps, forward_mps)
     states, plain, derivative = FlightStates(*table), law(), law(kd=np.ones(3))
-    ended_s = HELD_S[1] - DT_S  # lags of those that were flying at their mean rate as the tick before ended
+    ended_s = HELD_S[1] - DT_S  # lags of vehicles that flew at their mean rate at the end of the previous tick
     told = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
     for tick in range(20):
         told.heading_rad[LEADER] = turn_rps * (DT_S * tick + HELD_S[1, LEADER])

@@ -1,4 +1,4 @@
-"""The formation law in the followers' own frame: slots swing with the headings of those who fly in them."""
+"""The formation law in the followers' own frame: slots swing with their followers' headings."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tests.gcs_formation.control.law_ticks import (
 
 
 def towed_and_off() -> FlightStates:
-    """Northwards, followers beside their slots with headings that differ from the leader's."""
+    """Return vehicles northwards, followers beside their slots with headings that differ from the leader's."""
     states = in_formation()
     off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.12, -0.08]])
     return with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
 
 
 def test_what_a_heading_sweeps_a_slot_is_no_error_and_damps_as_30_m_behind() -> None:
-    """20 m to the right, a slot is swept forward by 20 m times the angle; 10 m behind, it swings as by 1.36 s."""
+    """20 m to the right, a slot moves forward by 20 m times the angle; 10 m behind, it swings like 1.36 s behind."""
     near = SLOTS_M + np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     here = situation(towed_and_off(), slots=SlotMotion.at_rest(near))
     decided = law(frame="follower_heading").decide(here, DT_S)
@@ -62,7 +62,7 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
 
 
 def test_the_heading_of_a_slot_aside_has_less_bandwidth() -> None:
-    """0.6 s by itself and the time aside, of 1.36 s at most."""
+    """0.6 s by itself, plus the time aside, of 1.36 s at most."""
     aside = np.array([[0.0, 0.0, 0.0], [-30.0, -11.0, 0.0], [-30.0, 44.0, 0.0]])
     here = situation(in_formation(), slots=SlotMotion.at_rest(aside))
     shown = law(np.ones(3), frame="follower_heading").decide(here, DT_S).gains[:, :3]
@@ -70,14 +70,14 @@ def test_the_heading_of_a_slot_aside_has_less_bandwidth() -> None:
 
 
 def test_a_steady_drift_is_flown_against() -> None:
-    """Airspeed and heading that give the leader's velocity over ground; the heading by the drift over the speed."""
+    """Airspeed and heading give the leader's velocity over ground; the heading changes by the drift over the speed."""
     decided = law(frame="follower_heading").decide(situation(carried((0.5, 0.4))), DT_S)
     heading = -np.arcsin(0.4 / SPEED_MPS)
     np.testing.assert_allclose(sent(decided)[:, :2], [[SPEED_MPS * np.cos(heading) - 0.5, heading]] * 2, atol=1e-4)
 
 
 def test_a_gust_across_is_crabbed_against_slowly() -> None:
-    """By 0.65 rad/s of the way at a time, led by the heading's lag; a slot aside swings, and speed leads that."""
+    """By 0.65 rad/s of what is left, led by the heading's lag; a slot aside swings, which the speed leads."""
     flying, across_mps, speed_mps = law(frame="follower_heading"), 0.44, SPEED_MPS
     flying.decide(situation(carried((0.0, 0.0))), DT_S)
     asked = sent(flying.decide(situation(carried((0.0, across_mps))), DT_S))[:, :2]

@@ -65,7 +65,7 @@ def test_the_slots_motion_keeps_the_follower_in_it(
     slot, leader = standing(forward, right, 0.0), state(0, 0, 100, speed, heading, wind)
     carried = (wind[0] + drift_north, wind[1] + drift_east)
     v2, psi2 = speed, heading
-    for _ in range(60):  # in the follower's frame the drift is turned by its own heading
+    for _ in range(60):  # in the follower's frame its own heading rotates the drift
         drift = rotated(heading if frame == "leader_heading" else psi2, drift_north, drift_east)
         target = slot_target(leader, *drift, turn, slot, frame)
         v2, psi2 = target.speed_mps, target.heading_rad

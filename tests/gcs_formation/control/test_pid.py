@@ -68,8 +68,8 @@ def test_a_limit_leaves_nothing_in_the_integral_that_the_error_did_not_put_there
 ) -> None:
     """For 10 s an error of 8 drives the output beyond a limit of 6, then it is gone.
 
-    What the integral holds then has the error's sign, and is no more than the gain can have gathered: at a gain of 0
-    nothing. So the output is back where it was before the limit.
+    The integral then has the error's sign and is no larger than the gain can have integrated: 0 at a gain of 0. So the
+    output returns to its value before the limit.
     """
     controller, gathered = pid(kp, ki, kd, windup_s=windup_s), 0.0
     for k in range(200):
@@ -95,7 +95,7 @@ def test_a_limit_takes_from_the_integral_what_is_there_and_no_more(held: float, 
 
 @pytest.mark.parametrize(("error", "left"), [(8.0, -36.0), (-8.0, -44.0), (60.0, 0.0)])
 def test_an_integral_that_does_not_gather_loses_what_the_error_takes(error: float, left: float) -> None:
-    """Neither a limit takes from it, as it is on the way to a slot, nor does it change its sign."""
+    """A limit doesn't reduce it, because the vehicle is on its way to a slot, and its sign doesn't change."""
     controller = pid(ki=1.0)
     controller.integral = -44.0
     controller.integrate(error, 9.0, 1.0, gathers=False)
@@ -103,7 +103,7 @@ def test_an_integral_that_does_not_gather_loses_what_the_error_takes(error: floa
 
 
 def test_an_integral_gathers_no_more_than_there_is_to_gather() -> None:
-    """Where it and the derivative cancel each other, no limit is met that would stop it."""
+    """If it and the derivative cancel, no limit is reached that would stop it."""
     controller = pid(ki=1.0)
     for _ in range(30):
         controller.integrate(-2.0, 0.0, 1.0, 12.0)
@@ -136,7 +136,7 @@ def level_at(height_m: float) -> FlightState:
 
 @pytest.mark.parametrize("up_m", [40.0, -40.0])
 def test_what_an_integrator_could_gather_on_a_long_climb_does_not_overshoot(up_m: float) -> None:
-    """40 m at 3 m/s take 13 s; an integrator that gathered on the way flew 1.45 m past the slot."""
+    """40 m at 3 m/s take 13 s; an integrator that ran during the climb used to overshoot by 1.45 m."""
     past_m = [-error_m * math.copysign(1.0, up_m) for error_m in descent_m(up_m)]
     assert 0.0 < max(past_m) < 0.5
     assert abs(past_m[-1]) < 0.01

@@ -1,4 +1,4 @@
-"""Slots in the followers' own frames: how (8) has a follower turn while its slot moves and the leader turns."""
+"""Slots in the followers' own frames: by (8) followers turn as their slots move and the leader turns."""
 
 import math
 
@@ -12,18 +12,18 @@ from gcs_formation.control.setpoint import CRAB_RADPS, LeaderMotion, Target, Tra
 SPEED_MPS, WAY_S = 22.0, 30.0
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
 FINE = 10
-"""Steps of the integration a tick."""
+"""Steps of the integration per tick."""
 
 
 def slot_at(time_s: float, start: np.ndarray, way: np.ndarray) -> Slot:
-    """Return a slot on its way, with the least jerk."""
+    """Return a slot on its way, with minimum jerk."""
     u = min(time_s / WAY_S, 1.0)
     share, rate, change = u**3 * (10 - 15 * u + 6 * u**2), 30 * (u * (1 - u)) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
     return Slot((start + share * way).tolist(), (rate * way / WAY_S).tolist(), (change * way / WAY_S**2).tolist())
 
 
 def leader_at(time_s: float) -> LeaderMotion:
-    """Return a leader that swings through bends of up to 0.03 rad/s."""
+    """Return a leader on a winding path, with turns of up to 0.03 rad/s."""
     cos, sin = math.cos(0.3 * time_s), math.sin(0.3 * time_s)
     state = FlightState(0.0, 0.0, 0.0, 0.0, SPEED_MPS, 0.1 * (1 - cos), 0.0, 0.0)
     return LeaderMotion(state, 0.03 * sin, 0.009 * cos, 0.0, 0.0)
@@ -38,7 +38,7 @@ def target_of(leader: LeaderMotion, turn_rps: float, slot: Slot) -> Target:
 def test_who_turns_as_trailing_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_aside(
     forward_m: tuple[float, float], tick_s: float
 ) -> None:
-    """Equation (8) integrated finely: the error that is left is of first order in the tick; headings turn as said."""
+    """Equation (8) integrated finely: the error left is of first order in the tick; headings turn as computed."""
     start, end = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1], 30.0, 0.0])
     trailing, (x_m, y_m), worst_m, headings = TrailingSlot(), (0.0, 0.0), 0.0, list[tuple[float, float]]()
     for tick in range(int(40 / tick_s)):
@@ -62,7 +62,7 @@ def test_who_turns_as_trailing_at_the_slots_speed_stays_in_a_slot_that_goes_60_m
 
 @pytest.mark.parametrize("forward_m", [(-30.0, -60.0), (-60.0, -30.0)])
 def test_what_is_fed_forward_leads_the_trailing_target_by_its_rate(forward_m: tuple[float, float]) -> None:
-    """Setpoint minus target by the lag is how the target changes, while the leader bends and the slot moves."""
+    """(Setpoint minus target) / lag is the target's rate, while the leader turns and the slot moves."""
     start, way = np.array([forward_m[0], -30.0, 0.0]), np.array([forward_m[1] - forward_m[0], 60.0, 0.0])
     trailing, tick_s, targets, led = TrailingSlot(), 0.01, list[list[float]](), list[list[float]]()
     for tick in range(2000):
@@ -79,7 +79,7 @@ def test_what_is_fed_forward_leads_the_trailing_target_by_its_rate(forward_m: tu
 
 
 def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_angle() -> None:
-    """Speed is led by the rates: what the slot at the side is swept by comes as no surprise."""
+    """The speed setpoint leads by the rates, so the sweep of a slot at the side is anticipated."""
     trailing, tick_s, gust_mps = TrailingSlot(), 0.001, 0.6
     time_s = np.arange(0.0, 8.0, tick_s)
     drift, change = gust_mps * -np.expm1(-2.0 * time_s), 2.0 * gust_mps * np.exp(-2.0 * time_s)

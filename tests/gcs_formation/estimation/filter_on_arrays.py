@@ -1,4 +1,4 @@
-"""The same filter on arrays of vehicles, all values of a sample at once and in Joseph's form: an oracle.
+"""The same filter on arrays of vehicles, all values of a sample at once and in Joseph's form: a test oracle.
 
 Source: Gelb, "Applied Optimal Estimation" (1974), chapter 6. States are rows of `FlightStates`; a sample is (8, N):
 north, east, height, their rates over ground, airspeed, heading.
@@ -19,13 +19,13 @@ GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
 
 
 def transition(state: FlightStates, elapsed_s: Array, model: AutopilotModels) -> Array:
-    """Return the derivative of the states `elapsed_s` (N,) later by the states now, (N, 8, 8), at constant heading."""
+    """Return the derivative of the states after `elapsed_s` (N,) by the present ones, (N, 8, 8); constant heading."""
     cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
     kept = np.exp(-elapsed_s / model.air_lags_s)
     speed_s, heading_s = model.air_lags_s * (1.0 - kept)
     slow_s, fast_s = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
     slow, fast = np.exp(-elapsed_s / slow_s), np.exp(-elapsed_s / fast_s)
-    # With equal poles, the limit of exprel gives the double pole's form.
+    # For equal poles the limit of exprel gives the double pole's form.
     between_s = elapsed_s * slow * scipy.special.exprel(elapsed_s / slow_s - elapsed_s / fast_s)
     derivative = np.zeros((elapsed_s.size, STATES, STATES))
     derivative[:] = np.eye(STATES)
@@ -40,7 +40,7 @@ def transition(state: FlightStates, elapsed_s: Array, model: AutopilotModels) ->
 
 
 def expected(state: FlightStates) -> Array:
-    """Return the sample that vehicles in `state` would give, (8, N)."""
+    """Return the expected sample of vehicles in `state`, (8, N)."""
     ground_north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
     ground_east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
     return np.array((*state.place_m, ground_north, ground_east, state.climb_mps, *state.air_motion))

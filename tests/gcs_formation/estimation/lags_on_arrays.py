@@ -1,4 +1,4 @@
-"""The lags of many vehicles learnt on arrays, all vehicles' and all simulations' at once: an oracle of `lags`."""
+"""Estimates the lags of many vehicles on arrays, all vehicles and all simulations at once: a test oracle of `lags`."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ from tests.gcs_formation.tables import Instants
 
 
 class Bank:
-    """All vehicles' simulations from their setpoints alone, K each: airspeed and heading by one lag, height by two."""
+    """K simulations of each vehicle from its setpoints alone: airspeed and heading by one lag, height by two."""
 
     def __init__(self, believed: AutopilotModels, air: Array, height: Array) -> None:
-        """Simulate lags that are the believed ones times e to the power of `air` (K,) and `height` (K', 2)."""
+        """Simulate lags that are the assumed ones times e to the power of `air` (K,) and `height` (K', 2)."""
         self._columns = columns = believed.tau_v_s.size
         self.flying: Mask = np.zeros(columns, dtype=bool)
         """(C,) whether a vehicle's simulations have begun."""
@@ -50,7 +50,7 @@ class Bank:
         self._height = Height(np.zeros(columns * len(height)), np.zeros(columns * len(height)))
 
     def begin(self, which: Mask, seen: Array) -> None:
-        """Begin some simulations, (3, C) of airspeed, heading and height, from what was measured.
+        """Begin some simulations, (3, C) of airspeed, heading and height, from measurements.
 
         `seen`, (4, C), is airspeed, heading, height and climb.
         """
@@ -64,12 +64,12 @@ class Bank:
     def fly(self, stamps: Instants, acts: Instants, told: Array) -> tuple[tuple[Array, Array, Array], Mask]:
         """Return airspeed, heading and height at all stamps but the first, (B, C, K) each.
 
-        Also which of them, (3, C), kept clear of the rate limits.
+        Also which of them, (3, C), stayed within the rate limits.
 
         Args:
-            stamps: (B + 1, C), in order, the same of all vehicles; the simulations are at the first.
-            acts: (R, C) in order, when the setpoints act, the same of all vehicles.
-            told: (R, 3, C).
+            stamps: (B + 1, C), ascending, the same for all vehicles; the simulations are at the first.
+            acts: (R, C) ascending, when the setpoints act, the same for all vehicles.
+            told: (R, 3, C) setpoints.
         """
         assert (stamps == stamps[:, :1]).all()
         assert (acts == acts[:, :1]).all()
@@ -90,7 +90,7 @@ class Bank:
         return (air[at, 0], air[at, 1], height[at]), np.concatenate((air_free, height_free[None]))
 
     def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
-        """Return airspeeds and headings at the borders of S segments, (S + 1, 2, C, K), and which were free, (2, C)."""
+        """Return airspeeds and headings at segments' ends, (S + 1, 2, C, K), and which stayed within limits, (2, C)."""
         model, count = self._air_model, self._air.shape[1] // self._columns
         told = np.repeat(told, count, axis=2)
         told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
@@ -105,7 +105,7 @@ class Bank:
         return np.array(values).reshape(-1, 2, self._columns, count), free
 
     def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
-        """Return heights at the borders of S segments, (S + 1, C, K), and which were free, (C,)."""
+        """Return heights at the ends of S segments, (S + 1, C, K), and which stayed within limits, (C,)."""
         count = self._height.height_m.size // self._columns
         told_m = np.repeat(told_m, count, axis=1)
         steps = HeightSteps.of(self._height_model, np.repeat(duration_s, count, axis=1))
@@ -120,7 +120,7 @@ class Bank:
 
 
 def _spanned(believed: AutopilotModels, logs: Array) -> AutopilotModels:
-    """Return (C K,) models whose lags are the believed ones (C,) times e to the power of each of `logs` (4, K)."""
+    """Return (C K,) models whose lags are the assumed ones (C,) times e to the power of each of `logs` (4, K)."""
     table = np.repeat(believed.table, logs.shape[1], axis=1)
     table[:4] *= np.tile(np.exp(logs), believed.tau_v_s.size)
     return AutopilotModels.of(table)
@@ -178,7 +178,7 @@ class Sums:
         self.second += by_column.swapaxes(1, 2) @ by_column
 
     def keep(self, share: Array | float) -> None:
-        """Forget all but a share, a number or (C,)."""
+        """Keep only a share of the sums, a number or (C,)."""
         share = np.broadcast_to(share, self.count.shape)
         self.count *= share
         self.first *= share[:, None]
@@ -191,7 +191,7 @@ class Sums:
 
 
 class Fit(NamedTuple):
-    """What samples say about logarithms of ratios near some values, without the prior."""
+    """What samples say about the logarithms of ratios near some values, without the prior."""
 
     pull: Array
     """(C, P) gradient of the log-likelihood."""
@@ -202,7 +202,7 @@ class Fit(NamedTuple):
     def of(cls, scatter: Array, weights: Array, slopes: Array, worth: Array) -> Fit:
         """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K).
 
-        `worth`: of each sample, the inverse of a variance, (C,).
+        `worth`: inverse variance of each sample, (C,).
         """
         misfit = (scatter @ weights[..., None])[..., 0]
         pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
@@ -210,7 +210,7 @@ class Fit(NamedTuple):
 
 
 class Means:
-    """The means of batch after batch of residuals of C vehicles, each weighed anew."""
+    """Means of successive batches of residuals of C vehicles, each weighted anew."""
 
     def __init__(self, columns: int, resolution: float) -> None:
         """Begin without any."""
@@ -218,13 +218,13 @@ class Means:
         self._resolution = resolution
 
     def take(self, means: Array, counted: Mask) -> Array:
-        """Take a batch's, NaN where none is `counted`, and return what a batch of independent residuals is worth."""
+        """Add a batch's means, NaN where none is `counted`; return the weight of a batch of independent residuals."""
         for column, each in enumerate(self._means):
             each.append(float(means[column]) if counted[:, column].any() else math.nan)
         return np.array([self._batches(each) for each in self._means])
 
     def _batches(self, means: list[float]) -> float:
-        """Return (1 + rho) / (1 - rho) of pairs of neighbours, by definitions instead of running sums."""
+        """Return (1 + rho) / (1 - rho) of pairs of neighbours, by definition instead of by running sums."""
         share = math.exp(-BATCH_S / ALIKE_S)
         pairs = [(a, b) for a, b in itertools.pairwise(means) if not math.isnan(a + b)]
         kept = np.array([share ** (len(pairs) - 1 - place) for place in range(len(pairs))])
@@ -238,18 +238,18 @@ class Means:
 
 
 class Channel:
-    """Airspeed, heading or height of all vehicles: what was seen, and the P lags that fit it."""
+    """Airspeed, heading or height of all vehicles: what was measured, and the P lags that fit it."""
 
     def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
-        """Start with the believed lags.
+        """Start with the assumed lags.
 
-        `rate_hz` is that of the telemetry; `in_use`: whether the lags found are, not the believed ones.
+        `rate_hz`: the telemetry's rate. `in_use`: whether the estimated lags are used instead of the assumed ones.
         """
         self.nodes = nodes
         self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
-        """(C, P) of the lags to the believed ones."""
+        """(C, P) logarithms of the ratios of the lags to the assumed ones."""
         self.misfit: Array = np.zeros(columns)
-        """(C,) share by which lags seem to differ from those in use, beyond chance, in what was flown last."""
+        """(C,) share by which the lags of the latest flight seem to differ from those in use, beyond chance."""
         self._resolution, self._in_use = resolution, in_use
         self._independent = max(1.0, CORRELATED_S * rate_hz)
         self._means = Means(columns, resolution)
@@ -258,7 +258,7 @@ class Channel:
         self._kept: Array = np.ones(columns)
 
     def learn(self, differences: Array, counted: Mask) -> None:
-        """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags anew."""
+        """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags again."""
         apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
         excited = apart.max(axis=0, initial=0.0) > self._resolution
         shows = excited & counted.any(axis=0)
@@ -282,14 +282,14 @@ class Channel:
         self._judge(alike)
 
     def _nearest(self, scatter: Array, weights: Array, slopes: Array) -> Array:
-        """Return (C, P): by how much other ratios would come nearest, held by the prior where only digits differ."""
+        """Return (C, P), the change of the ratios towards the best fit; the prior holds ratios that hardly matter."""
         worth = np.full(len(weights), 1.0 / (self._resolution**2 * self._independent))
         fit = Fit.of(scatter, weights, slopes, worth)
         held = fit.information + np.eye(slopes.shape[1]) / BELIEVED_SPREAD**2
         return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
 
     def _fit(self, fit: Fit, fits: Mask) -> None:
-        """Make a Gauss-Newton step towards the most likely lags of the vehicles, (C,), that are to be fitted."""
+        """Make a Gauss-Newton step towards the most likely lags of the vehicles (C,) in `fits`."""
         believed = np.eye(self.log_ratio.shape[1]) / BELIEVED_SPREAD**2
         covariance = np.linalg.inv(fit.information + believed)
         wanted = (covariance @ (fit.pull - self.log_ratio / BELIEVED_SPREAD**2)[..., None])[..., 0]
@@ -300,9 +300,9 @@ class Channel:
         self.log_ratio = np.where(fits[:, None], stepped, self.log_ratio)
 
     def _judge(self, alike: Array) -> None:
-        """Find by what common share the lags in use differ from those of the last flight.
+        """Find the common share by which the lags in use differ from those of the latest flight.
 
-        `alike`: so many batches tell no more of residuals than one of independent ones, (C,).
+        `alike`: the number of batches whose residuals tell as much as those of one independent batch, (C,).
         """
         recent, calm, alike = self._recent, self._calm, np.minimum(alike, GUST_ALIKE)
         weights, slopes = self.nodes.weights(self.log_ratio if self._in_use else np.zeros_like(self.log_ratio))
@@ -321,9 +321,9 @@ class Channel:
 
 
 class LagsOnArrays:
-    """Keeps the lags of the models of all vehicles, (C,), as they fly; they are changed in place.
+    """Updates the lags of the models of all vehicles, (C,), in place as they fly.
 
-    Everyone who predicts or steers by those models reads them anew each tick.
+    Everything that predicts or steers by those models reads them at each tick.
     """
 
     def __init__(
@@ -335,13 +335,13 @@ class LagsOnArrays:
         *,
         in_use: bool,
     ) -> None:
-        """Start with the lags that `models` have; `history` holds what was told.
+        """Start with the lags of `models`; `history` holds the setpoints.
 
-        Not `in_use`, the models stay as they are, and only their misfit is watched.
+        If not `in_use`, the models stay unchanged, and only their misfit is monitored.
         """
         self.models = models
         self.lagging: Mask = np.ones(len(models), dtype=bool)
-        """(C,) which vehicles fly by (7); of others, whose model only comes near them, no lags are learnt."""
+        """(C,) which vehicles fly by (7). No lags are estimated of others, which (7) only approximates."""
         self._in_use = in_use
         self._believed = AutopilotModels.from_each(models)
         self._history = history
@@ -359,22 +359,22 @@ class LagsOnArrays:
 
     @property
     def misfit(self) -> Array:
-        """(3, C) by what share the lags of airspeed, heading and height seem to differ from those in use."""
+        """(3, C) share by which the lags of airspeed, heading and height seem to differ from those in use."""
         return np.array([channel.misfit for channel in self.channels])
 
     @property
     def ratios(self) -> Array:
-        """(4, C) of the lags of airspeed, heading and height (two) to the believed ones."""
+        """(4, C) ratios of the lags of airspeed, heading and height (two) to the assumed ones."""
         return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
 
     def hear(self, column: int, stamp: int, motion: Seen) -> None:
-        """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
+        """Take a vehicle's measured airspeed, heading, height and climb at `stamp`, m/s, rad, m."""
         self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
 
     def learn(self, learning: list[bool]) -> None:
-        """Take the newest samples at a tick; `learning` (C,): vehicles that fly as they were told.
+        """Take the newest samples at a tick; `learning` (C,): vehicles that fly by their setpoints.
 
-        Once in `BATCH_S` the models' lags are fitted.
+        The models' lags are fitted once in `BATCH_S`.
         """
         for column, flies in enumerate(learning):
             self._learning[column] = self._learning[column] and flies and not math.isnan(self._seen[column][0])
@@ -386,7 +386,7 @@ class LagsOnArrays:
         self._samples, self._learning = self._samples[-1:], [True] * len(learning)
 
     def _take(self, stamps: Instants, seen: Array) -> None:
-        """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); its first ended the one before."""
+        """Fit the lags to a batch of samples (B + 1, 4, C) at `stamps` (B + 1, C); the first ended the last batch."""
         sent = [self._history.of(column) for column in range(len(self.models))]
         places = range(sent[0].acting(int(stamps[0, 0])), sent[0].end)
         acts = np.array([[each.acts[place] for each in sent] for place in places], dtype=np.int64)

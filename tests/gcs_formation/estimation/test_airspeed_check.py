@@ -1,4 +1,4 @@
-"""Which measured airspeeds are believed, and what stands in for those that aren't."""
+"""Which measured airspeeds are trusted, and what replaces those that aren't."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ headings = st.floats(-math.pi, math.pi)
 
 @dataclass
 class Aircraft:
-    """One that flies in a wind; what its sensor reads is by what it flies."""
+    """An aircraft that flies in a wind; its sensor reads relative to its true airspeed."""
 
     wind_mps: tuple[float, float] = (0.0, 0.0)
     heading_rad: float = NORTH_RAD
@@ -32,7 +32,7 @@ class Aircraft:
     now_s: float = 0.0
 
     def fly(self, seconds: float, reads: Callable[[float], float] | None = None) -> list[bool]:
-        """Go on for a while; return which readings are believed. `reads`: of the time from now, m/s."""
+        """Fly for a while; return which readings are trusted. `reads`: reading by time from now, m/s."""
         believed: list[bool] = []
         for tick in range(round(seconds / PERIOD_S)):
             north_mps = self.wind_mps[0] + self.flown_mps * math.cos(self.heading_rad)
@@ -46,7 +46,7 @@ class Aircraft:
 
 @pytest.mark.parametrize("reading_mps", [0.0, 5.0, 11.0, 34.0, 60.0, 400.0])
 def test_a_sensor_that_fails_isnt_believed_and_the_airspeed_follows_from_the_wind_known(reading_mps: float) -> None:
-    """The aircraft goes on to 25 m/s while its sensor sticks."""
+    """The aircraft accelerates to 25 m/s while its sensor sticks."""
     plane = Aircraft(wind_mps=(-6.0, 3.0))
     assert all(plane.fly(10.0))
     plane.flown_mps = 25.0
@@ -55,7 +55,7 @@ def test_a_sensor_that_fails_isnt_believed_and_the_airspeed_follows_from_the_win
 
 
 def test_after_a_turn_too_as_the_wind_across_is_still_followed() -> None:
-    """It has changed by 4 m/s to the east since the sensor failed, to the side at first, then ahead."""
+    """The wind has changed by 4 m/s to the east since the sensor failed; that was sideways first, then ahead."""
     plane = Aircraft(wind_mps=(-6.0, 3.0))
     plane.fly(10.0)
     plane.wind_mps = (-6.0, 7.0)
@@ -87,7 +87,7 @@ def test_gusts_and_turns_of_any_size_are_believed_within_what_is_flown(
 def test_sensors_with_a_scale_of_their_own_in_thin_air_are_believed(
     scale: float, thin: float, reading_mps: float, heading_rad: float
 ) -> None:
-    """Before anything of scale and density is known, and straight on after a turn."""
+    """Before anything is known about scale and density, and straight on after a turn."""
     plane = Aircraft(flown_mps=scale * thin * reading_mps)
     for plane.heading_rad in (NORTH_RAD, heading_rad):
         assert all(plane.fly(5.0, lambda _: reading_mps))
@@ -103,7 +103,7 @@ def test_a_take_off_is_believed_against_and_with_the_wind(wind_mps: float) -> No
 
 @pytest.mark.parametrize("flown_mps", [10.0, 36.0])
 def test_what_velocity_over_ground_shows_as_well_is_believed_beyond_all_limits(flown_mps: float) -> None:
-    """A dive, a stall."""
+    """As in a dive or a stall."""
     plane = Aircraft(wind_mps=(5.0, 5.0))
     plane.fly(10.0)
     plane.flown_mps = flown_mps
@@ -126,7 +126,7 @@ def test_a_loose_contact_is_not_believed_in_between() -> None:
 
 
 def test_what_a_sensor_shows_that_ices_up_makes_little_of_the_wind() -> None:
-    """1 m/s less each second is taken for wind until it reads 11 m/s less than is flown."""
+    """1 m/s less each second counts as wind until the reading is 11 m/s too low."""
     plane = Aircraft()
     plane.fly(60.0)
     believed = plane.fly(40.0, lambda since_s: max(0.0, FLOWN_MPS - since_s))

@@ -1,4 +1,4 @@
-"""What an airspeed sensor's readings are worth, told from wind by how the velocity over ground turns."""
+"""The scale of an airspeed sensor, separated from wind by how the velocity over ground turns."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def flown(
     gusts_mps: float = 0.0,
     climb_mps: float = 0.0,
 ) -> AirspeedScale:
-    """Fly 20 s straight on and then a turn of 5 degrees a second, 100 m above the field, told ten times a second."""
+    """Fly 20 s straight and then turn at 5 degrees per second, 100 m above the field, with ten samples per second."""
     above_sea_m, random, gust = FIELD_M + 100.0, np.random.default_rng(1), np.zeros(2)
     level_mps = math.sqrt((scale * true_by_equivalent_airspeed(above_sea_m) * READING_MPS) ** 2 - climb_mps**2)
     for tick in range(round(10 * (20.0 + abs(turns_rad) / 0.087))):
@@ -76,7 +76,7 @@ def test_half_a_turn_tells_the_scale_from_any_wind(
 
 def test_gusts_that_last_are_not_taken_for_a_scale_beyond_what_they_leave_unknown() -> None:
     learner = flown(AirspeedScale(FIELD_M, SLOWEST_MPS, FASTEST_MPS), 2 * math.pi, gusts_mps=1.0)
-    assert abs(learner.scale - 1.0) < 0.036  # three standard deviations of what they leave
+    assert abs(learner.scale - 1.0) < 0.036  # three standard deviations of what gusts leave
 
 
 def test_what_is_told_is_read_where_it_flies_so_fast_and_lies_within_the_limits() -> None:

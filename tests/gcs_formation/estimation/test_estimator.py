@@ -1,4 +1,4 @@
-"""The state filter: its errors are as large as it says, it learns the noise, and it rides through what isn't noise."""
+"""The state filter: errors match its covariance, it learns the noise, and outliers don't mislead it."""
 
 import math
 
@@ -30,7 +30,7 @@ START = np.array((0.0, 0.0, 100.0, 0.0, 22.0, 0.3, 1.0, -2.0))
 
 
 class Flight:
-    """A vehicle that follows its setpoints by model (7), and the filter that watches it."""
+    """A vehicle that follows its setpoints by model (7), and its filter."""
 
     def __init__(self, seed=1, sigma=GNSS, declared=GNSS):
         self.random = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ class Flight:
     def see(self, off: float | Array = 0.0):
         exact = filter_on_arrays.expected(FlightStates(*self.true[:, None]))[:, 0]
         seen = exact + self.sigma[QUANTITY_OF] * self.random.standard_normal(8) + off
-        self.filter.take(0, Sample(Instant(self.now), *seen), tables.models(MODEL)[0], commanded=True)
+        self.filter.take([Sample(Instant(self.now), *seen)], tables.models(MODEL)[:1], [True])
 
     def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
         told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
@@ -72,7 +72,7 @@ class Flight:
         return error
 
     def covariance(self):
-        """Of the state's errors, (8, 8)."""
+        """Return the covariance of the state's errors, (8, 8)."""
         its, whole, places = self.filter.filters[0], np.zeros((8, 8)), [0, 1, 4, 5, 6, 7]
         level, height = its.level, its.height
         rows = level.north, level.east, level.speed, level.heading, level.wind_north, level.wind_east
@@ -81,13 +81,13 @@ class Flight:
         return whole
 
     def learnt(self):
-        """Each quantity's noise by its true one."""
+        """Return the learned noise of each quantity relative to the true one."""
         return np.array(self.filter.filters[0].noise.sigma()) / self.sigma
 
 
 @pytest.mark.slow
 def test_errors_are_as_large_as_the_filter_says():
-    """The mean of the normalised error squared is the number of states (Bar-Shalom's consistency test)."""
+    """The mean normalised error squared is the number of states (Bar-Shalom's consistency test)."""
     normalised = []
     for seed in range(40):
         flight = Flight(seed)
@@ -119,7 +119,7 @@ def test_noise_that_is_not_as_declared_is_learnt(times):
 
 @pytest.mark.parametrize("wind_radps", [0.2, 2.0])
 def test_positions_that_are_not_the_integral_of_velocities_tell_of_no_airspeed(wind_radps):
-    """A PX4's go 0.15 m/s faster or slower for seconds, each precise to the millimetre by itself."""
+    """A PX4's positions drift by 0.15 m/s for seconds, although each is precise to the millimetre."""
     flight = Flight(sigma=np.array([0.001, 0.001, 0.003, 0.003, 0.2, 0.001]))
     flight.filter.observe_wind(wind_radps)
     kept, slide_mps, off, errors = math.exp(-0.1 / 3.0), 0.0, np.zeros(8), []
@@ -156,7 +156,7 @@ def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
 
 
 def test_a_wind_that_changes_is_not_taken_for_noise():
-    """Exact samples in turbulence whose wind changes by 0.3 m/s from one to the next."""
+    """Exact samples in turbulence whose wind changes by 0.3 m/s from one sample to the next."""
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
     gusts = np.random.default_rng(5).standard_normal(600)
     for gust in gusts:
@@ -174,7 +174,7 @@ def test_a_gust_on_exact_telemetry_is_believed_at_once():
 
 
 def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
-    """It climbs by 10 m as it was commanded; then 0.5 m/s carry it up besides, of which (7) knows nothing."""
+    """It climbs by 10 m as commanded; then 0.5 m/s of rising air are added, which (7) doesn't know."""
     flight, felt_mps = Flight(sigma=RESOLUTION, declared=RESOLUTION), []
     for step in range(200):
         told = Setpoints(*(np.array([value]) for value in (22.0, 0.5, 110.0)))
@@ -211,7 +211,7 @@ def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_a
 
 
 def test_outliers_are_ridden_through():
-    """One sample in twenty lies 20 m off."""
+    """One sample in twenty is 20 m off."""
     flight, errors = Flight(), []
     strays = np.random.default_rng(3)
     for _ in range(1000):
@@ -234,7 +234,7 @@ def test_a_vehicle_that_somebody_else_turns_is_followed():
 
 
 def test_the_wind_is_kept_where_a_state_begins_anew():
-    """Somebody else turns the vehicle while its airspeed is told 3 m/s too low: its air is what it was."""
+    """Somebody else turns the vehicle while its airspeed reads 3 m/s too low: its wind must not change."""
     flight = Flight()
     noise = VehicleNoise(tuple(GNSS.tolist()), tuple((GNSS / 4).tolist()))
     flight.filter = StateEstimator([noise], flight.history, RATE_HZ, 0.1)
@@ -277,9 +277,10 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("off_m", [0.005, 0.9])
 def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
-    """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray that are told, and that aren't.
+    """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray with and without setpoints.
 
-    A place that is u times too far off to be plausible, by 1 m/s of straying too, counts as if its S were u² times it.
+    A position that is u times too far off to be plausible, including 1 m/s of straying, counts as if S were u² times as
+    large.
     """
     fine = GNSS / 20
     flight, learnt = Flight(sigma=0 * GNSS, declared=fine), []
@@ -294,7 +295,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     state = tables.predict(flight.history, before, np.array([0]), until, MODEL)
     off = np.array((off_m, -off_m, off_m, *0.3 * fine[QUANTITY_OF][3:]))
     sample = Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))
-    flight.filter.take(0, sample, tables.models(MODEL)[0], commanded=told)
+    flight.filter.take([sample], tables.models(MODEL)[:1], [told])
     moved, rows = filter_on_arrays.transition(before, np.array([0.1]), MODEL)[0], filter_on_arrays.sensitivity(state)[0]
     strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
     wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
@@ -345,12 +346,12 @@ def test_of_whom_nothing_is_declared_noise_is_taken_as_of_a_gnss_receiver_and_of
     [
         ({}, 1.0, 0.25),
         ({"correlation_s": 20}, 1.0, 1.0),
-        ({"rate_hz": 2.5}, 2.0, 2.0),  # an error is in four samples, which tell as much as one
+        ({"rate_hz": 2.5}, 2.0, 2.0),  # an error lasts for four samples, which tell as much as one
         ({"rate_hz": 0.5, "correlation_s": 20}, math.sqrt(10.0), math.sqrt(10.0)),  # those of a second
     ],
 )
 def test_errors_that_last_are_taken_as_large_as_they_are_and_no_smaller(keys, factor: float, least: float):
-    """Averages over the time for which model (7) can be trusted don't make them less."""
+    """Averages over the time for which model (7) can be trusted don't reduce them."""
     vehicles = {"count": 2, "navigation": {"source": "noisy", **keys}}
     noise, _ = declared_noise(load_scenario(scenario(vehicles=vehicles, telemetry={"rate_hz": 10})))
     white = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
@@ -368,7 +369,8 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
         at_s, over_ground_mps = 0.1 * tenth, (22.0 * math.cos(0.4), 22.0 * math.sin(0.4), 0.0)
         true = np.array((*(at_s * each for each in over_ground_mps[:2]), 100.0, 22.0))
         north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
-        controller.take(1, Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4))
+        sample = Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)
+        controller.take([None, sample, *[None] * (controller.columns - 2)])
         found = controller.estimator.filters[1].state
         assert found is not None
         errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)

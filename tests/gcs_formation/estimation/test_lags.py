@@ -1,4 +1,4 @@
-"""Lags learnt from what simulated vehicles of known lags fly."""
+"""Lags estimated from simulated vehicles with known lags."""
 
 from functools import partial
 from typing import Any
@@ -29,7 +29,7 @@ def models(ratios):
 
 
 def wander(time_s):
-    """Return setpoints whose changes stay clear of the rate limits."""
+    """Return setpoints whose changes stay within the rate limits."""
     return (
         22 + 1.5 * np.sign(np.sin(0.35 * time_s)),
         0.15 * np.sign(np.sin(0.8 * time_s)),
@@ -38,7 +38,7 @@ def wander(time_s):
 
 
 class Watched:
-    """An estimator that hears `hz` samples a second, and the largest misfit that it has found."""
+    """An estimator that gets `hz` samples per second, and the largest misfit that it has found."""
 
     def __init__(self, hz, models, history, telemetry_hz, law_hz, *, in_use):
         self.of = LagEstimator(models, history, hz, law_hz, in_use=in_use)
@@ -67,7 +67,7 @@ def flown(
     lifted_m=None,
     kind: Any = LagEstimator,
 ):
-    """Return the estimator, of a `kind`, after a flight of vehicles whose lags are `ratios` times the believed ones.
+    """Return the estimator of a `kind` after a flight of vehicles whose lags are `ratios` times the assumed ones.
 
     `lifted_m`: by how much the air lifts them, tick by tick.
     """
@@ -91,14 +91,14 @@ def flown(
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
         lags.learn([learning] * count)
         tables.send(history, acts, Setpoints.of(told))
-        # A setpoint acts 3.5 ticks after it was told.
+        # A setpoint acts 3.5 ticks after it was sent.
         for late in (4, 3):
             state = advance(state, acting[max(0, tick - late)], np.full(count, TICK_S / 2), true)
     return lags
 
 
 def ratios_of(lags):
-    """Return the ratios of the lags that were found to the believed ones, (4, C)."""
+    """Return the ratios of the estimated lags to the assumed ones, (4, C)."""
     return np.exp([each.log_ratios() for each in lags.vehicles]).T
 
 
@@ -109,12 +109,12 @@ def test_lags_30_percent_off_are_found_each_vehicle_its_own():
     found = ratios_of(flown(CORNERS))
     assert found[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
     true_m, found_m = (np.array((1.0, 3.0)) @ ratios for ratios in (np.array(CORNERS).T[2:], found[2:]))
-    assert found_m == pytest.approx(true_m, rel=0.05)  # their sum; which of the two it is shows less
+    assert found_m == pytest.approx(true_m, rel=0.05)  # their sum; how it is split shows less
 
 
 @pytest.mark.slow
 def test_lags_are_found_from_0_55_to_1_8_times_the_believed_ones():
-    """Interpolation between few simulations costs 0.3 % of airspeed's and heading's, and of the height's sum."""
+    """Interpolation between few simulations costs 0.3 % in airspeed, heading, and the sum of the height's lags."""
     corners = tuple((air, air, slow, fast) for air in (0.55, 1.8) for slow in (0.55, 1.0, 1.8) for fast in (0.55, 1.8))
     found, true = ratios_of(flown(corners, 60)), np.array(corners).T
     assert found[:2] == pytest.approx(true[:2], rel=0.005)
@@ -135,7 +135,7 @@ def test_white_noise_in_the_telemetry_does_not_bias_them():
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
-    """Gusts displace an aircraft by 1.5 m RMS, for 5 s: many samples in a row tell of one gust."""
+    """Gusts displace an aircraft by 1.5 m RMS, for 5 s: many successive samples show the same gust."""
     kept, random = np.exp(-TICK_S / 5.0), np.random.default_rng(seed)
     lifted_m = [0.0]
     for _ in range(round(120 / TICK_S)):
@@ -146,7 +146,7 @@ def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
 
 
 def test_a_gust_that_the_law_answers_is_not_taken_for_other_lags():
-    """It sinks by 6 m and is told to climb by as much: 1 before, as the calm flight around it was counted as shown."""
+    """It sinks by 6 m and is commanded to climb by as much. The misfit was 1 when the calm flight around it counted."""
 
     def share(time_s, lag_s):
         rise, fall = 1.0 - np.exp(-(time_s - 40.0) / lag_s), np.exp(-(time_s - 55.0) / lag_s)
@@ -175,7 +175,7 @@ def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
 
 @pytest.mark.parametrize("hz", [1, 2, 10 / 3])
 def test_noise_is_not_taken_for_other_lags_however_few_samples_there_are(hz):
-    """Two samples are met exactly by a mean and a share: what they leave tells nothing of chance.
+    """A mean and a share fit two samples exactly; the residuals then say nothing about chance.
 
     Of twenty vehicles that begin off their slots, up to a hundred times as far off as the lags are.
     """
@@ -209,7 +209,7 @@ def test_a_vehicle_that_does_not_fly_as_told_teaches_nothing():
 
 
 def test_flight_at_a_rate_limit_teaches_nothing():
-    """A turn at a limit that is lower than believed looks like a long lag, but the rest of it shows the lag."""
+    """A turn at a limit that is lower than assumed looks like a long lag, but the rest of the turn shows the lag."""
     right = np.ones((1, 4))
     slow = models(right)
     slow.turn_rate_max_rps[:] = 0.17
@@ -218,7 +218,7 @@ def test_flight_at_a_rate_limit_teaches_nothing():
 
 
 def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
-    """It's flown on by somebody else meanwhile: 4 s later it is 6 m/s slower."""
+    """Somebody else flies it meanwhile: 4 s later it is 6 m/s slower."""
 
     def tell(time_s):
         return (22.0 if time_s < 9.0 else 16.5, 0.0, 100.0)
@@ -232,7 +232,7 @@ def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
 @pytest.mark.parametrize("noise", [pytest.param((0, 0, 0), marks=pytest.mark.slow), (0.2, 0.01, 0.3)])
 def test_the_same_is_found_as_on_arrays(noise, in_use):
     def tell(time_s):
-        """Return setpoints that reach the rate limits now and then, and straight flight between them."""
+        """Return setpoints that sometimes reach the rate limits, with straight flight between them."""
         north, heading, height = wander(time_s)
         return (22.0, 1.5 * heading, 100.0) if time_s % 20 > 15 else (north, 4 * heading * (time_s > 12), height)
 

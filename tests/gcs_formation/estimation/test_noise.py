@@ -1,4 +1,4 @@
-"""The noise of telemetry from what successive increments have in common."""
+"""Telemetry noise estimated from the correlation of successive increments."""
 
 import math
 from typing import Any
@@ -67,7 +67,7 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
 
 
 def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma_mps: float = 0.003) -> list[float]:
-    """How far positions (n, 2) stray by what is learnt of them, m in a square root of a second, at each sample."""
+    """Return the learned straying of positions (n, 2) at each sample, m per square root of a second."""
     place, rate = sigma**2, sigma_mps**2
     stray, noise = PlaceStray(), (place, place, place, rate, rate, rate, rate, rate)
     found = list[float]()
@@ -80,7 +80,7 @@ def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma
 @pytest.mark.parametrize("step_s", [0.1, 0.25])
 @pytest.mark.parametrize("sigmas", [(0.003, 0.003), (0.3, 0.1), (0.003, 0.3)])
 def test_noisy_positions_in_a_bend_do_not_stray(sigmas, step_s):
-    """22 m/s and 0.3 rad/s: the mean of two velocities is 2.6 mm short of the way in 0.25 s, each time inwards."""
+    """22 m/s and 0.3 rad/s: the mean of two velocities is 2.6 mm short of the way in 0.25 s, always inwards."""
     random, at = np.random.default_rng(2), 0.3 * step_s * np.arange(600)
     places = 22.0 / 0.3 * np.stack((np.sin(at), -np.cos(at)), axis=1)
     velocities = 22.0 * np.stack((np.cos(at), np.sin(at)), axis=1)

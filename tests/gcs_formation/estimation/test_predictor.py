@@ -1,4 +1,4 @@
-"""The prediction against a peer (scipy's integrator of equation (7)) and against itself."""
+"""The prediction against a peer (scipy's integration of equation (7)) and against itself."""
 
 import math
 from typing import Any
@@ -77,7 +77,7 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
 
 
 def test_setpoints_act_when_they_arrive() -> None:
-    """The prediction through a history equals the pieces flown one after another, the first of them straight on."""
+    """The prediction through a history equals its pieces flown one after another, the first of them straight on."""
     history = SetpointHistory(10.0)
     told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
     for k, values in enumerate(told):
@@ -96,7 +96,7 @@ def test_setpoints_act_when_they_arrive() -> None:
         assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
 
 
-def test_untold_vehicles_fly_straight_on() -> None:
+def test_vehicles_without_setpoints_fly_straight_on() -> None:
     state = FlightStates(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
     later = advance(state, np.full((3, 1), np.nan), np.array([2.0]), MODEL)
     assert later.heading_rad == pytest.approx([0.5])
@@ -105,7 +105,7 @@ def test_untold_vehicles_fly_straight_on() -> None:
 
 
 @pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
-def test_an_untold_vehicle_in_a_turn_flies_an_arc(turn_rps: float) -> None:
+def test_a_turning_vehicle_without_setpoints_flies_an_arc(turn_rps: float) -> None:
     state, over_s = FlightStates(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
     straight = advance(state, np.full((3, 1), np.nan), np.array([over_s]), MODEL)
     turned = straight.turned(*column(turn_rps, over_s))
@@ -128,7 +128,7 @@ def test_limits_hold() -> None:
 
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> None:
-    """After 2 s of a step of 1 m with 2 s twice, 2/e m are left, and it climbs at 1/(2 e) m/s."""
+    """2 s after a step of 1 m with two lags of 2 s, 2/e m are left, and it climbs at 1/(2 e) m/s."""
     model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     later = advance(state, np.array([22.0, 0.0, 101.0])[:, None], np.array([2.0]), model)

@@ -1,4 +1,4 @@
-"""States of unlike age, taken at one stamp."""
+"""States of different ages, projected to one stamp."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MS = 1_000_000
 
 
 def at(stamps: Stamps) -> FlightStates:
-    """Vehicles that fly straight on and turn evenly, through north."""
+    """Return vehicles in straight flight and in steady turns, through north."""
     time_s = stamps / 1e9
     still = np.zeros(COUNT)
     speed = np.array([20.0, 22.0, 24.0])
@@ -37,7 +37,7 @@ def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Mea
 
 
 def table(states: States) -> FlightStates:
-    """Everybody's state when its own setpoint acts."""
+    """Return each vehicle's state when its own setpoint acts."""
     return FlightStates.from_each(states.of(vehicle, vehicle) for vehicle in range(COUNT))
 
 
@@ -78,7 +78,7 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
 
 
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
-    """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is heard no more after 0.8 s."""
+    """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is no longer heard after 0.8 s."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(2)
     tables.send(history, np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one))
@@ -99,7 +99,7 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
 
 
 def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before() -> None:
-    """It climbs, turns and speeds up against what it was told."""
+    """It climbs, turns and speeds up against its setpoints."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 3, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(COUNT)
     tables.send(history, np.zeros(COUNT, np.int64), Setpoints(20 * one, 0 * one, 100 * one))

@@ -1,4 +1,4 @@
-"""The heights of circles over ground: what is found quickly is what is found by looking everywhere."""
+"""Heights of circles over ground: the fast search finds what an exhaustive one finds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HILLS = [
 
 
 def elevations() -> ElevationGrid:
-    """A file of 90 m steps, 5 km across, with voids."""
+    """Return a grid of 90 m steps, 5 km across, with voids."""
     values = RANDOM.uniform(0.0, 300.0, (60, 60))
     values[RANDOM.random(values.shape) < 0.1] = np.nan
     return ElevationGrid(values, 35.0 + 0.025, 125.0 - 0.025, 1 / 1200, 1 / 1200, ORIGIN)

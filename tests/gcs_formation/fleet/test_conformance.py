@@ -1,4 +1,4 @@
-"""What vehicles acknowledged against what they do: vehicles that are no more than what is seen of them."""
+"""Acknowledged commands against observed motion; vehicles are mere telemetry here."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Ground:
         told_m: Callable[[float], float] = lambda _: 100.0,
         told_mps: Callable[[float], float] = lambda _: 27.0,
     ) -> list[float]:
-        """Tell the second vehicle 27 m/s from the start, heading and height, and see it; return when it is reported."""
+        """Command the second vehicle 27 m/s from the start, heading and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             speeds_mps = (22.0, told_mps(at_s) if commanded(at_s) else 22.0, 22.0)
@@ -137,7 +137,7 @@ def test_a_refused_command_that_another_replaced_is_not_said_to_be_obeyed() -> N
 
 @pytest.mark.parametrize(("climb_mps", "said"), [(0.8, []), (-0.8, ["airspeed"]), (0.0, ["airspeed"])])
 def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: float, said: list[str]) -> None:
-    """At 22 m/s a climb of 0.8 m/s that wasn't asked for takes 1.1 m/s of airspeed in 3.2 s; a descent is no excuse."""
+    """At 22 m/s an unrequested climb of 0.8 m/s takes 1.1 m/s of airspeed in 3.2 s; a descent is no excuse."""
     ground = Ground()
     ground.fly(7.0, height_m=lambda at_s: 100.0 + climb_mps * at_s)
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
@@ -147,7 +147,7 @@ def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: f
 def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoint_sinks_with_it(
     sinks_mps: float, at_most_s: float
 ) -> None:
-    """From 10 s to 30 s; setpoints stay within 12 m of it, the climb that it has within its lags."""
+    """From 10 s to 30 s; setpoints stay within 12 m of it, which is the climb possible within its lags."""
     ground, sunk = Ground(), Ground()
 
     def height_m(at_s: float) -> float:
@@ -166,19 +166,19 @@ def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoi
 
 
 HURRIED = (
-    # airspeed and what was told, m/s; height and what was told, m
+    # airspeed and its setpoint, m/s; height and its setpoint, m
     *([(18.3, 18.5, 99.2, 100.4)] * 10),
     *((18.3, 22.9, 99.3, 100.4), (20.0, 23.6, 99.6, 99.7), (20.9, 23.9, 101.6, 94.4), (20.7, 24.2, 102.0, 93.0)),
     *((21.1, 24.6, 100.1, 95.4), (21.9, 24.6, 98.1, 99.3), (23.0, 25.2, 97.6, 100.2), (23.6, 24.8, 97.9, 100.5)),
     *((22.5, 24.5, 97.9, 102.6), (22.7, 24.6, 95.5, 104.4), (23.7, 24.0, 95.0, 104.6), (23.7, 23.5, 95.5, 105.1)),
     *((23.9, 22.8, 96.2, 105.8), (24.0, 22.2, 97.4, 107.0), (23.8, 21.7, 99.1, 108.7), (23.8, 21.3, 101.3, 105.7)),
 )
-"""An ArduPlane in flight (SITL) that is told to catch up as it gathers, each 0.8 s."""
+"""An ArduPlane (SITL) that is commanded to catch up while it gathers, every 0.8 s."""
 
 
 @pytest.mark.parametrize(("trades", "said"), [(True, []), (False, ["height"])])
 def test_an_aircraft_that_trades_height_for_the_airspeed_that_it_is_told_obeys(trades: bool, said: list[str]) -> None:
-    """As it flew; one that was told no other airspeed than it flies need not."""
+    """As it flew. A vehicle without a change of airspeed setpoint has no reason to."""
     at_s, ground = 0.8 * np.arange(len(HURRIED)), Ground()
     flown_mps, told_mps, flown_m, told_m = (partial(np.interp, xp=at_s, fp=each) for each in np.array(HURRIED).T)
     told_mps = told_mps if trades else flown_mps
@@ -191,7 +191,7 @@ def test_an_aircraft_that_trades_height_for_the_airspeed_that_it_is_told_obeys(t
 def test_the_height_of_an_aircraft_is_judged_once_its_airspeed_has_been_right_for_8_s(
     sign: float, hovers: bool
 ) -> None:
-    """Told 3 m/s more and to climb, or 3 m/s less and to descend, it stays at its height. One that hovers need not."""
+    """Commanded 3 m/s more and a climb, or 3 m/s less and a descent, it keeps its height. A multirotor may not."""
     ground = Ground()
     if hovers:
         for flier in ground.monitor._fliers:
@@ -207,7 +207,7 @@ def test_the_height_of_an_aircraft_is_judged_once_its_airspeed_has_been_right_fo
 
 @pytest.mark.parametrize("above_m", [-12.0, 0.0, 5.0])
 def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
-    """A descent at 2 m/s; told 5 m higher than it flies, that it falls short of is another matter."""
+    """A descent at 2 m/s; if it were commanded 5 m higher, it would be reported."""
     ground, sunk = Ground(), set[VehicleId]()
     for seconds in (10.0, 20.0, 30.0):
         ground.fly(
@@ -222,7 +222,7 @@ def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
 
 @pytest.mark.parametrize("radps", [0.1, -0.1, 0.4])
 def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
-    """Headings are within half a turn; the one told leads by what a time constant of 1 s lags behind a ramp."""
+    """Headings wrap at half a turn; the setpoint leads a ramp by what a time constant of 1 s lags."""
 
     def turned(at_s: float, ahead_s: float) -> float:
         return math.remainder(math.pi + radps * (at_s + ahead_s - 10.0), math.tau)

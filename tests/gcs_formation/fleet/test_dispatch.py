@@ -1,4 +1,4 @@
-"""What is sent when: pure decisions, of vehicles that are no more than their links."""
+"""When setpoints are sent: decisions without I/O; vehicles are mere links here."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
 
 
 def dispatch(*delays_s: float, **law: Any) -> Dispatch:
-    """Serve a leader and followers with these delays of their links."""
+    """Return the dispatch of a leader and followers with these link delays."""
     keys = scenario(vehicles={"count": len(delays_s)}, law={"type": "fuzzy_pid", **law})
     vehicles: dict[VehicleId, Any] = {
         VehicleId(1, 1 + column): vehicle(column, delay_s) for column, delay_s in enumerate(delays_s)
@@ -120,7 +120,7 @@ def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
 
 
 def test_once_less_is_held_back_no_older_setpoint_comes_after_a_newer_one():
-    """The slowest follower is lost: the leader's setpoints no longer wait for it."""
+    """The slowest follower is lost, and the leader's setpoints no longer wait for it."""
     served = dispatch(0.0, 0.0, 0.3)
     leader: Any = served._vehicles[0]
     leader.new_setpoints = lambda setpoint, *_: [(str(setpoint.speed_mps), setpoint)]

@@ -1,4 +1,4 @@
-"""Which messages are asked for again, by what has arrived: counts, and no flight."""
+"""Which messages are requested again, by counts of what arrived; without a flight."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STEP_S = 0.1
 
 
 class Sender:
-    """A vehicle that sends at given rates over a link that loses a share of that at random."""
+    """A vehicle that sends at given rates over a link with random loss."""
 
     def __init__(self) -> None:
         self.rates_hz, self.loss, self.answer = dict(ASKED_HZ), 0.0, m.MAV_RESULT_ACCEPTED
@@ -47,7 +47,7 @@ class Sender:
         )
         self.notes, self.now = Noted(), Instant(0)
         self.asked: list[tuple[float, int, float]] = []
-        """When each message was asked for, its id, and its interval in s."""
+        """When each message was requested, its id, and its interval in s."""
         self._due, self._random = Counter[int](), np.random.default_rng(1)
         vehicles: dict[Any, Any] = {self.vehicle.identity: self.vehicle}
         self._watch = MessageIntervals(vehicles, self.notes)
@@ -75,7 +75,7 @@ class Sender:
 
 @pytest.fixture
 def sender() -> Sender:
-    """A vehicle that has sent for 5 s what it was asked for."""
+    """Return a vehicle that has sent what was requested for 5 s."""
     sends = Sender()
     sends.run(5.0)
     return sends
@@ -157,7 +157,7 @@ def test_a_refusal_is_reported_once(sender: Sender) -> None:
 
 @pytest.mark.parametrize("silence_s", [1.0, 2.0, 10.0])
 def test_after_a_time_in_which_nothing_at_all_arrived_no_message_is_missing(sender: Sender, silence_s: float) -> None:
-    """A vehicle that hangs sends nothing, and no sequence number tells of it."""
+    """A vehicle that hangs sends nothing, and no sequence number shows it."""
     sender.run(silence_s / 2, silent=True)
     if silence_s > STALE_AFTER_S:
         sender.vehicle.connection.state = LinkState.STALE

@@ -1,4 +1,4 @@
-"""What measured delays lead to: events, lower gains, loitering; of vehicles that are no more than their delays."""
+"""Consequences of measured delays: events, lower gains, loitering; vehicles are mere delays here."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ class Formation:
         vehicle.round_trips = SimpleNamespace(down_s=one_way_s)
 
     def look(self, leader: Any = None) -> float:
-        """Look once; return the share of the margin that the follower uses."""
+        """Look once; return the follower's share of the margin in use."""
         lags_off = [[0.0] * len(self.vehicles)] * 3
         self.watch.watch(NOW, self.leader if leader is None else leader, lags_off)
         return float(self.watch.used[1])
 
     def use(self, share: float) -> float:
-        """Give the follower's link the delay at which a share of the margin at full gains is used, and look."""
+        """Give the follower's link the delay that uses a share of the margin at full gains, and look."""
         full = self.full
         self.delay(self.follower, (share - full[0]) / full[1])
         return self.look()
 
     @property
     def full(self) -> tuple[float, float]:
-        """Share used at no delay, and what it grows by with each second each way: it is proportional to the loop's."""
+        """Return the share used without delay, and its increase per second of delay each way, which is constant."""
         if not hasattr(self, "_full"):
             fresh = MarginWatch(self.watch._scenario, self.vehicles, Noted())
             used: list[float] = []
@@ -213,7 +213,7 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
 
 
 class Slow:
-    """Links of the same delay, none known before, around gains by design."""
+    """Links with equal delays, at first unknown, and gains by design."""
 
     def __init__(self, *overrides: str) -> None:
         loaded = load_scenario(scenario(vehicles={"count": 3, "model": "arduplane"}), overrides)
@@ -229,7 +229,7 @@ class Slow:
         self._retuned = scenario
 
     def look(self, delay_s: float, *, begins: bool = False) -> Any:
-        """Look once, with a link that takes so long each way; return the law that is to be flown then."""
+        """Look once, with a link of this delay each way; return the law to fly from then on."""
         self.clocks[1].one_way_s, self._retuned = delay_s, None
         self.watch.watch(NOW, begins=begins)
         assert self._retuned in (None, self.watch.scenario)
@@ -268,10 +268,10 @@ def test_delay_that_is_known_and_gains_that_are_not_by_design_change_nothing(giv
 
 
 class Link:
-    """Probes each quarter of a second over a link whose delays are changed, and whose answers overtake each other."""
+    """Probes every quarter of a second over a link whose delays change, and whose answers may overtake each other."""
 
     def __init__(self, delays_s: tuple[float, float], jitter_s: float, seed: int) -> None:
-        """Give `delays_s` each way before and after a step some time into the eleventh second."""
+        """Use `delays_s` each way before and after a step during the eleventh second."""
         rng, self.sync, self.answers = np.random.default_rng(seed), ClockSync(), list[tuple[float, float, float]]()
         before_s, after_s = delays_s
         step_s = 10.0 + rng.uniform(0.0, 1.0)
@@ -292,9 +292,9 @@ class Link:
 @pytest.mark.parametrize("delays_s", [(0.1, 0.5), (0.5, 0.1), (0.7, 0.1), (0.05, 0.2), (0.2, 0.05)])
 @pytest.mark.parametrize("jitter_s", [0.0, 0.005, 0.02])
 def test_a_step_of_the_delay_is_no_scatter(delays_s: tuple[float, float], jitter_s: float) -> None:
-    """The prediction goes by the new delay; as scatter, half of the step were 3 to 12 times the margin, for a look.
+    """The prediction uses the new delay; half of the step as scatter would be 3 to 12 times the margin, for a look.
 
-    Jitter alone, of a uniform distribution, is 0.8 of itself for the round trip, and some looks see 1.6 times that.
+    Jitter with a uniform distribution makes a round trip scatter by 0.8 of it, and some looks see 1.6 times that.
     """
     for seed in range(8):
         formation, link = Formation(delay_compensation=True, on_delay="hold"), Link(delays_s, jitter_s, seed)

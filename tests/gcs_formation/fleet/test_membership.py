@@ -1,4 +1,4 @@
-"""Who flies in the formation, by what is known of each: decisions about vehicles that are no more than that."""
+"""Who flies in the formation: decisions from what is known of each vehicle; vehicles are nothing more here."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GUIDED, LOITER, MANUAL = m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_
 
 
 class Formation:
-    """A leader and a follower in GUIDED, heard and answering at 0 s, whose telemetry is as old as it is made."""
+    """A leader and a follower in GUIDED, heard and answering at 0 s; the test sets the age of their telemetry."""
 
     def __init__(self, **law: Any) -> None:
         planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
@@ -45,7 +45,7 @@ class Formation:
         self.judge(0.0)
 
     def judge(self, at_s: float, *, heard: bool = True) -> Member:
-        """Judge everybody at a time, having heard from them until then; return what becomes of the follower."""
+        """Judge all at a time until which they were heard; return the follower's membership."""
         self.now = after(Instant(0), at_s)
         for each in self.vehicles.values():
             if heard:
@@ -55,7 +55,7 @@ class Formation:
         return self.follower.member
 
     def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
-        """Judge at a time when one of them was last heard at 0 s, and the other is."""
+        """Judge at a time when one of them was last heard at 0 s, and the other just now."""
         other = LEADER if of == FOLLOWER else FOLLOWER
         self.vehicles[other].connection.heard(after(Instant(0), at_s), heartbeat=True)
         self.vehicles[other].round_trips._answered = after(Instant(0), at_s)
@@ -65,7 +65,7 @@ class Formation:
         return self.judge(at_s, heard=False)
 
     def told(self, number: VehicleId = FOLLOWER) -> list[float]:
-        """Return the modes that a vehicle is being told."""
+        """Return the modes that a vehicle is being commanded."""
         return [each.param2 for each in self.vehicles[number].commands._waiting if each.command == SET_MODE]
 
     def reports(self, mode: int, number: VehicleId = FOLLOWER) -> None:
@@ -141,7 +141,7 @@ def test_what_a_failsafe_says_long_before_or_after_or_at_its_end_is_not_its_reas
 
 
 def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
-    """Without a word of its own: heartbeats were withheld, or nothing that was sent can have reached it."""
+    """It needn't say so: heartbeats were withheld, or nothing that was sent can have reached it."""
     formation = Formation()
     formation.follower.left_alone(after(Instant(0), 0.5))
     formation.reports(m.PLANE_MODE_RTL)
@@ -175,7 +175,7 @@ def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_other
 
 
 def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_told_to_loiter() -> None:
-    """It hung for 8 s: its first frame comes before its first answer."""
+    """It hung for 8 s; its first frame comes before its first answer."""
     formation = Formation()
     for at_s in (5.0, 6.0, 8.0):
         assert formation.silent(at_s) is (Member.UNHEARD if at_s > formation.max_age_s else Member.FLYING)
@@ -207,7 +207,7 @@ def test_one_that_refuses_to_loiter_or_to_come_back_is_told_again(returns: bool)
 
 
 def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_its_time_is_over() -> None:
-    """It talks, so the others see where it goes; it may hear."""
+    """It sends, so the others see where it goes; and it may hear."""
     formation = Formation()
     for at_s in (1.0, formation.max_age_s - 0.1, formation.max_age_s + 0.1):
         formation.follower.connection.heard(after(Instant(0), at_s), heartbeat=True)
@@ -217,7 +217,7 @@ def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_it
 
 
 def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_loiter_then() -> None:
-    """Its telemetry comes, and its mode isn't known any more."""
+    """Its telemetry arrives, but its mode isn't known any more."""
     formation, begun = Formation(), Instant(0)
     found: dict[float, Member] = {}
     for tenth in range(1, 80):
@@ -243,7 +243,7 @@ def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
 
 
 def test_a_command_to_loiter_that_may_still_arrive_is_revoked_at_once_and_until_then_others_keep_clear() -> None:
-    """It counted as following setpoints, and circled: two came within 5.2 m of each other."""
+    """It counted as following setpoints while it circled: two came within 5.2 m of each other."""
     formation = Formation()
     vehicle, deaf_s = formation.follower, formation.max_age_s + 1.0
     for each in formation.vehicles.values():
@@ -355,7 +355,7 @@ def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_hei
 def test_one_that_is_heard_in_a_mode_that_none_of_our_commands_leads_to_is_its_pilot_s_whatever_else_is_known(
     member: Member,
 ) -> None:
-    """After an outage its first heartbeat comes before anything that is recent enough to fly by."""
+    """After an outage its first heartbeat arrives before any telemetry recent enough to fly by."""
     formation = Formation()
     formation.follower.member, formation.ages_s[1] = member, formation.max_age_s + 1.0
     formation.reports(MANUAL)

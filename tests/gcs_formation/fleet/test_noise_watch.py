@@ -1,4 +1,4 @@
-"""What is said of noise that isn't as declared, as a decision."""
+"""Events about noise that isn't as declared."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +16,7 @@ WHO = VehicleId(1, 2)
 
 
 def said(times, samples=400, stated=True):
-    """Return what is said while the position's noise is `times` the declared one, and as declared after that."""
+    """Return the events while the position's noise is `times` the declared one, and as declared afterwards."""
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, notes = np.random.default_rng(1), Noted()
     vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}

@@ -1,4 +1,4 @@
-"""Who sent a frame."""
+"""Which vehicle sent a frame."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FIRST, SECOND = VehicleId(1, 2), VehicleId(2, 2)
 
 
 class Ground:
-    """Two networks, a socket each, with a vehicle 2 in either."""
+    """Two networks, a socket each, with a vehicle 2 in both."""
 
     def __init__(self, phase: Phase) -> None:
         plane = ArduPlane(2, ORIGIN, 0.25)
@@ -45,7 +45,7 @@ class Ground:
     def hear(
         self, message: Message, system: int = 2, component: int = 1, port: int = HERE, socket: int = 0, at_s: float = 0
     ) -> Vehicle | None:
-        """Hear a frame; let the vehicle that it is of take it."""
+        """Receive a frame; let its vehicle take it."""
         now, frame = after(Instant(0), at_s), Frame(system, component, 0, 0, 2, message, b"")
         sender = self.identities.sender(frame, Datagram(socket, Address("127.0.0.1", port), b""), now)
         if sender:

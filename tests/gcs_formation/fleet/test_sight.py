@@ -1,4 +1,4 @@
-"""Who flies in the formation."""
+"""Who flies in the formation, by what is seen of each vehicle."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Memb
 
 
 def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
-    """After an outage the vehicle flies in formation again before the order sent meanwhile reaches it."""
+    """After an outage the vehicle flies in formation again before the command sent meanwhile reaches it."""
     late = LOITERS._replace(order_may_come=True)
     for member in (Member.FLYING, Member.UNHEARD):
         assert following(member, late) is Member.RETURNING

@@ -15,7 +15,7 @@ GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)
 @pytest.mark.parametrize(
     "worse",
     [
-        GOOD._replace(delay_s=0.24, loss=0.0, jitter_s=0.0, distance_m=30.0),  # delay comes before all else
+        GOOD._replace(delay_s=0.24, loss=0.0, jitter_s=0.0, distance_m=30.0),  # delay has priority
         GOOD._replace(loss=0.2, jitter_s=0.0, distance_m=30.0),
         GOOD._replace(jitter_s=0.03, distance_m=30.0),
         GOOD._replace(distance_m=42.0),
@@ -28,10 +28,10 @@ def test_of_those_near_enough_the_best_link_leads_by_delay_then_loss_then_jitter
     assert heir([GOOD, worse._replace(column=2)], SPACING_M) == 1
 
 
-def test_what_is_chance_in_measured_links_doesnt_decide():
+def test_random_differences_between_links_do_not_decide():
     alike = GOOD._replace(column=0, delay_s=0.064, loss=0.024, jitter_s=0.0024)
     assert heir([GOOD, alike], SPACING_M) == 0
 
 
-def test_of_nobody_nobody_leads():
+def test_without_candidates_nobody_leads():
     assert heir([], SPACING_M) is None

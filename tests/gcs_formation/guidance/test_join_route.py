@@ -1,4 +1,4 @@
-"""The way to the path's start: continuous, ends where and as wanted, never tighter than asked."""
+"""The route to the path's start: continuous, ends at the right place and course, never tighter than allowed."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a leader flies by at an instant, from what it was told and when that acts."""
+"""The command that a leader flies by at an instant, from earlier setpoints and when they act."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TURN_RPS = 0.2
 
 
 def leader(ticks: int) -> LeaderCommands:
-    """Command it at each tick, which acts 0.4 s later, to turn right through south and to gain 0.5 m/s a second."""
+    """Command it at each tick, effective 0.4 s later, to turn right through south and to gain 0.5 m/s per second."""
     commands = LeaderCommands(TICK_S)
     for tick in range(ticks):
         at_s = TICK_S * tick
@@ -29,7 +29,7 @@ def instant(at_s: float) -> Instant:
 
 
 def test_a_follower_whose_setpoint_acts_sooner_gets_what_the_leader_still_flies_by():
-    """Told at 1.9 s the leader acts at 2.3 s; 0.32 s before that it flies by 3.2 ticks older setpoints in the mean."""
+    """The leader's setpoint of 1.9 s acts at 2.3 s; 0.32 s earlier it flies by a mean of setpoints 3.2 ticks older."""
     newest, older = (leader(20).at(instant(at_s)) for at_s in (2.3, 1.98))
     assert (newest.speed_mps, older.speed_mps) == pytest.approx((22.95, 22.79))
     turned_rad = [each.heading_rad - (math.pi - 0.1) for each in (newest, older)]

@@ -1,4 +1,4 @@
-"""A leader that is found off its path returns to it in turns in which followers keep their slots."""
+"""A leader off its path returns to it in turns in which followers keep their slots."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SPEED = 22.0
 
 
 def guidance() -> LeaderGuidance:
-    """Of a path to the north, amid which the leader is."""
+    """Return the guidance of a leader that is in the middle of a path to the north."""
     made = from_scenario.leader_guidance(load_scenario(scenario()))
     made.amid_m = (0.0, 2000.0)
     return made
@@ -59,7 +59,7 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
 
 
 def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_times() -> None:
-    """Whoever needs longer than it lasts to come back into its slot would be out of it after every round."""
+    """A follower that needs longer than it to come back into its slot would be out of it after every lap."""
     leads = guidance()
     leads.amid_m = None
     lengths_m: list[float] = []
@@ -72,7 +72,7 @@ def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_ti
 
 
 def fenced(south_m: float, west_m: float, east_m: float) -> LeaderGuidance:
-    """Of the same path, in a fence that is wide enough in the north; after so many rounds that its laps are longest."""
+    """Return the same in a fence that is wide enough in the north, after so many laps that they are longest."""
     planned = load_scenario(scenario())
     corners = ((south_m, west_m), (6000.0, west_m), (6000.0, east_m), (south_m, east_m))
     safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners)})
@@ -83,7 +83,7 @@ def fenced(south_m: float, west_m: float, east_m: float) -> LeaderGuidance:
 
 @pytest.mark.parametrize("times", [0.5, 0.75, 1, 2, 3, 4])
 def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times: float) -> None:
-    """The turn onto it leads farther, the slot 30 m outside and behind most, and it is to be 25 m inside the fence."""
+    """The turn onto it reaches farther; the outermost slot, 30 m outside and behind, stays 25 m inside the fence."""
     before_m, radius_m = times * SETTLE_S * SPEED, fenced(-9000.0, -2000.0, 2000.0).hold_radius_m
     outermost_m = before_m + math.hypot(radius_m + 30.0, 30.0)
     leads = fenced(-(outermost_m + CHECKED_M), -2000.0, 2000.0)
@@ -121,7 +121,7 @@ def test_aircraft_with_energies_have_twice_the_time_to_settle_in_frames_of_their
 def test_one_that_stands_sets_out_along_its_nose_not_along_the_noise_of_its_velocity(
     noise_mps: float, amid_m: tuple[float, float] | None
 ) -> None:
-    """Backwards its slots' axis would turn by half a turn, and everybody's slots with it."""
+    """By a velocity backwards, its slots' axis would turn by half a turn, and all slots with it."""
     leads = guidance()
     leads.amid_m = amid_m
     stands = FlightState(700.0, 300.0, 100.0, 0.0, noise_mps, 0.7, 0.0, 0.0)

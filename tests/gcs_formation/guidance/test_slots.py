@@ -1,4 +1,4 @@
-"""Slots on their way, and the wait for who can't keep up."""
+"""Moving slots, and how they wait for vehicles that can't keep up."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DURATION_S, TICK_S = 20.0, 0.1
 
 @pytest.fixture
 def plan() -> FormationPlan:
-    """Return slots of which the last moves 30 m back from 100 s on."""
+    """Return slots of which the last one moves 30 m back from 100 s on."""
     made = FormationPlan(load_scenario(scenario()))
     start = made.goal_m + np.array([[0.0, 0.0, 0.0]] * (len(made.goal_m) - 1) + [[30.0, 0.0, 0.0]])
     rest, lifts_m = SlotMotion.at_rest(start), np.zeros(len(start))

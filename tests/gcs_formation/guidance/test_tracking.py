@@ -1,4 +1,4 @@
-"""Route tracking: what is said of the heading setpoint's turn is its derivative along the vehicle's motion."""
+"""Route tracking: the rate given with the heading setpoint is its derivative along the vehicle's motion."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
     wind_mps2: tuple[float, float],
     carried_mps: float,
 ) -> None:
-    """In wind, in bends, off the route; the place needn't move as the wind says."""
+    """In wind, in bends, off the route; the position needn't move as the wind says."""
     point = ROUTE.at(at_m)
     north_m = point.north_m - right_m * math.sin(point.course_rad)
     east_m = point.east_m + right_m * math.cos(point.course_rad)
@@ -70,7 +70,7 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
 
 @given(st.floats(950.0, 2200.0), st.floats(-20.0, 20.0))
 def test_who_stands_faces_along_the_route_however_far_beside_it(at_m: float, right_m: float) -> None:
-    """It comes no nearer by turning, and everybody's slots would turn with its nose."""
+    """It comes no closer by turning, and all slots would turn with its nose."""
     point = ROUTE.at(at_m)
     north_m = point.north_m - right_m * math.sin(point.course_rad)
     east_m = point.east_m + right_m * math.cos(point.course_rad)

@@ -41,7 +41,7 @@ def test_slots_follow_within_half_of_what_vehicles_can_do(goal, begin, reach):
 
 
 def test_what_follows_with_a_lag_is_led_by_it():
-    """A first-order lag that is told the setpoint flies the turn itself."""
+    """A first-order lag with this setpoint flies the turn itself."""
     turn, lag_s, step_s = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 0.6, 1e-3
     heading = 0.0
     for step in range(round(turn.duration_s / step_s)):

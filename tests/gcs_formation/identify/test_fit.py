@@ -1,4 +1,4 @@
-"""Models are found again from flights of their own; what wasn't flown isn't found."""
+"""Models are identified from their own flights; what wasn't flown isn't identified."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ POINTS = 900
 
 
 def stepped():
-    """(3, K) setpoints with a step of each channel in turn."""
+    """Return setpoints (3, K) with a step of each channel in turn."""
     at_s = np.arange(POINTS) * STEP_S
     commanded = np.repeat(np.array([[22.0], [0.3], [100.0]]), POINTS, axis=1)
     for row, size, begin_s in ((0, 2.0, 5), (0, -2.0, 20), (1, 0.25, 35), (1, -0.25, 45), (2, 6.0, 55), (2, -6.0, 70)):
@@ -66,7 +66,7 @@ def test_the_links_delay_isnt_taken_for_the_vehicles():
 
 @pytest.fixture(scope="module")
 def punctual():
-    """Of setpoints that act when they are taken to."""
+    """Let setpoints act as soon as they are taken."""
     return fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1)], TRUE).estimates
 
 
@@ -82,7 +82,7 @@ def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punct
 
 @pytest.mark.parametrize(("flights", "rounds"), [(3, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
 def test_the_deviations_cover_errors_that_last(flights, rounds):
-    """It aims 5 cm/s beside its setpoint for 3 s or so, which each prediction that begins meanwhile finds again."""
+    """It flies 5 cm/s beside its setpoint for about 3 s, which every prediction that begins meanwhile sees."""
     kept, misses, commanded = math.exp(-STEP_S / 3.0), list[float](), np.tile(stepped(), rounds)
     for seed in range(flights):
         noise, aimed = np.random.default_rng(seed).standard_normal((commanded.shape[1],)), commanded.copy()
@@ -96,7 +96,7 @@ def test_the_deviations_cover_errors_that_last(flights, rounds):
 
 
 def told_by_noisy_sensors(seed, hz, sigmas):
-    """A recording of `TRUE` whose samples have white noise, `hz` a second."""
+    """Return a recording of `TRUE` whose samples have white noise, `hz` per second."""
     exact, random = flown(TRUE, stepped()), np.random.default_rng(seed)
     at = np.arange(0.0, POINTS - 1.0, 1.0 / (hz * STEP_S))
     values = [np.interp(at, np.arange(POINTS), each) for each in exact.seen[:3]]
@@ -108,7 +108,7 @@ def told_by_noisy_sensors(seed, hz, sigmas):
 
 @pytest.mark.parametrize(("hz", "times"), [(10, 1), (4, 2)])
 def test_the_deviations_cover_what_noise_does_and_it_biases_nothing(hz, times):
-    """By predictions from measured states airspeed's lag was 8 % low, and 1.4 % was claimed."""
+    """Predictions from measured states had found airspeed's lag 8 % too low, and claimed 1.4 %."""
     sigmas = times * np.array([0.2, np.radians(0.5), 0.3])
     misses = []
     for seed in range(4):
@@ -120,7 +120,7 @@ def test_the_deviations_cover_what_noise_does_and_it_biases_nothing(hz, times):
 
 
 def test_a_vehicle_that_may_turn_with_less_isnt_taken_for_one_with_a_longer_lag():
-    """Its lateral acceleration is commanded, which is a rate of turn the lower the faster it flies."""
+    """Its lateral acceleration is commanded, so its turn rate is lower the faster it flies."""
     commanded = stepped()
     commanded[1, 100:200] += 1.2
     commanded[0] += 4.0
@@ -146,7 +146,7 @@ def test_nothing_flies_nearer_than_without_an_error():
 
 
 def test_parameters_must_gain_more_than_the_logarithm_of_the_number_of_errors():
-    """Of 2700 independent errors two parameters must gain 15.8: those 0.998 times as large gain 10.8, 0.98: 109."""
+    """With 2700 independent errors two parameters must gain 15.8: a ratio of 0.998 gains 10.8, 0.98 gains 109."""
     noise = np.random.default_rng(2).standard_normal((3, POINTS))
     assert not is_nearer(0.998 * noise, noise, 2)
     assert is_nearer(0.98 * noise, noise, 2)
@@ -154,7 +154,7 @@ def test_parameters_must_gain_more_than_the_logarithm_of_the_number_of_errors():
 
 
 def test_errors_that_last_count_as_few():
-    """Nine of 10 s in each channel: 27 at most, of which half the size gains 37, and 0.95 times 2.8."""
+    """Nine of 10 s in each channel, so 27 at most; half the size gains 37, and 0.95 times 2.8."""
     lasting = np.repeat(np.random.default_rng(2).standard_normal((3, 9)), POINTS // 9, axis=1)
     assert not is_nearer(0.95 * lasting, lasting, 2)
     assert is_nearer(0.5 * lasting, lasting, 2)
@@ -206,7 +206,7 @@ def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
 
 
 def test_gusts_that_the_law_answers_arent_taken_for_a_vehicle_that_hardly_follows():
-    """Setpoints hold a place among gusts of 30 s: without a model of the noise a share of 0.32 was found."""
+    """Setpoints hold a position in gusts of 30 s: without a noise model a share of 0.32 was found."""
     true = VehicleModel(tau_v_s=1.2, tau_psi_s=1.3, speed_min_mps=10.0, prompt_share=0.55, rest_s=66.0)
     airspeed_kept, rest_kept, gust_kept = (math.exp(-STEP_S / each) for each in (true.tau_v_s, true.rest_s, 30.0))
     plan, random = np.tile(stepped(), 2), np.random.default_rng(0)
@@ -229,7 +229,7 @@ def test_gusts_that_the_law_answers_arent_taken_for_a_vehicle_that_hardly_follow
 
 
 def flown_with_limited_jerk(commanded, lag_s):
-    """Return the recording of a multirotor that answers a velocity with a lag, and whose jerk is that of ArduCopter."""
+    """Return the recording of a multirotor with a lag of velocity, and with the jerk limit of ArduCopter."""
     wanted = commanded[0] * np.exp(1j * commanded[1])
     velocity, accel, cycle_s, seen = wanted[0], 0j, 0.02, []
     for each in wanted:
@@ -246,7 +246,7 @@ def flown_with_limited_jerk(commanded, lag_s):
 
 
 def test_the_lag_of_gentle_changes_is_found_of_a_multirotor_whose_steps_are_held_up_by_its_jerk():
-    """By all of its flight a lag is found that is 0.07 s off, with a standard deviation of 0.02 s."""
+    """Fitted to the whole flight, the lag is 0.07 s off, with a standard deviation of 0.02 s."""
     at_s = np.arange(POINTS) * STEP_S
     commanded = stepped()
     commanded[0] -= 17.0
@@ -260,7 +260,7 @@ def test_the_lag_of_gentle_changes_is_found_of_a_multirotor_whose_steps_are_held
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_of_two_lags_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
-    """Where they are found to be equal no slope tells them apart: deviations of 0.02 s, and none at all, were said."""
+    """If the estimates are equal no slope separates them; deviations of 0.02 s, or of 0, used to be stated."""
     true = TRUE.model_copy(update={"tau_ha_s": 0.7, "tau_hb_s": 0.7})
     seen = flown(true, stepped())
     noise = np.random.default_rng(seed).standard_normal(seen.seen.shape) * [[0.1], [0.005], [0.05], [0.05]]

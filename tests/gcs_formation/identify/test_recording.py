@@ -1,4 +1,4 @@
-"""Recordings out of telemetry logs, and the flight that is flown for them."""
+"""Recordings from telemetry logs, and the flight that is flown for them."""
 
 import math
 import random
@@ -27,7 +27,7 @@ PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
 
 
 def logged(file, until_s=60.0, silent=(), system=3, told_every=1):
-    """A log of a vehicle that turns steadily and is told so, at 10 Hz; of speed and height each `told_every` ticks."""
+    """Log a vehicle with a commanded steady turn, at 10 Hz; speed and height setpoints each `told_every` ticks."""
     log, station, vehicle = TlogWriter(file, 10**15), FrameWriter(255, 190), FrameWriter(system, 1)
     for tick in range(round(until_s / 0.1)):
         at_s = tick * 0.1
@@ -62,14 +62,14 @@ def test_a_setpoint_told_within_a_step_counts_for_what_is_left_of_it():
 
 
 def test_setpoints_that_are_told_again_each_second_or_so_break_no_recording(tmp_path):
-    """What doesn't change is told again after a second and a tick, and one of these may be lost."""
+    """Constant setpoints are repeated after a second and a tick, and one of these may be lost."""
     for told_every in (11, 22):
         (found,) = recordings(logged(tmp_path / f"{told_every}.tlog", told_every=told_every))
         assert found.duration_s == pytest.approx(60.0 - SETTLING_S, abs=2.5)
 
 
 def test_places_ahead_are_courses_over_ground(tmp_path):
-    """A fixed-wing PX4 that drifts across its heading, sent 400 m ahead to the north-east, at last to a circle."""
+    """A fixed-wing PX4 with a crosswind drift, sent 400 m ahead to the north-east, finally to a circle."""
     log, station, vehicle = TlogWriter(tmp_path / "flight.tlog", 10**15), FrameWriter(255, 190), FrameWriter(3, 1)
     lat, lon = 0.6, 2.1
     ahead = 400.0 / 6371000.0 / math.sqrt(2.0)
@@ -151,7 +151,7 @@ def test_slots_are_three_seconds_of_flight_apart_or_as_far_as_the_scenario_has_t
 
 @pytest.mark.slow
 def test_multirotors_that_fly_steps_are_said_to_do_as_they_are_told(tmp_path):
-    """A slot that swings through 30 degrees at 180 m was 50 m off, and its vehicle's speed the wrong way round."""
+    """A slot that swung by 30 degrees at 180 m was 50 m off, and its vehicle changed speed in the wrong direction."""
     flown = identification_scenario(load_scenario("configs/px4_copter.yaml", ["formation.shape=line"]))
     summary = gcs_formation.run(flown, clock="virtual", out=tmp_path / "run")
     events = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8")
@@ -162,7 +162,7 @@ def test_multirotors_that_fly_steps_are_said_to_do_as_they_are_told(tmp_path):
 
 
 def dataflash(file, until_s=60.0):
-    """A vehicle's own log: FMT messages that lay the others out, then those others, at 10 Hz."""
+    """Write a vehicle's own log: FMT messages that define the others, then those, at 10 Hz."""
     layouts = {
         "PARM": (64, "QNff", "TimeUS,Name,Value,Default", "<Q16sff"),
         "OFG": (65, "QffffBffB", "TimeUS,Arsp,ArspA,Alt,AltA,AltF,Hdg,HdgA,AltL", "<QffffBffB"),
@@ -249,7 +249,7 @@ def test_nothing_is_flown_for_a_file_that_cannot_be_written(tmp_path):
     ],
 )
 def test_noise_is_refused_in_one_line(data, said, tmp_path):
-    """pymavlink prints a line for each byte that it skips, and raises Exception itself for formats it doesn't know."""
+    """pymavlink prints a line for each byte that it skips, and raises a plain Exception for unknown formats."""
     (tmp_path / "noise.bin").write_bytes(data)
     command = [sys.executable, "-m", "gcs_formation", "identify", str(tmp_path / "noise.bin")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""What `gcs-formation identify` says of sources and files that it can't take: before anything is flown."""
+"""Sources and files that `gcs-formation identify` refuses before anything is flown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)
 
 
 def refusal(*arguments: object) -> str:
-    """Return what is said."""
+    """Return the refusal's text."""
     result = CliRunner().invoke(identify, [str(each) for each in arguments])
     assert result.exit_code == 2
     return result.output.strip()

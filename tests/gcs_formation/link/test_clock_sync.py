@@ -1,4 +1,4 @@
-"""The mapped clock and the measured delay, under seeded delays."""
+"""The mapped clock and the measured delay, with seeded delays."""
 
 import math
 
@@ -17,7 +17,7 @@ def probe(
     jitter_s: float,
     clock: tuple[float, float],
 ) -> bool:
-    """Let one probe go there and back; the vehicle's clock is offset + (1 + drift) time."""
+    """Exchange one probe; the vehicle's clock is offset + (1 + drift) time."""
     up, down = np.maximum(0, delay_s + jitter_s * rng.standard_normal(2))
     offset_s, drift = clock
     sent = Instant(round(at_s * NANOSECONDS))
@@ -44,7 +44,7 @@ def test_after_a_minute_jitter_is_averaged_away(drift: float, delay_s: float) ->
 @pytest.mark.parametrize("jitter_s", [0.02, 0.1])
 @pytest.mark.parametrize("drift", [0.0, 50e-6, -50e-6])
 def test_a_clock_that_a_crystal_keeps_is_known_as_if_its_rate_were(drift: float, jitter_s: float) -> None:
-    """The mean of n samples of deviation jitter / sqrt(2) is off by sigma / sqrt(n); a fitted line twice as far."""
+    """The mean of n samples of deviation jitter / sqrt(2) is off by sigma / sqrt(n), a fitted line by twice as much."""
     probes, errors_s = 100, list[float]()
     for seed in range(20):
         rng, sync, clock = np.random.default_rng(seed), ClockSync(), (500.0, drift)
@@ -90,7 +90,7 @@ def test_a_restarted_clock_is_noticed_at_once() -> None:
 
 @pytest.mark.parametrize("stalled_s", [2.0, 30.0])
 def test_a_clock_that_stood_still_for_a_while_is_followed_at_once_and_has_not_restarted(stalled_s: float) -> None:
-    """A simulator that was held up: its clock has run for longer than the time since it was last read."""
+    """A simulator that was held up; its clock has run longer than the time since it was last read."""
     rng, sync, rate = np.random.default_rng(7), ClockSync(), 50e-6
     for k in range(160):
         assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (5.0, rate))
@@ -103,7 +103,7 @@ def test_a_clock_that_stood_still_for_a_while_is_followed_at_once_and_has_not_re
 
 @pytest.mark.parametrize("ahead_s", [500.0, 2.0, -7.0, -500.0])
 def test_a_clock_that_is_ahead_or_shows_less_than_it_did_is_another_vehicles(ahead_s: float) -> None:
-    """Silent for 6 s, a clock that stood still is up to 6 s behind and never ahead."""
+    """After 6 s of silence, a clock that stopped is up to 6 s behind, and never ahead."""
     rng, sync = np.random.default_rng(7), ClockSync()
     for k in range(160):
         assert not probe(sync, rng, 0.25 * k, 0.1, 0.0, (1000.0, 0.015))
@@ -114,7 +114,7 @@ def test_a_clock_that_is_ahead_or_shows_less_than_it_did_is_another_vehicles(ahe
 
 @pytest.mark.parametrize("rate", [1.0, 1.015])
 def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_is_heard(rate: float) -> None:
-    """It answered at 0.1 s, which came at 2 s; it booted at 0.2 s, and is heard after 200 s without delay."""
+    """Its answer of 0.1 s arrived at 2 s; it booted at 0.2 s, and is heard after 200 s without delay."""
     sync = ClockSync()
     sync.observe(Instant(0), 500 * NANOSECONDS, after(Instant(0), 2.0))
     heard = after(Instant(0), 200.0)
@@ -133,7 +133,7 @@ def test_round_trips_scatter_by_their_sample_deviation() -> None:
 
 
 def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence() -> None:
-    """1.5 % in 200 s are 3 s; one that has restarted began after it was last read, here 0.2 s before."""
+    """1.5 % in 200 s are 3 s; a restarted clock would have begun after it was last read, here 0.2 s before."""
     rng, sync, clock = np.random.default_rng(2), ClockSync(), (10.0, 0.015)
     for k in range(100):
         assert not probe(sync, rng, 0.25 * k, 0.05, 0.0, clock)
@@ -172,7 +172,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
 
 @pytest.mark.parametrize("after_s", [0.02, 1.0])
 def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter_but_for_a_moment(after_s: float) -> None:
-    """The round trips' standard deviation is half of the step meanwhile; jitter alone makes 7 ms of it."""
+    """The round trips' standard deviation is half of the step meanwhile; jitter alone contributes 7 ms."""
     rng, sync = np.random.default_rng(1), ClockSync()
     for k in range(40):
         probe(sync, rng, 0.25 * k, 0.4, 0.005, (0.0, 0.0))
@@ -190,11 +190,11 @@ def exchanged(sync: ClockSync, at_s: float, up_s: float, down_s: float, offset_s
 
 @pytest.mark.parametrize(("up_s", "down_s"), [(0.35, 0.05), (0.05, 0.35), (0.3, 0.3), (0.75, 0.05)])
 def test_a_step_of_one_way_is_told_from_the_clock_and_forgotten(up_s: float, down_s: float) -> None:
-    """The clock goes on: what its samples step by is half of what the ways differ by, and the mapping isn't moved."""
+    """The clock continues: its samples step by half of the ways' difference, and the mapping isn't moved."""
     sync, split_s = ClockSync(), (up_s - down_s) / 2
     for k in range(200):
         exchanged(sync, 0.25 * k, 0.05, 0.05)
-    exchanged(sync, 50.0, 0.05, down_s)  # it was on its way as the link stepped
+    exchanged(sync, 50.0, 0.05, down_s)  # it was in transit as the link stepped
     for k in range(201, 209):
         exchanged(sync, 0.25 * k, up_s, down_s)
     assert sync.one_way_s + sync.split_s == pytest.approx(up_s, abs=0.005)
@@ -218,7 +218,7 @@ def test_neither_the_first_slow_probes_nor_a_step_of_both_ways_tells_of_a_split(
 
 
 def test_no_way_is_taken_to_last_less_than_nothing() -> None:
-    """One that took longer up from the beginning, of which nobody knew, until it no longer did."""
+    """The uplink was slower from the beginning, which nobody could see, until it no longer was."""
     sync = ClockSync()
     for k in range(200):
         exchanged(sync, 0.25 * k, 0.35, 0.05)
@@ -240,7 +240,7 @@ def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
 
 @pytest.mark.parametrize("drift", [0.015, -100e-6])
 def test_an_answer_that_comes_late_tells_of_the_offset_then(drift: float) -> None:
-    """Taken for the offset of now, one of a second ago would move it by the drift times a second: 11 ms of 15."""
+    """Taken for the present offset, one that is a second old would be wrong by a second's drift: 11 ms of 15."""
     known = ClockFilter(0.02)
     known.begin(Instant(0), 0.0, 1e-6)
     for quarter in range(1, 401):

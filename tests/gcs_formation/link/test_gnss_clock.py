@@ -1,4 +1,4 @@
-"""A vehicle's clock against UTC, and the split of its link, from made-up round trips and SYSTEM_TIME."""
+"""A vehicle's clock against UTC, and the split of its link's delay, from synthetic round trips and SYSTEM_TIME."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Ways = Callable[[float], tuple[float, float]]
 
 
 class Made:
-    """A vehicle whose clock booted at 0 and is `drift` fast, armed at 30 s; probes every 0.25 s."""
+    """A vehicle whose clock booted at 0 and runs `drift` fast, armed at 30 s; probes every 0.25 s."""
 
     def __init__(self, drift: float, ways: Ways, jitter_s: float = 0.0, armed_s: float = 30.0, seed: int = 1) -> None:
         self.clock = GnssClock(LOOP_S)
@@ -36,7 +36,7 @@ class Made:
             self.now_s += 0.25
             self._probes += 1
             up_s, down_s = (max(0.0, way + self._random.gauss(0, self.jitter_s)) for way in self.ways(self.now_s))
-            up_s += LOOP_S * ((self._probes * 0.618034) % 1.0)  # the wait for the loop
+            up_s += LOOP_S * ((self._probes * 0.618034) % 1.0)  # the wait for the main loop
             boot_ns = round(self.boot_s(self.now_s + up_s) * NANOSECONDS)
             sent = after(Instant(0), self.now_s)
             self.clock.probe(sent, boot_ns, after(sent, up_s + down_s))
@@ -52,7 +52,7 @@ class Made:
         return self.clock.to_utc_s(self.boot_s(self.now_s)) - UTC_AT_0_S - self.now_s
 
     def split_s(self) -> float:
-        """Return by how much longer the link is found to take up than down."""
+        """Return the estimated difference of the delays up and down."""
         return 2 * (self.clock.station_utc_s() - UTC_AT_0_S)
 
 
@@ -63,7 +63,7 @@ def constant(up_s: float, down_s: float) -> Ways:
 @pytest.mark.parametrize("drift", [-40e-6, 0.0, 40e-6])
 @pytest.mark.parametrize(("jitter_s", "allowed_s"), [(0.0, 0.002), (0.02, 0.006)])
 def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, allowed_s):
-    """Uncorrected, 40 ppm would be 40 ms after 1000 s."""
+    """Without correction, 40 ppm would be 40 ms after 1000 s."""
     made = Made(drift, constant(0.4, 0.08), jitter_s)
     made.fly(1000.0)
     assert made.clock.why_not() is None
@@ -74,7 +74,7 @@ def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, 
 
 @pytest.mark.parametrize(("to_s", "allowed_s"), [(10.0, 0.012), (60.0, 0.008)])
 def test_round_trips_that_are_alike_by_chance_are_not_believed_for_long(to_s: float, allowed_s: float) -> None:
-    """With 20 ms of jitter, whatever the draw: of two alike the first estimate was 22 ms off, and 18 after 300 s."""
+    """With 20 ms of jitter, for any draw: two equal ones made the first estimate 22 ms off, and 18 ms after 300 s."""
     off_s = list[float]()
     for seed in range(80):
         made = Made(0.0, constant(0.15, 0.15), 0.02, armed_s=0.0, seed=seed)
@@ -124,7 +124,7 @@ def test_the_split_is_known_after_eight_round_trips():
 
 
 def test_offset_and_drift_are_those_of_the_two_state_kalman_filter():
-    """In matrices; the wait for the loop, uniform over 20 ms, is estimated from what the round trips vary by."""
+    """In matrices; the wait for the main loop, uniform over 20 ms, is estimated from the scatter of round trips."""
     rng, clock = np.random.default_rng(4), GnssClock(LOOP_S)
     x, p, at_s, trips = np.zeros(2), np.zeros((2, 2)), 0.0, list[float]()
     sent_s = np.cumsum(rng.uniform(0.2, 0.3, 60))
@@ -135,7 +135,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter():
         read = round((5.0 + 1.00003 * (begin_s + 0.05 + wait_s)) * NANOSECONDS)
         clock.probe(sent, read, after(sent, trip_s))
         trips = [*trips, trip_s][-12:]
-        believed = 4.0 if len(trips) < 12 else 0.0  # until twelve are known, a scatter of 20 ms
+        believed = 4.0 if len(trips) < 12 else 0.0  # a scatter of 20 ms is assumed until twelve are known
         off_s2 = sum((each - np.mean(trips)) ** 2 for each in trips) + believed * 0.02**2
         varied, looped = off_s2 / (len(trips) - 1 + believed), LOOP_S**2 / 12
         share, off_s = min(1.0, looped / varied), trip_s - np.mean(trips)
@@ -154,7 +154,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter():
 
 
 def test_an_answer_that_comes_late_moves_nothing():
-    """Four seconds late, of a clock that is 100 ppm fast: taken for the offset of now, it would be 0.4 ms off."""
+    """Four seconds late, of a clock that is 100 ppm fast: taken for the present offset, it would be 0.4 ms off."""
     made = Made(100e-6, constant(0.1, 0.1))
     made.fly(100.0)
     before_s, sent = made.clock.station_utc_s(), after(Instant(0), 96.1)
@@ -169,7 +169,7 @@ def test_a_step_of_the_split_is_the_links_and_is_followed_within_20_s(jitter_s):
     before_s = made.utc_error_s()
     made.fly(119.0)
     assert abs(made.split_s() - 0.32) < 0.02
-    assert abs(made.utc_error_s() - before_s) < 1e-3  # the clock goes on
+    assert abs(made.utc_error_s() - before_s) < 1e-3  # the clock continues
 
 
 @pytest.mark.parametrize("jump_s", [-0.5, 0.05, 18.0])
@@ -201,7 +201,7 @@ def test_a_slow_clock_that_was_armed_unseen_has_drifted_by_an_unknown_amount():
 
 
 def test_a_fast_clock_that_has_been_up_for_18_h_is_never_known_well_enough():
-    """Half a ppm, which is as well as its drift gets known, is 32 ms in 65,000 s: 0.7 m at 22 m/s."""
+    """A drift known to 0.5 ppm, which is the best, gives 32 ms in 65,000 s: 0.7 m at 22 m/s."""
     made = Made(100e-6, constant(0.1, 0.1), armed_s=0.0)
     made.now_s = 65_000.0
     for to_s in (65_003.0, 65_100.0, 65_900.0):
@@ -232,7 +232,7 @@ def test_utc_in_use_is_given_up_at_twice_what_keeps_it_from_being_used():
 
 
 def test_a_slow_clock_whose_arming_was_seen_is_extrapolated_since_then_alone():
-    """However long it was up before: it was set until it was armed."""
+    """Its uptime before doesn't matter, because it was set until it was armed."""
     made = Made(-40e-6, constant(0.1, 0.1), armed_s=20_060.0)
     made.now_s = 20_000.0
     made.fly(20_120.0)
@@ -241,7 +241,7 @@ def test_a_slow_clock_whose_arming_was_seen_is_extrapolated_since_then_alone():
 
 
 def test_a_drift_that_gets_better_known_moves_the_mapping_no_faster_than_promised():
-    """In an hour 3 ppm are 11 ms: they come at 1 ms a tick, whenever the answer comes."""
+    """In an hour 3 ppm are 11 ms: they are applied at 1 ms per tick, whenever the answer comes."""
     made = Made(40e-6, constant(0.1, 0.1), armed_s=0.0)
     made.now_s = 3600.0
     made.fly(3602.0)
@@ -256,15 +256,15 @@ def test_a_drift_that_gets_better_known_moves_the_mapping_no_faster_than_promise
         stamps.use_utc(UTC_AT_0_S, sent, 0.001 if stamps.by_utc else math.inf)
         moved_s.append((stamps.to_instant(boot_s) - before) / NANOSECONDS)
     assert max(abs(each_s) for each_s in moved_s[1:]) < 1.1e-3
-    assert abs(sum(moved_s[1:])) > 0.02  # as it had to
+    assert abs(sum(moved_s[1:])) > 0.02  # as required
 
 
-def test_what_most_allow_is_agreed_on_and_stands():
+def test_the_offset_that_most_bounds_allow_is_agreed_on_and_kept():
     slow, even, wrong = UtcBounds(10.16, 0.24), UtcBounds(10.0, 0.1), UtcBounds(11.0, 0.24)
     assert agreed_s([slow, even, even]) == pytest.approx(10.0)
     assert agreed_s([slow, even, wrong]) == pytest.approx(10.08)
     assert not wrong.allows(agreed_s([slow, even, wrong]))
-    assert agreed_s([even, wrong]) != agreed_s([even, wrong])  # NaN: nobody can say which
+    assert agreed_s([even, wrong]) != agreed_s([even, wrong])  # NaN: undecidable
     assert agreed_s([slow, even, even], 10.05) == 10.05
     assert agreed_s([slow, slow, even], 9.0) == pytest.approx(10.1)
 
@@ -288,4 +288,4 @@ def test_a_change_of_mapping_in_flight_comes_gradually():
     up_s, down_s = stamps.ways_s(0.24)
     assert (up_s, down_s) == (pytest.approx(0.4, abs=0.003), pytest.approx(0.08, abs=0.003))
     stamps.use_utc(None, now, 0.001)
-    assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)  # and back, gradually too
+    assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)  # the inverse changes gradually, too

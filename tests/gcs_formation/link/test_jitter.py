@@ -1,4 +1,4 @@
-"""Interarrival jitter: RFC 3550's figure of known delays."""
+"""Interarrival jitter: RFC 3550's figure for known delays."""
 
 from __future__ import annotations
 

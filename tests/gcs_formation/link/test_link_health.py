@@ -1,4 +1,4 @@
-"""The connection table."""
+"""The table of link states."""
 
 from airlink.clock import Instant, after
 from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
@@ -25,10 +25,10 @@ def test_telemetry_without_heartbeats_is_a_link_without_heartbeats() -> None:
         assert not connection.heard(after(START, 0.1 * tenth), heartbeat=False)
         assert not connection.check(after(START, 0.1 * tenth))
     connection.heard(after(START, 3.6), heartbeat=False)
-    assert not connection.check(after(START, 3.6), loss=0.2)  # five heartbeats may be lost, one time in 3000
+    assert not connection.check(after(START, 3.6), loss=0.2)  # five are lost with a probability of 1/3000
     assert connection.check(after(START, 3.6))
     assert connection.state is LinkState.MUTE
-    assert not connection.heard(after(START, 4.0), heartbeat=True)  # of a change of mode
+    assert not connection.heard(after(START, 4.0), heartbeat=True)  # because of a change of mode
     assert connection.heard(after(START, 5.0), heartbeat=True)
     assert connection.state is LinkState.CONNECTED
 

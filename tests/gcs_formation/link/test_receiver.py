@@ -1,4 +1,4 @@
-"""A stream parser for each remote, and no more than 1024 of them."""
+"""A stream parser for each remote, for 1024 of them at most."""
 
 from airlink.endpoint import Address
 from airlink.engine import Datagram

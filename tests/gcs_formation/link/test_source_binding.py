@@ -1,4 +1,4 @@
-"""Which address speaks for a vehicle, frame by frame."""
+"""Which address is a vehicle's, frame by frame."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RI
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)
 BEAT = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
 BOOTED_S = 500.0
-"""The vehicle's time since boot at our 0 s."""
+"""The vehicle's time since boot at our time 0."""
 
 
 class Ruling(NamedTuple):
-    """What is decided on a frame."""
+    """The decision on a frame."""
 
     admitted: bool
     finding: str | None = None
 
 
 class Ground:
-    """The claims of one vehicle that is heard from `HERE` and whose clock is known."""
+    """The binding of one vehicle that is heard from `HERE` and whose clock is known."""
 
     def __init__(self, *, clock_known: bool = True) -> None:
         self.connection, self.clock = Connection(0), ClockSync()
@@ -117,7 +117,7 @@ def test_another_clock_never_takes_a_silent_vehicle_s_place_nor_do_its_heartbeat
     assert not refused.admitted
     assert refused.finding is not None
     assert refused.finding.endswith("its clock is another's; it is ignored")
-    assert ground.hear(None, THERE) == ground.hear(stamp_s, THERE) == Ruling(False)  # said once
+    assert ground.hear(None, THERE) == ground.hear(stamp_s, THERE) == Ruling(False)  # reported once
     assert ground.connection.peer == HERE
 
 
@@ -157,14 +157,14 @@ def test_a_crowd_of_claimants_is_not_remembered_without_limit() -> None:
 
 
 def at_turn(shown_s: float) -> Ground:
-    """Return what is heard of a vehicle whose clock shows a time at our 0 s."""
+    """Return the binding of a vehicle whose clock has a given time at our time 0."""
     ground = Ground(clock_known=False)
     ground.clock.observe(ground.now, round(shown_s * NANOSECONDS), ground.now)
     return ground
 
 
 def test_stamps_of_32_bits_go_on_where_they_begin_again_after_49_days() -> None:
-    """2^32 ms are 4294967.296 s; it fell silent for a minute around that, and another address may continue it too."""
+    """2^32 ms are 4294967.296 s; it is silent for a minute around that, and may continue from another address."""
     ground = at_turn(4294960.0)
     assert ground.hear(4294960.0).admitted
     assert (ground.source_binding.turned_s, TURN_S) == (0.0, 4294967.296)

@@ -36,7 +36,7 @@ Place = Callable[..., Vehicle]
 
 @pytest.fixture
 def place() -> Place:
-    """Return a vehicle in a mode, armed or not, at a height above home, this far north."""
+    """Return a factory of vehicles in a mode, armed or not, at a height above home, this far north."""
 
     def placed(number: int, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> Vehicle:
         connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
@@ -59,12 +59,12 @@ def beat(mode: int, status: int) -> Heartbeat:
 
 
 def beats(vehicle: Vehicle, mode: int, status: int) -> None:
-    """Let an armed vehicle tell its mode and status, and no position."""
+    """Let an armed vehicle send its mode and status, but no position."""
     vehicle.telemetry.take(beat(mode, status))
 
 
 def told(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
-    """Return the commands under way, each acknowledged as it comes, with mode or first parameter."""
+    """Return the commands in progress, each acknowledged as it comes, with mode or first parameter."""
     sent: list[tuple[int, float]] = []
     while vehicle.commands.under_way is not None and (until is None or asked(vehicle) != until):
         command = vehicle.commands.due(now)
@@ -76,7 +76,7 @@ def told(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list
 
 
 def asked(vehicle: Vehicle) -> int | None:
-    """Return the mode that the command under way asks for."""
+    """Return the mode that the command in progress asks for."""
     command = vehicle.commands.under_way
     return None if command is None else vehicle.autopilot.mode_asked(command)
 
@@ -90,7 +90,7 @@ def accept(vehicle: Vehicle) -> int:
 
 
 def refuse(vehicle: Vehicle, result: int, now: Instant = NOW) -> None:
-    """Answer the command under way."""
+    """Answer the command in progress."""
     vehicle.commands.due(now)
     command = vehicle.commands.under_way
     assert command is not None
@@ -98,7 +98,7 @@ def refuse(vehicle: Vehicle, result: int, now: Instant = NOW) -> None:
 
 
 def goes_home_at(height_m: float) -> list[tuple[int, Any]]:
-    """Return the height, RTL, and the height again, which the change of mode has reset."""
+    """Return commands for the height, RTL, and the height again, which the change of mode has reset."""
     height = loiters_at(height_m)[1]
     return [height, (m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL), height]
 
@@ -128,7 +128,7 @@ def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
 @pytest.mark.parametrize("manner", ["loiter", "rtl"])
 @pytest.mark.parametrize(("hill_north_m", "base_m"), [(250.0, 150.0), (600.0, 100.0)])
 def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, hill_north_m: float, base_m: float):
-    """Those of vehicles 50 m and 100 m north of home, and those at home; a hill 90 m high, 60 m of clearance."""
+    """Vehicles 50 m and 100 m north of home, and at home; a hill 90 m high, 60 m of clearance."""
     hill = {"shape": "cosine", "north_m": hill_north_m, "east_m": 0, "height_m": 90, "radius_m": 100}
     away = {"speed_mps": 22, "waypoints_m": [[0, 3000, 100], [2000, 3000, 100]]}
     planned = load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]}, path=away))
@@ -139,7 +139,7 @@ def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, 
 
 
 def test_the_way_home_is_to_where_the_vehicle_says_that_its_home_is(place: Place):
-    """A hill 2 km east of them; home is 4 km east, the origin 50 m south."""
+    """A hill is 2 km east of them; home is 4 km east, the origin 50 m south."""
     hill = {"shape": "cosine", "north_m": 50, "east_m": 2000, "height_m": 90, "radius_m": 100}
     ground = GroundFloor(load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]})))
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
@@ -216,7 +216,7 @@ def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
 
 
 def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place):
-    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away now
+    vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away
     ending(*vehicles, manner="rtl")
     assert [told(vehicle) for vehicle in vehicles] == [goes_home_at(height_m) for height_m in (100.0, 115.0, 130.0)]
 
@@ -240,7 +240,7 @@ def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(
 
 
 def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: Place):
-    """Just up again, an ArduPilot says STANDBY, and would obey when it is told to disarm."""
+    """Right after boot an ArduPilot reports STANDBY, and would obey a command to disarm."""
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     vehicle._restart()
     end = ending(vehicle)
@@ -271,7 +271,7 @@ def test_one_in_an_emergency_9_m_above_its_home_circles(place: Place):
 
 
 def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: Place):
-    """While the others still open the formation."""
+    """This happens while the others are still spreading the formation."""
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
     end = Ending({vehicle.identity: vehicle}, GroundFloor(load_scenario(scenario())))
     end.begin(NOW)

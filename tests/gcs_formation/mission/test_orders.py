@@ -1,4 +1,4 @@
-"""Which orders are carried out, when, and what is said of those that aren't."""
+"""Which orders are carried out, when, and what is reported about the others."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ START = Instant(0)
 
 
 class Formation:
-    """Takes every change and end, unless it is made to refuse."""
+    """Accepts every change and end, unless it is set to refuse."""
 
     def __init__(self, phase: Phase = Phase.FLYING, planned: dict[float, str] | None = None) -> None:
         self.done: list[Any] = []
@@ -125,7 +125,7 @@ def test_an_order_that_the_flights_end_leaves_no_time_for_is_left_undone_unless_
 
 
 def test_the_last_of_several_planned_orders_to_end_the_flight_counts() -> None:
-    """None of them do where the flight was cut short otherwise: by the operator, or by `--until`."""
+    """None of them counts if the flight was cut short otherwise: by the operator, or by `--until`."""
     formation, cut = Formation(planned={9: "rtl", 10: "loiter"}), Formation(planned={9: "rtl", 10: "loiter"})
     for each in (formation, cut):
         each.flight.path_began = START

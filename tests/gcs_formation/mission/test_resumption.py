@@ -1,4 +1,4 @@
-"""Who is taken over after the ground station was killed."""
+"""Which vehicles are taken over after the ground station was killed."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
         (GUIDED, found("RTL"), resumed(), "in RTL, and the flight had left it in GUIDED; --retake takes it"),
         (GUIDED, found("RTL"), resumed(retake=True), None),
         (GUIDED, found("LOITER"), resumed(retake=True), "in LOITER, and the flight had left it in GUIDED"),
-        (LOITER, found("LOITER"), resumed(), None),  # told to loiter by the station itself
+        (LOITER, found("LOITER"), resumed(), None),  # commanded by the station itself
         (PILOTS, found("LOITER"), resumed(), "in LOITER, its pilot's or its failsafe's already before"),
         (PILOTS, found("RTL"), resumed(retake=True), "in RTL, its pilot's or its failsafe's already before"),
-        (PILOTS, found("GUIDED"), resumed(), None),  # given back
+        (PILOTS, found("GUIDED"), resumed(), None),  # given back by its pilot
         (RecordedVehicle("TAKEOFF", parted=False, flew=True), found("TAKEOFF"), resumed(), None),
         (
             RecordedVehicle(None, parted=False, flew=False),
@@ -72,5 +72,5 @@ def test_only_who_flies_as_the_flight_had_left_it_is_taken(
 
 
 def test_the_leader_is_looked_for_where_it_may_have_come_to() -> None:
-    """10 s after the last tick, 50 s after the path's start: 220 m farther, and 100 m, and half as much again."""
+    """10 s after the last tick, 50 s after the path's start: 220 m farther, plus 100 m, plus half of that."""
     assert resumed().reach_m == (880.0 - 100.0, 880.0 + 1.5 * 220.0 + 100.0)

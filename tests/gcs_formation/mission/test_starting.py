@@ -1,4 +1,4 @@
-"""What becomes of vehicles that don't get ready: decisions, of start-ups that are no more than their steps."""
+"""What happens to vehicles that don't get ready: decisions; start-ups are mere steps here."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Ground:
 
 
 class Preflight:
-    """Lets everybody begin, or nobody."""
+    """Lets all vehicles begin, or none."""
 
     passed = True
 
@@ -114,7 +114,7 @@ def test_nobody_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_
 
 @pytest.mark.parametrize("together", [True, False])
 def test_who_can_stand_begins_when_all_are_ready(together: bool) -> None:
-    """Where links lost a quarter of their frames, one of four was led past another that still climbed, 5 m away."""
+    """With a quarter of frames lost, one of four vehicles was led past another that still climbed, 5 m away."""
     ground = Ground(together=together)
     ground.hear(1, 2)
     ground.advance(1.0)

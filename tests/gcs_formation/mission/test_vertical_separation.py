@@ -1,4 +1,4 @@
-"""The opening at the end of a flight: who gets which height, and when it no longer matters who hears."""
+"""Vertical spreading at the end of a flight: heights, and when it no longer matters whether all vehicles hear."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_in_air_that_moves_them_circles_are_four_standard_deviations_of_their_di
 
 
 def test_all_heights_between_which_a_deaf_one_may_be_are_left_to_it() -> None:
-    """It flies at 100 m, or at the 112 m that it was told when it may no longer have heard."""
+    """It flies at 100 m, or at the 112 m that it was commanded when it may no longer have heard."""
     stack = Stack(GAP_M)
     stack.take(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
     assert heights(stack) == [112.0, 127.0, 142.0]

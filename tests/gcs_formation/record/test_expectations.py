@@ -1,4 +1,4 @@
-"""An expectation is judged over what was flown: a green result means what it says."""
+"""An expectation is judged on what was flown, so that a passed one means what it says."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PARTS: dict[str, Any] = {
 
 
 def verdict(cut_short: bool = False, crashed=(), faults=(), **expect) -> Verdict:
-    """Return what comes of an expectation of the second vehicle, flown for 10 s without any error."""
+    """Return the verdict on an expectation of the second vehicle, in a flight of 10 s without errors."""
     entry = {"metric": "error_x_m.max", "followers": [2], "below": 0.1} | expect
     scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [entry], "faults": list(faults)})
     (found,) = judge(scenario, flown(*crashed), PARTS, {}, cut_short)
@@ -41,7 +41,7 @@ def test_a_window_that_the_flight_s_own_end_cut_short_is_broken_with_the_time_to
     found = verdict(from_s=2, to_s=90)
     assert (found.held, found.judged, found.reached) == (False, True, False)
     assert str(found).endswith("expected: below 0.1: broken: flown to 10.0 s of 90 s")
-    assert verdict(from_s=50, to_s=90).held is False  # never begun
+    assert verdict(from_s=50, to_s=90).held is False  # the path was never begun
 
 
 def test_a_window_that_somebody_cut_short_is_not_judged():
@@ -54,7 +54,7 @@ def test_a_window_that_somebody_cut_short_is_not_judged():
 @pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m"])
 @pytest.mark.parametrize("window", [{"from_s": 50, "to_s": 90}, {"from_s": 5.02, "to_s": 5.04}])
 def test_a_window_without_a_tick_has_no_least_distance(metric, window):
-    """Nor has it that of the whole flight."""
+    """Nor has it the whole flight's."""
     found = verdict(metric=metric, followers="all", below=None, above=10, **window)
     assert (found.value, found.held) == (None, False)
 
@@ -68,7 +68,7 @@ def test_a_window_may_end_with_the_last_tick_before_it():
     ("from_s", "said"), [(2, "not recorded from 3.0 s to 7.0 s"), (3.5, "not recorded from 3.5 s to 7.0 s"), (7, "")]
 )
 def test_a_window_of_which_a_part_was_not_recorded_is_broken(from_s: float, said: str) -> None:
-    """The station was killed after 3 s, and its flight went on at 7 s."""
+    """The station was killed after 3 s, and its flight continued at 7 s."""
     whole = flown()
     known = (whole.mission_time_s <= 3.0) | (whole.mission_time_s >= 7.0)
     parts = {vehicle: {name: values[known] for name, values in own.items()} for vehicle, own in whole.vehicles.items()}
@@ -81,7 +81,7 @@ def test_a_window_of_which_a_part_was_not_recorded_is_broken(from_s: float, said
 @pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m", "error_x_m.max"])
 @pytest.mark.parametrize("planned", [True, False])
 def test_what_is_expected_of_a_window_at_whose_end_nobody_flies_is_broken(metric: str, planned: bool) -> None:
-    """Also where the scenario's faults crash them all: of one alone it isn't judged."""
+    """Also if the scenario's faults crash them all; if they crash one vehicle only, it isn't judged."""
     everyone = [LEADER, FOLLOWER, THIRD]
     faults = [{"at_s": 4.0, "vehicles": "all", "kind": "crash"}] if planned else []
     bounds = {"below": 0.1} if metric.startswith("error") else {"followers": "all", "below": None, "above": 10}
@@ -95,7 +95,7 @@ def test_what_is_expected_of_a_window_at_whose_end_nobody_flies_is_broken(metric
 
 @pytest.mark.parametrize("crashed", [[FOLLOWER], [LEADER]])
 def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_of_it(crashed):
-    """It is down, or its leader is and nobody succeeds it: it had no error while it flew."""
+    """It has crashed, or its leader has and nobody succeeds it; it had no error while it flew."""
     expected: list[dict[str, Any]] = [{"below": 0.1}, {"metric": "in_slot_share", "below": None, "above": 0.9}]
     for each in expected:
         found = verdict(crashed=crashed, to_s=FLOWN_S, **each)
@@ -132,7 +132,7 @@ def test_what_the_scenario_s_own_faults_crash_is_not_judged():
 def test_a_largest_error_that_was_beyond_its_bound_before_the_crash_stays_broken(
     metric: str, bounds: dict[str, Any], held: bool | None
 ) -> None:
-    """It was 5 m at 2 s; the mean, and a figure that the flight hasn't got, say nothing before the window's end."""
+    """It was 5 m at 2 s; neither the mean nor a figure without value says anything before the window's end."""
     flight, to_s = flown(FOLLOWER), FLOWN_S if metric != "settled_at_s" else 100.0
     flight.vehicles[FOLLOWER]["error_x_m"][np.isclose(flight.mission_time_s, 2.0)] = 5.0
     expect = {"metric": metric, "followers": [2], "to_s": to_s} | bounds
@@ -147,7 +147,7 @@ def test_a_largest_error_that_was_beyond_its_bound_before_the_crash_stays_broken
 
 
 def test_a_follower_that_crashes_while_nobody_leads_is_not_judged_either():
-    """Both are down at 4.1 s, the leader by a fault of 4 s, it by one of 5 s, and the third leads from 6 s on."""
+    """Both have crashed at 4.1 s, the leader by a fault at 4 s, it by one at 5 s; the third leads from 6 s on."""
     keys = KEYS | {
         "duration_s": 100,
         "faults": [{"at_s": 4.0, "vehicles": [1], "kind": "crash"}, {"at_s": 5.0, "vehicles": [2], "kind": "crash"}],
@@ -165,7 +165,7 @@ def test_a_lost_follower_s_time_counts_as_out_of_its_slot():
 
 
 def test_no_delay_is_less_than_none_in_summary_and_verdict():
-    """Half a cycle of the autopilot's loop is taken off each round trip; over a link without delay it waited less."""
+    """Half a cycle of the autopilot's loop is subtracted from each round trip; without link delay it may wait less."""
     probes_s = np.array([[-2e-5, np.nan, np.nan], [-1e-5, np.nan, np.nan], [3e-5, np.nan, np.nan]])
     link = LinkFigures(probes_s, np.arange(3.0), 0.0, 3, 3, 0)
     figures = _link(link, np.zeros(3))
@@ -179,7 +179,7 @@ def test_no_delay_is_less_than_none_in_summary_and_verdict():
 
 @pytest.mark.parametrize(("metric", "frames"), [("jitter_ms.p99", 3), ("measured_loss", 0), ("frames_bad", 0)])
 def test_a_link_that_nothing_came_over_meets_no_bound(metric: str, frames: int) -> None:
-    """The jitter that was estimated last stays in the table however long nobody has answered."""
+    """The last estimate of jitter stays in the table, however long no answer has come."""
     link = LinkFigures(np.zeros((3, 3)), np.arange(3.0) - 10.0, 0.0, frames, 3, 0)
     scenario = load_scenario(
         KEYS | {"expect": [{"metric": metric, "followers": [2], "below": 0.9}], "duration_s": FLOWN_S}
@@ -193,7 +193,7 @@ def test_a_link_that_nothing_came_over_meets_no_bound(metric: str, frames: int) 
 
 
 def link_verdict(metric: str, changes: Any = (), **link: Any) -> Verdict:
-    """Return what comes of a bound of 0.9 on a figure of the second vehicle's link, which is 0 or 0.5, to the end."""
+    """Return the verdict on a bound of 0.9 on a figure of the second vehicle's link, which is 0 or 0.5 to the end."""
     delays_s = np.full((11, 3), 5e-4)
     figures = LinkFigures(delays_s, np.arange(11.0), link.pop("loss", 0.0), 9, 9, 0, **link)
     expect = [{"metric": metric, "followers": [2], "below": 0.9}]

@@ -1,4 +1,4 @@
-"""Who counts: what lies on the ground is no part of the formation, by truth or as far as the station knew."""
+"""A crashed vehicle isn't part of the formation, by ground truth or as far as the station knew."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SCENARIO = load_scenario(KEYS)
 
 
 def spool(*, station_airborne=None, handed_over_s=np.inf, heir=FOLLOWER):
-    """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s; each in its slot.
+    """Return the station's columns of three vehicles in a row, 30 m apart, at 22 m/s, each in its slot.
 
     From `handed_over_s` on `heir` leads.
     """
@@ -46,7 +46,7 @@ def spool(*, station_airborne=None, handed_over_s=np.inf, heir=FOLLOWER):
 
 
 def truth(*crashed):
-    """Return the truth of the same flight at 25 Hz; `crashed` fall to the ground at `CRASH_S` and lie there."""
+    """Return the truth of the same flight at 25 Hz; `crashed` vehicles fall at `CRASH_S` and stay on the ground."""
     time_s = np.arange(0.0, 10.01, 0.04)
     flying, nothing = np.ones((time_s.size, 3)), np.zeros((time_s.size, 3))
     north_m = 22.0 * time_s[:, None] - np.array([0.0, 30.0, 60.0])
@@ -72,7 +72,7 @@ def truth(*crashed):
 
 
 def recorded(rows, true=None):
-    """Return the flight of a spool's columns and of the truth."""
+    """Return the flight from a spool's columns and the truth."""
     injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
     (whole,) = tables([rows], SCENARIO, None if true is None else lambda *_: true, injected)
     return split(whole, SCENARIO)
@@ -120,7 +120,7 @@ def test_without_truth_the_station_s_knowledge_decides():
 
 
 def test_expectations_are_of_whoever_follows_in_their_window():
-    """The second vehicle leads from 5 s on: of what follows then it can keep or break nothing, and the first can."""
+    """The second vehicle leads from 5 s on, so expectations of later followers concern the first vehicle, not it."""
     flight = recorded(spool(handed_over_s=5.0), truth())
     windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
@@ -160,6 +160,6 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     np.testing.assert_array_equal(ways_s[:, 2], injected[THIRD][:, 0])
 
 
-def test_of_nothing_there_is_no_least():
+def test_the_least_of_no_finite_values_is_none():
     assert least(np.array([np.nan, np.inf])) is None
     assert least(np.array([np.nan, 3.0, 2.0])) == 2.0

@@ -1,4 +1,4 @@
-"""Figures of merit, by hand."""
+"""Figures of merit, computed by hand."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIME_S = np.arange(0.0, 100.05, 0.1)
 
 
 def errors(out_from_s: float = np.inf) -> np.ndarray:
-    """Return (T, 3) m: beyond 0.5 m in height alone before 20 s and for 5 s from `out_from_s` on, 0.3 m to 50 s."""
+    """Return (T, 3) m: beyond 0.5 m in height only before 20 s and for 5 s from `out_from_s` on, 0.3 m to 50 s."""
     out = (TIME_S < 19.95) | ((out_from_s - 0.05 <= TIME_S) & (out_from_s + 4.95 > TIME_S))
     error_m = np.zeros((TIME_S.size, 3))
     error_m[:, 2] = np.where(out, -0.6, np.where(TIME_S < 49.95, 0.3, -0.01))
@@ -63,7 +63,7 @@ def test_a_vehicle_that_leaves_its_slot_again_is_told_when_and_its_time_there_co
 
 
 def columns(**changes) -> dict[str, np.ndarray]:
-    """Return setpoints at 10 Hz: speed up and down by 0.2 m/s, heading turning 0.02 rad a tick through north."""
+    """Return setpoints at 10 Hz: speed up and down by 0.2 m/s, heading turning 0.02 rad per tick through north."""
     ticks = np.arange(101)
     return {
         "t_s": ticks / 10.0,
@@ -108,9 +108,9 @@ def with_places(places: Any, ticks: int, period_s: float = 0.1) -> Any:
 
 @given(st.integers(1, 9), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 1.0]), st.booleans())
 def test_separation_is_that_of_the_nearest_two_that_fly_from_tick_to_tick(count, seed, grounded, closely):
-    """Of every pair, by looking at them a hundred times in between; some stand abreast, and a share is on the ground.
+    """Compared with every pair at a hundred points between ticks; some fly abreast, and a share is on the ground.
 
-    Over more than a second nobody is taken to have flown straight on.
+    Over more than a second straight flight isn't assumed.
     """
     draw = np.random.default_rng(seed)
     places = draw.choice([0.0, 1.0, 1.5, 40.0], (count, 6, 3)) * draw.uniform(0.1, 100.0, 3)
@@ -128,7 +128,7 @@ def test_separation_is_that_of_the_nearest_two_that_fly_from_tick_to_tick(count,
 
 
 def test_two_that_pass_each_other_between_ticks_were_as_near_as_they_passed():
-    """At 2 Hz, 22 m/s each and 0.05 m aside, the ticks alone see 11 m."""
+    """At 2 Hz, 22 m/s each and 0.05 m aside, the ticks alone show 11 m."""
     along = 22.0 * (np.arange(8) * 0.5 - 1.75)
     one = np.stack((along, np.zeros(8), np.zeros(8)), axis=1)
     other = np.stack((-along, np.full(8, 0.05), np.zeros(8)), axis=1)

@@ -1,4 +1,4 @@
-"""What orders had led to when a record ended."""
+"""The effect of orders up to the end of a record."""
 
 from __future__ import annotations
 

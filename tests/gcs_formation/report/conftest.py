@@ -1,4 +1,4 @@
-"""Run directories of flights that never were: plausible columns, the real files."""
+"""Run directories of synthetic flights: plausible columns in real files."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def make_run(tmp_path_factory: pytest.TempPathFactory) -> MakeRun:
 
 
 class Reported(NamedTuple):
-    """A flight with events of every kind, reported: drawing its figures takes seconds."""
+    """The report of a flight with events of every kind; it is shared because drawing takes seconds."""
 
     directory: Path
     run: RunData
     page: str
     settings_kept: bool
-    """Whether Matplotlib's settings are as they were."""
+    """Whether Matplotlib's settings were restored."""
 
 
 @pytest.fixture(scope="session")
@@ -83,7 +83,7 @@ def write_run(
 ) -> None:
     """Write all files that `report` reads.
 
-    `crash`: the last follower falls out halfway; `unseen`: ticks at which its state is unknown.
+    `crash`: the last follower drops out halfway; `unseen`: ticks at which its state is unknown.
     """
     end_s = min(scenario.duration_s, flown_s or scenario.duration_s)
     mission_s = np.arange(-ASSEMBLY_S, end_s + 1e-9, 1.0 / scenario.law.rate_hz)
@@ -215,7 +215,7 @@ def vehicle_columns(
 
 
 def disturbance_mps(scenario: Scenario, mission_s: np.ndarray) -> np.ndarray:
-    """Return (T, 3) the sum of the scenario's steps, as if each were on everybody."""
+    """Return (T, 3) the sum of the scenario's steps, as if each acted on all vehicles."""
     steps = [
         np.outer(mission_s >= each.at_s, each.velocity_mps) for each in scenario.disturbances if each.kind == "step"
     ]

@@ -1,4 +1,4 @@
-"""The page in a real browser, headless and without a network. Skipped where no Chromium is on the machine."""
+"""The page in a real browser, headless and without a network. Skipped if no Chromium is installed."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ OPTIONS = (
     "--enable-logging=stderr", "--virtual-time-budget=3000", "--dump-dom",
 )  # fmt: skip
 POLICY = """<meta http-equiv="Content-Security-Policy" content="default-src 'none'">"""
-"""The report's, so that whatever it would load from elsewhere is an error on its console."""
+"""The report's content security policy; whatever the page would load from elsewhere is an error on the console."""
 WALL_S = 120
-"""A browser that takes longer has hung."""
+"""A browser that takes longer counts as hung."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -31,7 +31,7 @@ pytestmark = [
 
 
 def opened(page: Path, profile: Path) -> tuple[str, list[str]]:
-    """Return the page as it is once its scripts have run, and all that reached the browser's console."""
+    """Return the page after its scripts have run, and everything on the browser's console."""
     command = [str(BROWSER), *OPTIONS, f"--user-data-dir={profile}", page.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=WALL_S, check=True)
     return done.stdout, re.findall(r"CONSOLE.*", done.stderr)
@@ -55,7 +55,7 @@ def test_the_report_opens_without_network_and_says_nothing_to_the_console(make_r
 
 
 AT_ONCE = "<head><script>window.requestAnimationFrame = (draw) => draw(0);</script>"
-"""Headless, frames come late or never."""
+"""In headless mode, animation frames come late or never."""
 HANDS = """<script>
 for (const name of ["errors", "plan", "space"]) {
   const canvas = document.getElementById(name);

@@ -176,7 +176,7 @@ def test_nothing_after_the_end_is_marked(make_run):
 
 
 def test_names_of_marks_are_at_their_lines_and_none_lies_on_another():
-    """The flight of a leader that freezes for a while, in axes as narrow as those of a transient."""
+    """The flight of a leader that freezes for a while, on axes as narrow as those of a transient."""
     happened = {
         6.2: "disturbance (1, 2, 4)",
         13.8: "freeze (1)",

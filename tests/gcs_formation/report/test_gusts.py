@@ -1,4 +1,4 @@
-"""After a gust on followers only, the report holds errors against the least that any law could have."""
+"""The report compares errors after a gust on followers only with the least possible under any law."""
 
 import re
 
@@ -14,7 +14,7 @@ from gcs_formation.report.page_parts import after_gusts
 
 GUST = {"at_s": 30, "vehicles": [2, 3], "velocity_mps": [0.6, -0.6, 0.3]}
 UP_S = 0.02
-"""Of the links in the records."""
+"""Delay of the links in the records."""
 BRAKED_M = {"x": 0.36 / (2 * 1.5), "y": 0.36 / (2 * 22 * 0.25)}
 
 
@@ -37,7 +37,7 @@ def test_the_bound_is_of_the_records_round_trip_and_the_models_limits(run):
     for column, error in enumerate(found):
         samples = zip(run.time_s, run.flown.vehicles[error.vehicle]["age_s"], strict=True)
         answered_s = next(tick_s for tick_s, age_s in samples if tick_s - age_s >= 30.0 + UP_S)
-        assert error.round_trip_s == pytest.approx(answered_s - 30.0, abs=1e-3)  # late by the way up both
+        assert error.round_trip_s == pytest.approx(answered_s - 30.0, abs=1e-3)  # the uplink delays both
         assert error.least_m == pytest.approx(0.6 * error.round_trip_s + BRAKED_M[error.axis], abs=1e-3)
         assert error.allowed_m == pytest.approx(1.5 * error.least_m + 0.05)
         worst_m = max(np.abs(run.flown.error(vehicle)[window, column]).max() for vehicle in run.followers)

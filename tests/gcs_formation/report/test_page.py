@@ -14,7 +14,7 @@ VOID = {"meta", "link", "img", "input", "br"}
 
 
 class Outline(HTMLParser):
-    """Elements opened and closed in order; what they refer to; the words outside of scripts and styles."""
+    """Collects elements opened and closed in order, their references, and the text outside scripts and styles."""
 
     def __init__(self, text):
         super().__init__(convert_charrefs=True)

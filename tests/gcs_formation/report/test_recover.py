@@ -1,4 +1,4 @@
-"""What is read back of a run that was killed or whose disk was full."""
+"""The report of a run that was killed or whose disk was full."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.flights.conftest import scenario
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the directory of a run whose disk was full at its end; a whole one is beside it."""
+    """Return the directory of a run whose disk was full at its end; a complete one is beside it."""
     directory = tmp_path_factory.mktemp("runs")
     keys = scenario(vehicles={"count": 2})
     gcs_formation.run(keys, clock="virtual", until=3.0, out=directory / "whole")

@@ -200,7 +200,7 @@ def test_another_run_s_scenario(make_run):
 
 
 @pytest.mark.parametrize("wrong", [[["a"]], [1.0]])
-def test_phases_in_other_than_words_are_none(make_run, wrong):
+def test_phases_that_are_not_text_are_ignored(make_run, wrong):
     directory = make_run()
     path = directory / "timeseries.parquet"
     table = pq.read_table(path)

@@ -1,4 +1,4 @@
-"""Encounters flown by model (7) with the rule and without: links that delay, jitter and lose, states that are old."""
+"""Encounters flown by model (7) with and without the rule; links delay, jitter and lose, and states are old."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def model(count: int) -> AutopilotModels:
 
 @dataclass
 class Vehicles:
-    """Who flies how: a row [north, east, height, speed, heading, turn rate] each; the law wants just that for ever."""
+    """Vehicles, a row [north, east, height, speed, heading, turn rate] each; the law asks all to continue for ever."""
 
     rows: list[list[float]]
     commanded: list[bool] | None = None
@@ -52,7 +52,7 @@ class Vehicles:
     seed: int = 0
     floor_m: float = 15.0
     fence_m: tuple[float, float] = (-math.inf, math.inf)
-    """The fence's heights."""
+    """Heights of the fence."""
 
     @property
     def state(self) -> FlightStates:
@@ -81,7 +81,7 @@ class Flown:
 
     @property
     def changes(self) -> Array:
-        """How often each vehicle began or ended to give way, or changed sides."""
+        """Return how often each vehicle began or ended to evade, or changed sides."""
         return np.abs(np.diff(np.sign(self.sides), axis=0, prepend=0.0)).sum(axis=0)
 
 
@@ -103,14 +103,14 @@ def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s
 
 
 def wanted(vehicles: Vehicles, time_s: float) -> Setpoints:
-    """Return what the law wants: the initial speed and height; the heading leads a turn by the autopilot's lag."""
+    """Return the law's setpoints: the initial speed and height; the heading leads a turn by the autopilot's lag."""
     state, turn = vehicles.state, vehicles.turn_rps
     heading = state.heading_rad + turn * (time_s + MODEL["tau_psi_s"])
     return Setpoints(state.airspeed_mps, heading, state.height_m)
 
 
 def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -> Flown:
-    """Fly; states are told with the link's delay, setpoints act after it, or never."""
+    """Fly; states arrive with the link's delay, setpoints act after it, or never."""
     count, random = len(vehicles.rows), np.random.default_rng(vehicles.seed)
     each = model(count)
     true, side, flown = vehicles.state, np.zeros(count), Flown()
@@ -154,7 +154,7 @@ def _give_way(picture: TrafficPicture, side: Array, setpoints: Setpoints) -> Arr
 
 
 def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: Array) -> list[tuple[float, int, Array]]:
-    """Put into `held` what has arrived; return the rest."""
+    """Put what has arrived into `held`; return the rest."""
     for _, vehicle, setpoint in sorted((a for a in on_the_way if a[0] <= now_s + 1e-9), key=lambda a: a[0]):
         held[:, vehicle] = setpoint
     return [a for a in on_the_way if a[0] > now_s + 1e-9]

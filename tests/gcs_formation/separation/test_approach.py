@@ -1,4 +1,4 @@
-"""At what instants manoeuvres are looked at, and where those get to that fly as they are."""
+"""The instants at which manoeuvres are checked, and predicted positions of vehicles that fly on unchanged."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def test_two_that_are_commanded_keep_less_than_from_others_and_nothing_from_them
 
 
 def test_the_heights_beside_others_are_taken_nearest_first_on_ones_own_side_and_never_below_the_floor() -> None:
-    """1 m farther than the distance kept, and what passing speed by timing may take of it: 10 m/s times 0.2 s."""
+    """1 m more than the kept distance, plus what passing speed with a timing error costs: 10 m/s times 0.2 s."""
     rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [0, 50, 98, 22, 0, 0], [0, 90, 21, 32, 0, 0]]
     vehicles = Vehicles(rows, delay_s=0.5)
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     others, ends_m = np.array((1, 2)), np.array((98.0, 21.0))
-    heights = [109.0, 87.0, 34.0]  # 21 - 13 is below the floor
+    heights = [109.0, 87.0, 34.0]  # 21 - 13 would be below the floor
     assert free_heights(made, 0, others, ends_m, 0.0).tolist() == pytest.approx(heights)
     assert free_heights(made, 0, others, ends_m, -1.0).tolist() == pytest.approx([87.0, 109.0, 34.0])

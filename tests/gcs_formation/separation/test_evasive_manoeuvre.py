@@ -58,7 +58,7 @@ def test_who_isn_t_commanded_is_kept_away_from(turn_rps: float) -> None:
     ("turn_rps", "east_m", "heading"), [pytest.param(-0.03, -40.0, 0.0, marks=pytest.mark.slow), (-0.05, -30.0, 0.1)]
 )
 def test_a_leader_in_its_bend_can_fly_on_as_it_reckoned(turn_rps: float, east_m: float, heading: float) -> None:
-    """One that nobody commands flies straight on inside of it. States are exact: nothing may be lost on the way."""
+    """One without commands flies straight on inside the bend. States are exact: the prediction must be, too."""
     rows: list[list[float]] = [[0, 0, 100, 22, 0, turn_rps], [0, east_m, 100, 21.5, heading, 0]]
     flown = encounter(Vehicles(rows, commanded=[True, False]), 16)
     assert flown.gave_way[0]
@@ -76,7 +76,7 @@ def test_nobody_is_sent_below_the_floor() -> None:
 
 @pytest.mark.parametrize("fence_m", [(0.0, 105.0), (95.0, 200.0), (98.0, 102.0)])
 def test_who_gives_way_stays_within_the_heights_of_the_fence(fence_m: tuple[float, float]) -> None:
-    """Up and down are as far, so it sinks below the first; within the last it turns aside."""
+    """Up and down are equally far, so it descends under the first limit; within the last it turns."""
     flown = encounter(Vehicles(ENCOUNTERS["head-on"], fence_m=fence_m), 18)
     heights_m = np.array([setpoints[2] for setpoints in flown.setpoints])
     assert fence_m[0] <= heights_m.min()
@@ -129,7 +129,7 @@ def test_what_is_told_stays_in_the_envelope_and_whoever_passes_is_told_the_same_
 @settings(max_examples=60, deadline=None)
 @given(st.integers(2, 40), st.floats(12.5, 100), st.floats(-PI, PI), st.integers(0, 2**32 - 1))
 def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float, seed: int) -> None:
-    """Slots from the least spacing at which 10 m are kept, speeds that differ by what a formation corrects."""
+    """Slots from the least spacing at which 10 m are kept, and speeds that differ by typical corrections."""
     random = np.random.default_rng(seed)
     rows = [
         [spacing_m * (i // 6), spacing_m * (i % 6), 100.0, 22 + random.uniform(-0.3, 0.3), heading, 0.0]
@@ -151,7 +151,7 @@ def test_the_air_that_carries_a_vehicle_is_part_of_its_way(
 ) -> None:
     """One flies 10.1 m above another, where 10 m are kept, in air that rises or sinks.
 
-    Its lags add up to 4 s: told 4 m less than its height in air that rises at 1 m/s, it keeps that.
+    Its lags add up to 4 s: commanded 4 m below its height in air that rises at 1 m/s, it keeps that height.
     """
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [0, 0, 110.1, 22, 0, 0]])
     state = vehicles.state

@@ -1,4 +1,4 @@
-"""In flight nobody leaves the fence, whatever the law asks for."""
+"""In flight no vehicle leaves the fence, whatever the law asks for."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ TICK_S = 0.15
 
 
 def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
-    """Vehicles with a fence that isn't checked against their path."""
+    """Return vehicles with a fence that isn't checked against their path."""
     planned = load_scenario(scenario(vehicles={"count": count}))
     safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **heights)})
     return planned.model_copy(update={"safety": safety})
 
 
 def tick(state: FlightStates, setpoints: Setpoints, at_s: float = 0.0) -> Tick:
-    """Return a tick in which everybody is commanded."""
+    """Return a tick in which all vehicles are commanded."""
     now, count = Instant(round(at_s * 1e9)), setpoints.speed_mps.size
     made = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * count, [0.0] * count, [0.0] * count, [True] * count)
     made.state, made.setpoints = tables.states(state), tables.setpoints(setpoints)
@@ -40,7 +40,7 @@ def tick(state: FlightStates, setpoints: Setpoints, at_s: float = 0.0) -> Tick:
 
 
 def minimum(limits: FenceLimits, now: Tick) -> Any:
-    """Hold a tick's setpoints inside; return which were replaced, (C, 3)."""
+    """Limit a tick's setpoints; return which were replaced, (C, 3)."""
     limits.keep(now)
     return np.array(now.replaced)
 
@@ -52,7 +52,7 @@ def places(world: World) -> Any:
 
 
 def least(world: World, corners: Any, seconds: int) -> tuple[float, float]:
-    """Fly for some seconds; return how far inside the fence everybody stayed, and how far apart, m."""
+    """Fly for some seconds; return the least distance inside the fence, and the least separation, m."""
     within_m, apart_m = np.inf, np.inf
     for _ in range(2 * seconds):
         world.run(0.5)
@@ -67,7 +67,7 @@ def least(world: World, corners: Any, seconds: int) -> tuple[float, float]:
     "corners", [pytest.param(SQUARE, id="square", marks=pytest.mark.slow), pytest.param(BAY, id="bay")]
 )
 def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
-    """40 vehicles for 75 s in 4 m/s of wind, each asked for a heading of its own that changes now and then."""
+    """40 vehicles for 75 s in 4 m/s of wind, each commanded a heading of its own that changes from time to time."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count)
     models = from_scenario.autopilot_models(planned)
@@ -110,7 +110,7 @@ def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
 
 
 def test_one_that_flies_along_the_fence_is_said_to_be_turned_away_once() -> None:
-    """It is held where it has no more room and let go where it has: every few ticks, for as long as it is told out."""
+    """As long as it is commanded outwards, it is held when it runs out of room and released when it has some."""
     planned = fenced(SQUARE, 1)
     limits, model = (
         FenceLimits(planned, from_scenario.autopilot_models(planned)),
@@ -138,7 +138,7 @@ def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
 
 
 def test_vehicles_that_the_fence_turns_towards_each_other_keep_apart() -> None:
-    """In a small fence, in wind, each turns to its own side: 7.9 m apart if the rule didn't see these turns."""
+    """In a small fence, in wind, each turns to its own side: 7.9 m apart if the rule ignored these turns."""
     world = World(wind={"velocity_mps": [0, 6, 0]})
     corners = ((-500.0, -300.0), (300.0, -300.0), (300.0, 300.0), (-500.0, 300.0))
     world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.models)

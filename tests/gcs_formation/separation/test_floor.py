@@ -1,4 +1,4 @@
-"""In flight nobody is sent into the ground, whatever the law asks for."""
+"""In flight no vehicle is sent into the ground, whatever the law asks for."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SLOPE: Any = {"shape": "gaussian", "north_m": 0.0, "east_m": 0.0, "height_m": 10
 
 
 def planned(*hills: Any) -> Scenario:
-    """A leader and two followers, which keep 20 m above the ground."""
+    """Return a leader and two followers, which keep 20 m above the ground."""
     terrain = {"terrain": {"hills": list(hills), "clearance_m": 30}} if hills else {}
     return load_scenario(scenario(safety={"clearance_m": CLEARANCE_M}, path=HIGH, **terrain))
 
@@ -36,7 +36,7 @@ def floor_of(over: Scenario) -> HeightFloor:
 
 
 def kept(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0) -> Tick:
-    """Return the tick at which a vehicle that heads north is told another height in place of `told_m`."""
+    """Return the tick at which a vehicle that heads north gets another height than `told_m`."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
     tick.state[1] = FlightState(north_m, 0.0, height_m, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
@@ -67,7 +67,7 @@ def test_one_that_is_too_low_is_asked_for_no_more_than_it_can_climb() -> None:
 
 @pytest.mark.parametrize("north_m", [-700.0, -300.0, -100.0, 60.0, 300.0, 700.0])
 def test_one_that_flies_along_a_slope_is_told_the_ground_that_it_comes_to(north_m: float) -> None:
-    """Setpoints lead: a metre above the clearance nothing is changed, uphill or down; below it, it's that."""
+    """Setpoints lead: a metre above the clearance nothing changes, uphill or downhill; below, the height is raised."""
     over = planned(SLOPE)
     ground = over.ground.height(np.array([north_m, north_m + LAG_S * SPEED_MPS]), np.zeros(2))
     here_m, there_m = (ground + CLEARANCE_M).tolist()

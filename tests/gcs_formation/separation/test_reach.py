@@ -1,4 +1,4 @@
-"""The bound that spares the rule its ways: no pair that comes too near is left out, and a formation costs no ways."""
+"""The bound that saves predictions: it skips no pair that comes too close, and a formation needs no predictions."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ PI = np.pi
 
 
 def wanted_by_all(made: TrafficPicture) -> Setpoints:
-    """Return the setpoints of a scene; those that nobody commanded are told to go on."""
+    """Return the setpoints of a scene; vehicles that nobody commands are assumed to continue."""
     state = made.traffic.state
     on = np.array((state.airspeed_mps, state.heading_rad, state.height_m))
     return Setpoints.of(np.where(made.commanded, made.setpoints.table, on))
 
 
 def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hovers: bool = False) -> TrafficPicture:
-    """Return vehicles near each other; `unlike`: how far speeds, headings, winds and setpoints differ, 0 to 1.
+    """Return vehicles near each other; `unlike`: how much speeds, headings, winds and setpoints differ, 0 to 1.
 
-    What hovers flies velocities over ground, and has no wind.
+    Multirotors fly velocities over ground, and have no wind.
     """
     random = np.random.default_rng(seed)
     commanded = [True, *(random.random(count - 1) < 0.8).tolist()]
@@ -93,7 +93,7 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     look = FirstLook(models, first_s, horizon_s, hovers=hovers)
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s, slots_m = made.traffic.lead_s.tolist(), made.timing_s.tolist(), made.slots_m.T.tolist()
-    for _ in range(2):  # the second time in the order that was found
+    for _ in range(2):  # the second time in the order found
         look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
             look.see(place, state, slots_m[place], told[0], told[1], early_s[place], timing_s[place])
@@ -123,7 +123,7 @@ def test_a_formation_in_its_slots_needs_no_ways() -> None:
 
 
 def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_each_does() -> None:
-    """Forty that time themselves badly: what they may be off by counts for both of a pair."""
+    """Forty vehicles with large timing errors, which count for both vehicles of a pair."""
     made = replace(random_scene(7, 40, 3000.0, 1.0), timing_s=np.full(40, 20.0))
     reach = bound(made)
     one, other = np.triu_indices(40, 1)

@@ -28,9 +28,9 @@ from tests.gcs_formation import tables
 
 
 class Crossing:
-    """A vehicle northwards, and one that nobody commands and that crosses its way westwards, at one height.
+    """A vehicle northwards, and an uncommanded one that crosses its way westwards at the same height.
 
-    The first is 110 m from where they cross, and there at the same time as a point `behind_m` before the other.
+    The first is 110 m from the crossing, and reaches it at the same time as a point `behind_m` before the other does.
     """
 
     def __init__(self, behind_m: float = 6.0, **keys: Any) -> None:
@@ -43,16 +43,16 @@ class Crossing:
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
         self.error_m: list[Triple] = [UNKNOWN, UNKNOWN]
         self.told_mps: float | None = None
-        """As they fly, where there is none."""
+        """By default, setpoints equal to their flight."""
         self.circling, self.flew = False, True
         self.height_m, self.holds_at_m = 100.0, math.nan
-        """The second's, and where it was told to loiter."""
+        """Height of the second vehicle, and the height at which it was told to loiter."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
         self.home_m: tuple[float, float] | None = None
         self.heard_s: float | None = None
-        """Until when the second is known to have heard what it was told; None: now."""
+        """Time until which the second is known to have heard setpoints; None: now."""
         self.seen_s: float | None = None
-        """When it was seen where it is; None: now."""
+        """Time of its last known position; None: now."""
 
     def keep(self, age_s: float = 0.0, at_s: float = 0.0, planned_m: float | None = None) -> Tick:
         height, none, ours = np.array((100.0, self.height_m)), np.zeros(2), self.ours.tolist()
@@ -91,12 +91,12 @@ class Crossing:
 def test_the_older_the_states_the_more_room_for_instants_that_are_off(
     behind_m: float, age_s: float, gives: bool
 ) -> None:
-    """Off by a tenth of 2 s each at 22 m/s, they pass at a right angle up to 9 m nearer than reckoned."""
+    """With timing errors of a tenth of 2 s each at 22 m/s, at a right angle, they pass up to 9 m too close."""
     assert Crossing(behind_m).gives_way(age_s) is gives
 
 
 def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None:
-    """Else the later one does. One that may not hear is told to, and kept clear of as if it flew on."""
+    """Otherwise the later one evades. One that may not hear is commanded, but others avoid it as if it flew on."""
     heard, unheard = Crossing(), Crossing()
     for each in (heard, unheard):
         each.ours = np.array((True, True))
@@ -119,7 +119,7 @@ def test_slots_that_are_planned_to_come_nearer_on_their_way_are_not_fought(
 
 
 def test_a_way_planned_beside_anothers_slot_leaves_the_limit_to_be_kept() -> None:
-    """Who came back was planned to begin 1 m from a slot whose own vehicle was elsewhere: others weren't kept apart."""
+    """A way was planned to begin 1 m from a slot whose own vehicle was elsewhere: others weren't kept apart."""
     meeting = Crossing()
     meeting.ours[:] = True
     meeting.north[:], meeting.east[:], meeting.heading[:] = 0.0, (0.0, 16.0), (0.0, -0.4)
@@ -138,7 +138,7 @@ def test_who_has_not_been_heard_for_half_a_minute_is_kept_away_from_no_more(age_
 def test_what_flew_when_it_was_last_heard_is_kept_away_from_however_slow(
     speed_mps: float, wind_mps: float, flew: bool
 ) -> None:
-    """In 5 s it is right in the way, at the height flown at: it hovers there, or stands on a roof."""
+    """After 5 s it is right in the way, at its flying height: it hovers there, or stands on a roof."""
     crossing = Crossing()
     crossing.speed[1], crossing.wind_north[1], crossing.flew = speed_mps, wind_mps, flew
     crossing.east[1], crossing.north[1] = 5.0 * speed_mps, -5.0 * wind_mps
@@ -146,7 +146,7 @@ def test_what_flew_when_it_was_last_heard_is_kept_away_from_however_slow(
 
 
 def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> None:
-    """Straight on it would cross; by 0.2 rad/s to the right it turns away before. Turned to 0 s, it flies back."""
+    """Straight on it would cross; at 0.2 rad/s to the right it turns away before."""
     crossing = Crossing()
     assert crossing.gives_way(at_s=0.0)
     crossing.heading[1] += 0.2
@@ -168,7 +168,7 @@ def test_one_that_is_about_to_circle_turns_right_before_its_headings_show_it(
 
 
 def test_one_that_is_about_to_circle_may_fly_straight_on_too() -> None:
-    """Straight on it crosses; turning right it would be off before."""
+    """Straight on it crosses; turning right it would be out of the way before."""
     crossing = Crossing()
     crossing.circling = True
     assert crossing.gives_way()
@@ -176,7 +176,7 @@ def test_one_that_is_about_to_circle_may_fly_straight_on_too() -> None:
 
 @pytest.mark.parametrize(("told_m", "gives"), [(100.0, True), (math.nan, False)])
 def test_one_that_is_told_to_loiter_higher_climbs_there_as_it_turns(told_m: float, gives: bool) -> None:
-    """It was taken to level off: one beside it was kept 4.1 m from it."""
+    """It was assumed to level off, and came within 4.1 m of one beside it."""
     beside = Crossing()
     beside.north[:], beside.east[:], beside.heading[:] = (0.0, 25.0), (0.0, -60.0), 0.0
     beside.circling, beside.height_m, beside.holds_at_m = True, 92.0, told_m
@@ -187,7 +187,7 @@ def test_one_that_is_told_to_loiter_higher_climbs_there_as_it_turns(told_m: floa
 def test_a_setpoint_of_a_slow_law_is_reckoned_to_act_although_the_next_ones_are_lost(
     rate_hz: float, acts_s: float
 ) -> None:
-    """With 0.2 s for all, bursts of losses brought vehicles in slots 15 m apart within 2 m of each other at 2 Hz."""
+    """With 0.2 s for all rates, bursts of losses brought vehicles with slots 15 m apart within 2 m at 2 Hz."""
     planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", "rate_hz": rate_hz}))
     resolver = ConflictResolver(planned, SetpointHistory(rate_hz), autopilot_models(planned))
     assert resolver._times_s[1] == pytest.approx(acts_s)
@@ -237,7 +237,7 @@ def test_an_encounter_that_does_not_end_is_told_once() -> None:
 
 
 def beside_each_other(slots_m: float, **keys: Any) -> Crossing:
-    """Two that fly along with each other, 7 m apart, with slots so far apart."""
+    """Return two vehicles on parallel courses, 7 m apart, with slots `slots_m` apart."""
     beside = Crossing(**keys)
     beside.ours[:], beside.slots_m = True, [UNKNOWN, (0.0, slots_m, 0.0)]
     beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, 7.0), 0.0
@@ -246,7 +246,7 @@ def beside_each_other(slots_m: float, **keys: Any) -> Crossing:
 
 @pytest.mark.parametrize(("slots_m", "gives"), [(8.0, False), (8.7, False), (8.8, True), (30.0, True)])
 def test_two_whose_slots_are_near_each_other_are_not_fought(slots_m: float, gives: bool) -> None:
-    """They keep 0.8 of what their slots leave, and else the rule's 10 m and 0.5 m for what isn't known exactly."""
+    """They keep 0.8 of what their slots leave; otherwise 10 m by the rule, plus 0.5 m for uncertainty."""
     assert any(beside_each_other(slots_m).keep().yielding) is gives
 
 
@@ -260,7 +260,7 @@ def test_slots_that_are_near_each_other_at_another_time_lower_nothing() -> None:
 
 
 def test_slots_that_only_happen_to_be_near_each_other_leave_the_limit_to_be_kept() -> None:
-    """Those of vehicles that gather beside the leader are where these were found."""
+    """Slots of vehicles that gather beside the leader are where the vehicles were found."""
     beside = beside_each_other(4.0)
     beside.east[:] = 0.0, 4.5
     assert not any(beside.keep().yielding)
@@ -268,7 +268,7 @@ def test_slots_that_only_happen_to_be_near_each_other_leave_the_limit_to_be_kept
 
 
 def test_who_comes_from_afar_keeps_the_whole_distance_also_while_slots_change() -> None:
-    """What ways of slots leave is kept by those that are in them: past one of them it came within 2.7 m."""
+    """Distances on planned ways apply to vehicles in their slots only: it had passed one within 2.7 m."""
     beside = beside_each_other(8.0)
     assert not any(beside.keep(planned_m=8.0).yielding)
     beside.error_m = [UNKNOWN, (22.0, 0.0, 0.0)]
@@ -276,7 +276,7 @@ def test_who_comes_from_afar_keeps_the_whole_distance_also_while_slots_change() 
 
 
 def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
-    """What others' ways leave is no reason to come nearer, in the first look as in the others."""
+    """What others' ways leave doesn't reduce the distance, neither in the quick check nor later."""
     near_m = np.full((3, 3), 30.0)
     near_m[0, 2] = near_m[2, 0] = 6.0
     resolver = Crossing(vehicles={"count": 3}).resolver
@@ -288,7 +288,7 @@ def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
 
 
 def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
-    """Beside a column of slots 6 m apart one that caught up passed at 3.0 m as the flight ended."""
+    """Beside a column with slots 6 m apart, one that caught up passed at 3.0 m as the flight ended."""
     beside = beside_each_other(8.0)
     beside.error_m = [UNKNOWN, (20.0, 0.0, 0.0)]
     assert not any(beside.keep().yielding)
@@ -313,7 +313,7 @@ HOVERS: dict[str, Any] = {
 
 
 def column_of_copters() -> Crossing:
-    """The second flies 25 m before the first, both at 8 m/s."""
+    """The second flies 25 m ahead of the first, both at 8 m/s."""
     column = Crossing(**HOVERS)
     column.ours[:], column.slots_m = True, [UNKNOWN, (25.0, 0.0, 0.0)]
     column.north[:], column.east[:], column.heading[:], column.speed[:] = (0.0, 25.0), 0.0, 0.0, 8.0
@@ -326,7 +326,7 @@ def column_of_copters() -> Crossing:
 def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
     stands_after_s: float, silent_s: float, gives: bool
 ) -> None:
-    """An ArduCopter stands 3 s after its last setpoint (GUID_TIMEOUT); those behind it flew into it."""
+    """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
     column = column_of_copters()
     column.stands_after_s = stands_after_s
     for at_s in (10.0, 10.1):
@@ -336,7 +336,7 @@ def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
 
 
 def standing_column(home_m: tuple[float, float] | None) -> Crossing:
-    """The same, standing; the second has heard nothing since 10.1 s, stands at 11.1 s and leaves by 16.1 s."""
+    """The same, hovering; the second has heard nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
     column = column_of_copters()
     column.stands_after_s, column.returns_after_s, column.home_m = 1.0, 6.0, home_m
     column.told_mps, column.speed[:] = 0.0, 0.0
@@ -350,7 +350,7 @@ def standing_column(home_m: tuple[float, float] | None) -> Crossing:
 def test_one_that_hears_nothing_any_more_may_have_set_off_for_home(
     home_m: tuple[float, float] | None, gives: bool
 ) -> None:
-    """A PX4 has by 6 s after its last setpoint, and nobody hears of it: it came back through those behind at 2.1 m."""
+    """A PX4 has left by 6 s after its last setpoint, unseen: it came back through those behind it at 2.1 m."""
     assert standing_column(home_m).keep(at_s=12.1).yielding[0] is gives
 
 
@@ -363,7 +363,7 @@ def test_one_that_is_seen_to_stand_longer_than_failsafes_wait_stays_there() -> N
 
 @pytest.mark.parametrize(("at_s", "gives"), [(25.0, True), (29.0, False)])
 def test_one_that_is_not_seen_either_is_home_by_and_by(at_s: float, gives: bool) -> None:
-    """It sets off at 16.1 s at the latest, 35 m in 12 s."""
+    """It sets out at 16.1 s at the latest, and flies 35 m in 12 s."""
     column = standing_column((-10.0, 0.0))
     column.seen_s = 10.1
     assert column.keep(at_s=at_s).yielding[0] is gives
@@ -383,7 +383,7 @@ def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_u
 
 
 def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) -> float:
-    """Return the height that a vehicle may be sent down to which flies northwards with 22 m/s, 100 m high."""
+    """Return the lowest height for a vehicle that flies northwards at 22 m/s, 100 m high."""
     planned = load_scenario(scenario(**keys))
     resolver = ConflictResolver(planned, SetpointHistory(planned.law.rate_hz), autopilot_models(planned))
     values = north_m, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, wind_east_mps
@@ -391,9 +391,9 @@ def floor_m(keys: dict[str, Any], north_m: float, wind_east_mps: float = 0.0) ->
 
 
 def test_who_is_sent_down_is_clear_of_ground_that_the_wind_takes_it_over() -> None:
-    """Within 12 s it comes 264 m to the north, where a hill of 40 m stands 120 m to the east.
+    """Within 12 s it moves 264 m north, where a hill of 40 m is 120 m to the east.
 
-    Places are looked at a few metres from each other.
+    Places are sampled a few metres apart.
     """
     hill = {"north_m": 264, "east_m": 120, "height_m": 40, "radius_m": 20}
     keys = {"terrain": {"hills": [hill], "clearance_m": 20}, "safety": {"clearance_m": 5, "separation_m": 5}}

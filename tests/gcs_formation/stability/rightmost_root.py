@@ -1,4 +1,4 @@
-"""The rightmost root of the consensus protocol with delays: another way to the margins than their formulas."""
+"""The rightmost root of the consensus protocol with delays: a second way to its margins."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def consensus_rightmost_root(
     delays: npt.ArrayLike = 0.0,
     nodes: int = 24,
 ) -> complex:
-    """Rightmost root of the protocol's disagreement, rad/s: negative real part when the formation converges.
+    """Return the rightmost root of the protocol's disagreement, rad/s: negative real part if the formation converges.
 
-    The translation of the whole formation is left out, since no term opposes it. So is the common speed where
-    `h` is the same for all vehicles.
+    The translation of the whole formation is left out, because no term opposes it. So is the common speed if `h` is the
+    same for all vehicles.
 
     Args:
         adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.

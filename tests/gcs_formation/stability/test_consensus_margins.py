@@ -1,4 +1,4 @@
-"""Delay margin of the consensus protocol: golden values, the rightmost root, and what theory promises."""
+"""Delay margin of the consensus protocol: golden values, the rightmost root, and theorems."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_margin_has_the_sign_of_stability_without_delay(seed, k3, k2):
 
 
 def test_leader_follower_chain_is_as_robust_as_its_weakest_link():
-    """Its Laplacian is one Jordan block: each follower's own equation decides, whatever the order of rows."""
+    """Its Laplacian is one Jordan block: each follower's own equation decides, in any order of rows."""
     order = np.random.default_rng(3).permutation(12)
     chain = np.eye(12, k=-1)[np.ix_(order, order)]
     assert consensus_delay_margin(chain, 1.0, 1.0, 0.5) == pytest.approx(
@@ -150,7 +150,7 @@ def test_rightmost_root_of_the_scalar_delay_equation():
     assert rightmost_root({0.0: 0 * minus_one, 1 / math.e: minus_one}) == pytest.approx(-math.e, abs=1e-5)
 
 
-def test_single_vehicle_has_nothing_to_lose():
+def test_single_vehicle_has_an_infinite_margin():
     assert consensus_delay_margin([[0.0]], 1.0, 1.0) == np.inf
 
 

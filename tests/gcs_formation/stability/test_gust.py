@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs_formation.report.gusts import allowed_gust_error_m, least_gust_error_m, met_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, least_gust_error_m, response_s
 
 
 def test_a_vehicle_is_carried_for_the_round_trip_and_then_brakes():
@@ -19,9 +19,9 @@ def test_the_papers_error_along_x_is_out_of_reach_beyond_a_sixth_of_a_second():
 @pytest.mark.parametrize(
     ("begun_s", "found_s"),
     [
-        (4.02, 0.10),  # the sample of 4.04 shows it; decided on at 4.1, it acts at 4.12
+        (4.02, 0.10),  # the sample of 4.04 shows it; the setpoint of 4.1 acts at 4.12
         (4.05, 0.17),  # that sample was a moment too early
-        (4.042, 0.178),  # nearly the worst phase: a period of telemetry and all the rest
+        (4.042, 0.178),  # nearly the worst phase: a telemetry period plus everything else
         (9.0, math.nan),
     ],
 )
@@ -32,4 +32,4 @@ def test_the_response_to_a_gust_depends_on_when_it_begins(begun_s, found_s):
 
 
 def test_a_vehicle_meets_a_gust_in_its_next_pass_of_a_50th_of_a_second():
-    assert [met_s(at_s) for at_s in (4.0, 4.001, 4.02, 4.03)] == pytest.approx([4.0, 4.02, 4.02, 4.04])
+    assert [gust_acts_s(at_s) for at_s in (4.0, 4.001, 4.02, 4.03)] == pytest.approx([4.0, 4.02, 4.02, 4.04])

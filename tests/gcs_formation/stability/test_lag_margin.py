@@ -1,4 +1,4 @@
-"""Lags that aren't those of the model that a loop predicts by."""
+"""Lags that differ from those of the model that a loop predicts by."""
 
 import math
 
@@ -59,7 +59,7 @@ def test_a_loop_flown_with_lags_inside_its_margin_dies_out_and_beyond_it_grows(l
 
 @pytest.mark.parametrize("loop", [X, Y, Z], ids="xyz")
 def test_at_the_margin_no_mismatch_of_the_delay_is_left(loop):
-    """The count of roots and the crossings of the imaginary axis are found in different ways."""
+    """The number of roots and the crossings of the imaginary axis are computed in different ways."""
     margin = lag_margin(loop, 0.7)
     assert mismatch_margin_with_lags_off(loop, 0.7, 0.99 * margin) < 0.4 * predicted_mismatch_margin(loop, 0.7).least()
     assert mismatch_margin_with_lags_off(loop, 0.7, 1.05 * margin) == 0.0

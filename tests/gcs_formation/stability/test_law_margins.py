@@ -1,4 +1,4 @@
-"""Margins of the law that a scenario flies."""
+"""Margins of a scenario's law."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_lag_of_1_over_k3_is_the_undelayed_damping_of_the_theory(graph: str, c
 
 
 def test_the_axis_of_the_least_margin_counts() -> None:
-    """1/tau_psi = 2/3 across and 1/4 along; what k3 asks for beyond is late."""
+    """1/tau_psi = 2/3 across and 1/4 along; what k3 requires beyond that is delayed."""
     flown = scenario(consensus(0.25), tau_v_s=4.0, tau_psi_s=1.5)
     found_along_s, found_across_s = consensus_margins(flown)
     path = graph_adjacency("path", 4)
@@ -50,13 +50,13 @@ def test_the_axis_of_the_least_margin_counts() -> None:
 
 
 def test_damping_computed_on_the_ground_buys_far_less() -> None:
-    """Path of 4, c = 2: 0.614 s on board; 0.267 s when all of it but a lag of 1000 s is late."""
+    """Path of 4, c = 2: 0.614 s on board; 0.267 s if all of it but a lag of 1000 s is delayed."""
     assert scenario_delay_margin(scenario(consensus(2.0), 0.5, 0.5)) == pytest.approx(0.614, abs=5e-4)
     assert scenario_delay_margin(scenario(consensus(2.0), 1e3, 1e3)) == pytest.approx(0.267, abs=1e-3)
 
 
 def test_the_common_speed_has_a_margin_too() -> None:
-    """One pair, hardly coupled: s + c + d exp(-s tau) with c = 0.5, d = 1.5 is at i w, w = sqrt(2), after 1.351 s."""
+    """One pair, weakly coupled: s + c + d exp(-s tau) with c = 0.5, d = 1.5 is at i w, w = sqrt(2), after 1.351 s."""
     law = {"type": "consensus", "consensus": {"k1": 1e-6, "k2": 1e-3, "k3": 2.0, "graph": "path"}}
     w = np.sqrt(2.0)
     assert scenario_delay_margin(scenario(law, count=2)) == pytest.approx((np.pi - np.arctan(w / 0.5)) / w, rel=1e-2)
@@ -71,7 +71,7 @@ def test_unlike_lags_count_by_the_worst() -> None:
 
 
 def test_margins_of_aircraft_are_around_their_own_response() -> None:
-    """An ArduPlane answers an airspeed told at 1 rad/s with twice its size: what damps equation (7) drives it."""
+    """An ArduPlane answers a speed setpoint at 1 rad/s with twice its amplitude: damping of equation (7) excites it."""
     plain = {"schema": 1, "vehicles": {"count": 4, "autopilot": "arduplane"}, "path": STRAIGHT}
     given = {"type": "consensus", "consensus": {"k1": 0.1, "k2": 0.6, "k3": 0.25}}
     unstable, designed = (load_scenario(plain | {"law": law}) for law in (given, {"type": "consensus"}))
@@ -82,7 +82,7 @@ def test_margins_of_aircraft_are_around_their_own_response() -> None:
 
 
 def test_a_leader_that_hears_nobody_swings_where_its_own_loop_is_unstable() -> None:
-    """Without neighbours only what it is told by its own speed is fed back: k3 below 1/tau_v of an ArduPlane."""
+    """Without neighbours only its own speed is fed back: k3 below 1/tau_v of an ArduPlane."""
     star = [[0, 0], [1, 0]]
     law = {"type": "consensus", "consensus": {"k1": 1e-6, "k2": 0.0, "k3": 0.25, "graph": star}}
     vehicles = {"count": 2, "autopilot": "arduplane"}

@@ -1,4 +1,4 @@
-"""Delay margins of whole scenarios: the published figures, from the keys that a user writes."""
+"""Delay margins of whole scenarios: the published figures, from a user's keys."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_slots_of_the_whole_run_count():
 
 
 def test_a_leader_that_is_to_follow_counts():
-    """Its own autopilot, in its slot behind the other: as a follower's that has always been there."""
+    """Its own autopilot, in its slot behind the other: like a follower's from the start."""
     keys = {
         "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [6000, 0, 100]]},
         "formation": {"shape": "follower", "frame": "follower_heading", "spacing_m": 30},
@@ -74,7 +74,7 @@ def test_a_leader_that_is_to_follow_counts():
 
 
 def test_weakest_follower_decides():
-    """A slot farther behind has less margin in y (follower's frame); another autopilot, another one in x."""
+    """A slot farther behind has less margin in y (follower's frame); another autopilot has another margin in x."""
     scenario = flown(model={"tau_v_s": 2.0})
     found, least = follower_margins(scenario), law_margins(scenario)
     y = [found[VehicleId(1, number)].worst["y"] for number in (2, 3, 4)]

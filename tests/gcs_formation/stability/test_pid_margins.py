@@ -1,4 +1,4 @@
-"""Delay margins of the PID loops: golden values, and the boundary they mark in the time domain."""
+"""Delay margins of the PID loops: golden values, and the boundary in the time domain."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_nominal_gains_are_the_middle_of_the_range(channel):
 
 
 def test_margin_of_an_integrator_is_a_quarter_period():
-    """L = k/s: crossover at k, a quarter turn left."""
+    """L = k/s: crossover at k, with a quarter turn of phase left."""
     lag_free = Loop(
         PidGains(2.0, 0.0, 0.0), right_plant(Mixer(0, 0, 0, 1.0, 0), VehicleModel.model_construct(tau_psi_s=1e-9), 1.0)
     )
@@ -93,7 +93,7 @@ def test_margin_of_an_integrator_is_a_quarter_period():
 def test_open_loop_that_is_stable_stands_any_delay():
     off = PidGains(0.0, 0.0, 0.0)
     assert loop_margin(off, height_plant(MIXER, MODEL)) == np.inf
-    assert loop_margin(off, forward_plant(MIXER, MODEL)) == 0.0  # nothing holds the position
+    assert loop_margin(off, forward_plant(MIXER, MODEL)) == 0.0  # no loop holds the position
 
 
 def test_slot_ahead_of_the_leader_is_unstable_in_the_followers_frame():
@@ -107,7 +107,7 @@ def test_followers_frame_gains_are_unstable_somewhere_in_the_leaders_frame():
 
 
 def test_unfiltered_derivative_of_a_proper_loop():
-    """High-frequency gain kd k_v/tau_v: below 1 a delay is stood, above 1 none is."""
+    """High-frequency gain kd k_v/tau_v: below 1 some delay is tolerated, above 1 none is."""
     plant = forward_plant(MIXER, MODEL)
     limit = MODEL.tau_v_s / MIXER.k_v
     assert loop_margin(PidGains(3.0, 0.8, 0.9 * limit, filter_s=0.0), plant) > 0.0
@@ -115,7 +115,7 @@ def test_unfiltered_derivative_of_a_proper_loop():
 
 
 def test_margins_of_many_loops_are_those_of_each():
-    """Of every degree, in an order that mixes them: the last is no filter's, whose margin is 0 at high frequency."""
+    """Loops of every degree, in mixed order; the last has no filter, and its margin is 0 at high frequency."""
     pids = PidGains(3.0, 0.8, 6.5), PidGains(3.0, 0.0, 6.5), PidGains(0.0, 0.0, 0.0), PidGains(3.0, 0.8, 99.0, 0.0)
     loops = [Loop(pid, plant).open_loop() for pid in pids for _, plant in CHANNELS.values()]
     assert delay_margins(loops) == [delay_margin(loop) for loop in loops]
@@ -127,9 +127,9 @@ def test_loop_delay_counts_sampling_and_hold():
 
 
 def simulate(loop: Loop, delay_s: float, predicted_s: float, duration_s: float = 80.0) -> float:
-    """Growth of the loop's response: its peak over the last fifth by that over the second fifth.
+    """Return the growth of the loop's response: its peak over the last fifth divided by that over the second fifth.
 
-    The PID acts on the state carried over `predicted_s` by a discrete convolution of the setpoints sent.
+    The PID acts on the state predicted `predicted_s` ahead by a discrete convolution of the setpoints sent.
     """
     step = 0.01
     steps, late, ahead = round(duration_s / step), round(delay_s / step), round(predicted_s / step)
@@ -189,7 +189,7 @@ def test_predicted_loop_stands_its_nominal_delay_and_mismatch_up_to_the_margin(c
 
 
 def test_prediction_trades_margin_against_mismatch_for_the_longer_delay():
-    """The x loop stands 0.86 s without prediction; predicted over 1.5 s it stands the delay, within 52 ms."""
+    """The x loop tolerates 0.86 s without prediction; with prediction over 1.5 s it tolerates that delay, ± 52 ms."""
     loop = Loop(*CHANNELS["x"])
     assert predicted_mismatch_margin(loop, 0.6).least() == pytest.approx(0.13787, abs=1e-5)
     assert predicted_mismatch_margin(loop, 1.5).least() == pytest.approx(0.05158, abs=1e-5)
@@ -205,7 +205,7 @@ def test_prediction_saves_no_loop_that_is_unstable_without_delay():
 
 @pytest.mark.parametrize(("gain", "margin_s"), [(0.99, np.inf), (1.0, 0.0), (-1.0, 0.0), (1.01, 0.0)])
 def test_a_gain_of_1_at_high_frequency_leaves_no_margin(gain: float, margin_s: float) -> None:
-    """gain s / (s + 2): below 1 there is no crossover, and from 1 on the least delay destabilises."""
+    """gain s / (s + 2): below 1 there is no crossover, and from 1 on any delay destabilises."""
     assert delay_margin(Rational(np.array([gain, 0.0]), np.array([1.0, 2.0]))) == margin_s
 
 

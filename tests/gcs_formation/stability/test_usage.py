@@ -1,4 +1,4 @@
-"""What loops use of their margins, and the bandwidth at which they use less."""
+"""The loops' share of their margins in use, and the bandwidth that reduces it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_less_bandwidth_uses_less_of_the_margin(name: str, predicted: bool) -> N
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_slowed_loop_is_damped_no_worse(name: str) -> None:
-    """Without delay, the damping ratio of its worst pole stays what it was, or is 0.55 at least."""
+    """Without delay, the damping ratio of its worst pole is the same, or at least 0.55."""
     poles = [LOOPS[name].slowed(bandwidth).open_loop().closed_loop_poles() for bandwidth in (1.0, 0.5, 0.2)]
     ratios = [float(np.min(-each.real / np.abs(each))) for each in poles]
     assert min(ratios[1:]) > min(ratios[0], 0.55)
@@ -70,7 +70,7 @@ def test_a_loop_that_is_unstable_without_delay_uses_all_of_its_margin_however_we
 
 
 def test_loops_are_stable_around_the_aircraft_or_have_no_margin() -> None:
-    """ArduPlane's airspeed swings on the gains for noise; at a tenth of their bandwidth it doesn't."""
+    """ArduPlane's airspeed oscillates with the gains for noise, but not at a tenth of their bandwidth."""
     keys = {"vehicles": {"count": 2, "model": "arduplane"}, "path": {"waypoints_m": [[0, 0, 150], [5000, 0, 150]]}}
     (axes,) = law_loops(load_scenario(keys | {"law": {"type": "pid", "gains": "noise"}})).values()
     for predicted in (False, True):
@@ -82,7 +82,7 @@ def test_loops_are_stable_around_the_aircraft_or_have_no_margin() -> None:
 
 
 def test_around_an_aircraft_that_flies_as_equation_7_says_the_margin_is_that_of_equation_7() -> None:
-    """As far as the grid of frequencies, 2 % apart, shows it."""
+    """Within the resolution of the frequency grid, 2 %."""
     same = AircraftResponse(np.ones(FREQUENCIES.size, dtype=np.complex128))
     for loop in LOOPS.values():
         assert replace(loop, aircraft=same).delay_margin_s() == pytest.approx(loop.delay_margin_s(), rel=0.03)
@@ -108,7 +108,7 @@ def test_slowing_the_protocol_is_scaling_its_weights() -> None:
 
 
 def growth(weights: np.ndarray, gains: tuple[float, float, float, float], delay_s: float, predicted_s: float) -> float:
-    """Growth of the disagreement in the time domain: every state carried over `predicted_s` by the setpoints sent."""
+    """Return the growth of the disagreement in the time domain, with states predicted `predicted_s` ahead."""
     (k1, k2, c, d), step, duration_s = gains, 0.01, 100.0
     count, steps, late, ahead = len(weights), round(duration_s / step), round(delay_s / step), round(predicted_s / step)
     exact = expm(np.array([[0.0, 1.0, 0.0], [0.0, -c, 1.0], [0.0, 0.0, 0.0]]) * step)

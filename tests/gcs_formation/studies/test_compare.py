@@ -1,4 +1,4 @@
-"""Laws side by side: on one seed, in one window, each law's figures are those of its own record."""
+"""Comparison of laws on one seed, in one window; each law's figures are those of its own record."""
 
 from __future__ import annotations
 

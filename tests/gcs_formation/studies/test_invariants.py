@@ -1,4 +1,4 @@
-"""Each invariant finds what it looks for in a record that was sound before it was tampered with."""
+"""Each invariant detects its violation in a valid record that was tampered with."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
 
 
 def with_column(flown: FlightRecord, name: str, row: int, value: float) -> FlightRecord:
-    """Return a record with one value changed, in a row counted among those of the path."""
+    """Return a record with one value changed, in a row of the path."""
     column = flown.columns[name].copy()
     column[np.flatnonzero(flown.flying)[row]] = value
     return replace(flown, columns={**flown.columns, name: column})
@@ -65,7 +65,7 @@ def unacknowledged(flown: FlightRecord) -> FlightRecord:
 def test_a_sound_record_breaks_nothing(sound: FlightRecord) -> None:
     assert broken(sound) == []
     assert len(sound.sent) >= 3 * 20 * 3
-    # Three vehicles, told speed, height and heading once a second at least for twenty seconds and more.
+    # Three vehicles, commanded speed, height and heading at least once a second for more than twenty seconds.
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Seeded flights: drawn the same from the same seed, and none breaks what must be so in every flight."""
+"""Seeded flights: the same seed draws the same flight, and none breaks an invariant."""
 
 from __future__ import annotations
 

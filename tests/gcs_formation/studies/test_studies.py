@@ -92,7 +92,7 @@ def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path,
 
 
 def test_files_that_a_study_names_itself_are_beside_it(tmp_path, monkeypatch):
-    """In what all flights have, in a parameter's values and in cases; its base is elsewhere."""
+    """In keys that all flights have, in a parameter's values and in cases; the base is elsewhere."""
     (tmp_path / "base").mkdir()
     (tmp_path / "mine.yaml").write_text("model: {tau_v_s: 2.5}")
     (tmp_path / "late.txt").write_text("40\n60\n")
@@ -243,7 +243,7 @@ def test_a_search_goes_on_from_any_part_of_its_rows():
 
 
 def test_shares_are_judged_with_clopper_and_pearson_s_interval():
-    """Its ends are where the binomial tail has half of what is left of the confidence."""
+    """At its ends the binomial tail is half of what the confidence leaves."""
     low, high = clopper_pearson(95, 100, 0.95)
     assert binom.sf(94, 100, low) == pytest.approx(0.025)
     assert binom.cdf(95, 100, high) == pytest.approx(0.025)
@@ -260,7 +260,7 @@ def test_shares_are_judged_with_clopper_and_pearson_s_interval():
 
 
 def test_flights_in_which_the_seed_changes_nothing_have_no_interval():
-    """A limit that no flight broke says nothing of it: what else they flew may differ."""
+    """Equal counts of a limit that no flight broke don't show it: other figures may differ."""
     keys: Any = {"parameters": {DELAY: [0, 300]}, "seeds": {"count": 3}, "metrics": ["violations"]}
     planned = study(**keys, expect=[{"metric": "violations", "below": 1}])
     flown = [{**row(each, violations=0), "digest": str(each.parameters[DELAY])} for each in Plan(planned).begin()]
@@ -410,7 +410,7 @@ def test_a_parameter_may_set_a_part_of_what_one_before_it_sets():
     ],
 )
 def test_a_value_that_cannot_be_is_found_before_the_first_flight(keys, words):
-    """Of every parameter the first one, wherever it stands in a list, a range, cases or a search."""
+    """The first one of each parameter, anywhere in a list, a range, cases or a search."""
     with pytest.raises(ScenarioError) as refused:
         prepare({"base": SCENARIO, **keys})
     lines = str(refused.value).splitlines()
@@ -419,7 +419,7 @@ def test_a_value_that_cannot_be_is_found_before_the_first_flight(keys, words):
 
 
 def test_a_value_that_is_drawn_with_others_only_with_which_it_can_be_is_flown():
-    """40 m/s can't be with the first of the vehicles' limits, but with those that some samples have."""
+    """40 m/s contradict the first value of the vehicles' limits, but not those in some samples."""
     limits = {"cases": {"slow": {}, "fast": {"vehicles.model.speed_max_mps": 60}}}
     either = {"parameters": {"path.speed_mps": [22, 40], "limits": limits}}
     planned, _ = prepare({"base": SCENARIO, **either, "design": "latin_hypercube", "samples": 4})
@@ -490,7 +490,7 @@ def test_the_schema_allows_what_the_loader_allows():
 
 @pytest.fixture
 def two(tmp_path):
-    """A study of four flights of 3 s on disk."""
+    """Return a study of four flights of 3 s on disk."""
     path = tmp_path / "two.yaml"
     keys = {"base": SCENARIO, "parameters": {DELAY: [0, 50]}, "seeds": {"count": 2}, "metrics": ["error_x_m.max"]}
     path.write_text(json.dumps(keys), encoding="utf-8")
@@ -608,7 +608,7 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
 
 
 def kill_or_fly(task):
-    """Flight 0 kills the process that flies it, before any other that is flown beside it is over."""
+    """Flight 0 kills its process before any flight beside it has ended."""
     if task.planned.flight == 0:
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.5)
@@ -702,7 +702,7 @@ def test_a_row_counts_once(two, tmp_path):
     ],
 )
 def test_a_row_that_is_none_of_the_study_is_named(two, tmp_path, wrong, said):
-    """Where a study goes on, and where it is reported or one of its flights flown again."""
+    """When a study is resumed, reported, or one of its flights is repeated."""
     out = tmp_path / "out"
     planned, base = prepare(two)
     Dataset(out, planned, base, resume=False, overwrite=False).__exit__()
@@ -762,7 +762,7 @@ def test_of_an_earlier_study_nothing_is_left_where_it_is_replaced(two, tmp_path)
 
 
 class Instant:
-    """Workers whose flights take no time; `unflown` couldn't be flown, `broken` broke what they were to keep."""
+    """Workers whose flights take no time; those in `unflown` can't be flown, those in `broken` break their bounds."""
 
     where = ""
 
@@ -788,7 +788,7 @@ class Instant:
 
 @contextmanager
 def files_up_to(size):
-    """Let no file grow beyond `size` bytes, as a full disk does."""
+    """Let no file grow beyond `size` bytes, like a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
@@ -798,7 +798,7 @@ def files_up_to(size):
 
 
 def test_a_full_disk_costs_no_flight_that_was_flown(tmp_path, monkeypatch):
-    """The journal is full in the middle of a line; the study goes on where there is room again."""
+    """The disk is full in the middle of the journal's line; the study continues when there is room again."""
     monkeypatch.setattr("gcs_formation.cli.study.Processes", lambda _count: Instant())
     path, out = tmp_path / "many.yaml", tmp_path / "out"
     path.write_text(json.dumps({"base": SCENARIO, "seeds": {"count": 50}, "metrics": ["error_x_m.max"]}))

@@ -1,4 +1,4 @@
-"""Figures of a study: distributions and their bands, parameters that are no numbers, margins against theory."""
+"""Figures of a study: distributions and their bands, parameters that aren't numbers, margins against theory."""
 
 import re
 from itertools import product
@@ -12,7 +12,15 @@ from scipy.stats import binomtest
 
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset, Flights, flights_of
-from gcs_formation.studies.figures import crossings_of, edges_of, heat_maps, marginals, pairs, searched, telling
+from gcs_formation.studies.figures import (
+    crossings_of,
+    edges_of,
+    heat_maps,
+    marginals,
+    most_influential,
+    pairs,
+    searched,
+)
 from gcs_formation.studies.preparation import load_study
 from gcs_formation.studies.report import write_study_report
 
@@ -59,21 +67,21 @@ def test_a_tail_s_band_is_clopper_and_pearson_s_of_the_flights_that_are_worse():
 
 
 def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
-    """Of 100 flights none is worse than 4 m, so up to 3.6 % may be; the mark allows 1 %."""
+    """None of 100 flights is worse than 4 m, so up to 3.6 % may be; the mark is at 1 %."""
     wanted = study(metrics=[ERROR, NEAREST], expect=[{"metric": NEAREST, "above": 2, "share": 0.99}])
     (axes,) = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 100)})).axes
     (tail,) = lines_of(axes, "share of flights that are worse than this value")
     assert np.asarray(tail.get_xdata())[-1] < 2.0
-    (mark,) = lines_of(axes, "at most so many beyond it")
+    (mark,) = lines_of(axes, "allowed share beyond it")
     assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[2.0, 0.01]]))
     assert axes.xaxis_inverted()
 
 
 def test_a_share_of_less_than_half_a_flight_is_no_mark_in_the_legend():
-    """1 % of 20 flights would lie below the panel, which ends at 2 %."""
+    """1 % of 20 flights would be below the panel, which ends at 2 %."""
     wanted = study(metrics=[ERROR, NEAREST], expect=[{"metric": NEAREST, "above": 2, "share": 0.99}])
     figure = exceedances(Flights(wanted, {}, {NEAREST: np.linspace(4.0, 40.0, 20)}))
-    assert lines_of(figure.axes[0], "at most so many beyond it") == []
+    assert lines_of(figure.axes[0], "allowed share beyond it") == []
     assert "expected" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
@@ -91,14 +99,14 @@ def test_a_count_that_few_flights_have_is_seen_among_a_thousand():
 
 
 def delayed(*, margin_s, **keys):
-    """Flights at 0, 100, 200, 300 ms, each over links with and without loss, whose loops have a margin."""
+    """Return flights at 0, 100, 200, 300 ms, over links with and without loss, with a computed margin."""
     delay, loss = (values.ravel() for values in np.meshgrid([0.0, 100.0, 200.0, 300.0], [0.0, 0.1]))
     metrics = {ERROR: delay / 100, "margin_used": delay / 1e3 / margin_s}
     return Flights(study(parameters={DELAY: [0]}, **keys), {DELAY: delay, LOSS: loss}, metrics)
 
 
 def test_a_heat_map_shows_where_delays_reach_the_computed_margin_and_a_figure_its_bound():
-    """The margin of 150 ms lies halfway between two levels; 1.25 m are reached at 125 ms."""
+    """The margin of 150 ms is halfway between two levels; 1.25 m are reached at 125 ms."""
     wanted = [{"metric": ERROR, "below": 1.25}]
     (axes, _) = heat_maps(delayed(margin_s=0.15, expect=wanted), ERROR).axes
     for label, at in (("computed delay margin", 150.0), (f"{ERROR} = 1.25, as expected", 125.0)):
@@ -123,7 +131,7 @@ def test_what_is_drawn_uniformly_by_its_logarithm_lies_so_on_its_axis():
 
 
 def test_numbers_that_are_drawn_are_put_into_bins_however_few_they_are():
-    """Each would be a level of its own, with a name of six digits over its neighbour's."""
+    """Otherwise each would be a level, and their six-digit names would overlap."""
     delay, loss = np.array([10.0, 11.0, 200.0, 390.0]), np.tile([0.0, 0.1], 2)
     drawn = study(parameters={DELAY: {"uniform": [10, 400]}, LOSS: [0, 0.1]}, design="random", samples=4)
     flights = Flights(drawn, {DELAY: delay, LOSS: loss}, {ERROR: delay})
@@ -138,7 +146,7 @@ def test_a_boundary_is_found_between_neighbours_that_are_known():
 
 
 def by_law(**keys):
-    """Rows of 5 seeds by each of two laws at two delays; pid flies 1 m worse."""
+    """Return rows of 5 seeds with each of two laws at two delays; pid has 1 m more error."""
     keys = {"parameters": {LAW: ["pid", "fuzzy_pid"], DELAY: [0, 100]}, "seeds": {"count": 5}, **keys}
     planned = study(metrics=[ERROR], **keys)
     flown = enumerate(product(["pid", "fuzzy_pid"], [0, 100], range(1, 6)))
@@ -164,12 +172,12 @@ def test_parameters_that_are_no_numbers_have_their_values_on_the_axes():
 
 
 def test_of_many_parameters_those_are_drawn_by_which_a_figure_differs_most():
-    """The law makes 1 m, the seed's tenth of a metre is in each; the delay makes nothing."""
+    """The law changes 1 m, the seed a tenth of a metre, the delay nothing."""
     flights = flights_of(*by_law())
-    assert telling(flights, ERROR, 2) == [LAW, DELAY]
-    assert telling(flights, ERROR, 1) == [LAW]
+    assert most_influential(flights, ERROR, 2) == [LAW, DELAY]
+    assert most_influential(flights, ERROR, 1) == [LAW]
     again = flights._replace(metrics={ERROR: flights.parameters[DELAY] + 0.01 * flights.metrics[ERROR]})
-    assert telling(again, ERROR, 1) == [DELAY]
+    assert most_influential(again, ERROR, 1) == [DELAY]
 
 
 def test_names_of_values_stand_upright_where_they_have_no_room():
@@ -196,13 +204,13 @@ def test_each_value_of_a_parameter_has_a_curve_of_its_own():
 
 
 def test_what_is_expected_of_some_flights_is_drawn_at_them_alone():
-    """0.7 m below which fuzzy_pid's flights are, of nobody else's; 2 m are of all, and 3 m of a law at one delay."""
+    """The bound of 0.7 m is for fuzzy_pid only, 2 m for all, and 3 m for one law at one delay."""
     some = {"metric": ERROR, "below": 0.7, "share": 0.9, "where": {LAW: "fuzzy_pid"}}
     both = {"metric": ERROR, "below": 3, "where": {LAW: "pid", DELAY: 0}}
     flights = flights_of(*by_law(expect=[some, both, {"metric": ERROR, "below": 2}]))
     for axes in (distributions(flights).axes[0], exceedances(flights).axes[0]):
         assert places_of(axes, "expected") == [[2.0, 2.0]]
-        assert lines_of(axes, "at most so many beyond it") == []
+        assert lines_of(axes, "allowed share beyond it") == []
     law, delay, *_ = marginals(flights, ERROR).axes
     heights = [[np.asarray(line.get_ydata()).tolist() for line in lines_of(axes, "expected")] for axes in (law, delay)]
     assert heights == [[[2.0, 2.0], [0.7, 0.7]], [[2.0, 2.0]]]
@@ -211,7 +219,7 @@ def test_what_is_expected_of_some_flights_is_drawn_at_them_alone():
     own, of_all = lines_of(tails, "expected")
     assert (np.asarray(own.get_xdata())[0], np.asarray(of_all.get_xdata())[0]) == (0.7, 2.0)
     assert own.get_color() == lines_of(tails, "fuzzy_pid")[0].get_color()
-    (mark,) = lines_of(tails, "at most so many beyond it")
+    (mark,) = lines_of(tails, "allowed share beyond it")
     assert np.asarray(mark.get_xydata()) == pytest.approx(np.array([[0.7, 0.1]]))
     (axes, _) = heat_maps(flights, ERROR).axes
     assert not axes.lines

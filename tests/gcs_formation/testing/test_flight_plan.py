@@ -83,8 +83,8 @@ def test_an_outage_ends_after_it_begins(plan, to_s):
         plan.with_outage(2, from_s=20, to_s=to_s)
 
 
-def test_who_flies_is_one_of_two(plan):
-    """Everything else had been the real endpoints, whose vehicles are armed."""
+def test_an_unknown_opponent_is_refused(plan):
+    """Anything else used to mean the real endpoints, whose vehicles are armed."""
     with pytest.raises(ValueError, match="found 'emulator'; allowed: emulators, real endpoints"):
         plan.against("emulator")
 

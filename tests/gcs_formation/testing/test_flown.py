@@ -20,7 +20,7 @@ TIME_S = np.arange(-20, 301) / 10.0
 
 
 def flown(directory: Path, leads_from_10_s: int = 1, /, **errors: np.ndarray) -> FlownFlight:
-    """Return a flight of 30 s: 1 leads, errors 0 but for the given ones; x2 (T,) is vehicle 2's along x."""
+    """Return a flight of 30 s: 1 leads, errors are 0 except for the given ones; x2 (T,) is vehicle 2's along x."""
     leader = np.where(TIME_S < 10, 1, leads_from_10_s)
     scenario = load_scenario({"vehicles": {"count": 3}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}})
     rows, zero = TIME_S.size, np.zeros(TIME_S.size)
@@ -100,7 +100,7 @@ def test_only_followers_have_a_slot(tmp_path):
         flown(tmp_path).stays_within(1.0, followers=1)
 
 
-def test_nobody_is_no_follower(tmp_path):
+def test_an_empty_list_of_followers_is_refused(tmp_path):
     with pytest.raises(ValueError, match="found no vehicle; allowed: one or more"):
         flown(tmp_path).stays_within(1.0, followers=[])
 
@@ -129,7 +129,7 @@ def test_separation_and_safety_are_claims_too(tmp_path):
 
 
 def test_vehicles_that_all_lie_on_the_ground_are_not_kept_apart(tmp_path):
-    """Their distances until they crashed are no claim on the rest of the flight: `expect` is broken there, too."""
+    """Distances before they crashed prove nothing for the rest of the flight; `expect` is broken there, too."""
     flight = flown(tmp_path)
     columns = dict(read_parquet(tmp_path / TIMESERIES))
     columns["airborne"] = np.where(np.repeat(TIME_S, 3) < 20.0, 1.0, 0.0)

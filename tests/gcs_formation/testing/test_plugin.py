@@ -1,4 +1,4 @@
-"""The plugin as its users meet it: in a pytest session of their own."""
+"""The plugin in its users' pytest sessions."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ PLUGIN = ("-p", "gcs_formation.testing.plugin", "-p", "no:cacheprovider")
 
 @pytest.fixture
 def session(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
-    """Return a directory to run pytest in, where only the plugins that are named are loaded."""
+    """Return a directory to run pytest in, where only named plugins are loaded."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.delenv("FORMATION_SCENARIO", raising=False)
     return pytester

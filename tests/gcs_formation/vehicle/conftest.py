@@ -1,4 +1,4 @@
-"""An ArduPlane as the ground station sees it, told by messages."""
+"""An ArduPlane as the ground station sees it, fed with messages."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def telemetry() -> Telemetry:
 
 @pytest.fixture
 def tell(telemetry: Telemetry) -> Callable[..., None]:
-    """Let the vehicle tell its mode and height, and all that makes telemetry complete and the vehicle ready."""
+    """Return a function that feeds mode and height, and everything else that telemetry and readiness need."""
 
     def told(mode: int, *, armed: bool = False, above_home_m: float = 0.0, status: int = m.MAV_STATE_STANDBY) -> None:
         for message in (

@@ -1,4 +1,4 @@
-"""What an ArduCopter is told, and what its own words make of it: as measured on ArduCopter 4.7."""
+"""Commands to an ArduCopter, and the meaning of its messages, as measured on ArduCopter 4.7."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def test_a_setpoint_is_a_velocity_over_ground_and_the_nose_turns_to_it():
     assert told.yaw_rad == pytest.approx(math.pi / 2)
 
 
-def test_wind_is_not_its_business():
+def test_setpoints_do_not_depend_on_wind():
     windy = FlightState(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 8.0, -3.0)
     assert sent(Setpoint(5.0, 1.0, 30.0), windy) == sent(Setpoint(5.0, 1.0, 30.0))
 
 
 @pytest.mark.parametrize("speed_mps", [0.001, 0.5])
-def test_what_hardly_moves_keeps_its_nose_where_it_is(speed_mps):
+def test_at_low_speed_the_nose_keeps_its_heading(speed_mps):
     told = sent(Setpoint(speed_mps, 2.0, 30.0))
     assert (told.type_mask, told.yaw_rate_radps) == (VELOCITY_ALONE, 0.0)
     assert math.hypot(told.vx_mps, told.vy_mps) == pytest.approx(speed_mps)

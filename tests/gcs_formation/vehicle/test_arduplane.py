@@ -1,4 +1,4 @@
-"""What an ArduPlane is told, and what its own words make of it: as measured on ArduPlane 4.7."""
+"""Commands to an ArduPlane, and the meaning of its messages, as measured on ArduPlane 4.7."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_on_the_ground_it_isnt_airborne_in_the_air_it_is(plane, telemetry, tell)
 
 
 def test_its_home_is_flown_to_only_once_its_height_is_accepted(plane, telemetry):
-    """RTL_ALTITUDE is the same for all, and replaced by a height that comes after the mode."""
+    """RTL_ALTITUDE is the same for all; a height commanded after the mode replaces it."""
     before, mode, after = plane.go_home(130.0, telemetry)
     assert (mode.command, mode.param2) == (m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_RTL)
     assert before == after
@@ -124,7 +124,7 @@ def test_ready_to_arm_needs_the_estimator_and_the_autopilots_own_checks(plane, t
 
 
 def test_utc_is_asked_for_once_a_second_where_it_is_needed_only(plane):
-    """One more request makes a vehicle ready a little later."""
+    """Each further request makes a vehicle ready a little later."""
     utc = m.MAVLINK_MSG_ID_SYSTEM_TIME
     for rates_hz, wanted in ((plane.rates_hz(10.0), []), (plane.rates_hz(10.0, utc=True), [1e6])):
         requests = plane.requests(rates_hz)

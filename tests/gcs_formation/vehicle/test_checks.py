@@ -1,4 +1,4 @@
-"""Parameters: which are read, which values are named, and which keep everybody on the ground."""
+"""Parameters: which are read, which values are reported, and which keep all vehicles on the ground."""
 
 from __future__ import annotations
 

@@ -192,6 +192,6 @@ def test_an_acknowledgement_that_was_lost_is_not_waited_for_longer_than_a_round_
     queue.begin((first, second), START)
     for at_s in (0.0, RETRY_S):
         queue.due(after(START, at_s))
-    queue.acknowledge(accepted(first), after(START, RETRY_S + 0.1))  # the second one's: the first was lost
+    queue.acknowledge(accepted(first), after(START, RETRY_S + 0.1))  # to the second request; the first was lost
     queue.due(after(START, RETRY_S + 0.1))
     assert queue.acknowledge(accepted(second), after(START, 2 * RETRY_S + 0.2)) == second

@@ -1,4 +1,4 @@
-"""What vehicles are told so that they fly what the law asks."""
+"""Setpoints that lead an autopilot's integrator, so that vehicles fly what the law asks for."""
 
 import math
 
@@ -18,7 +18,7 @@ speeds = st.floats(-3.0, 3.0)
 
 
 class Integrator:
-    """An autopilot that flies a share of the velocity told at once, and the rest with a lag."""
+    """An autopilot that flies a share of the velocity setpoint at once, and the rest with a lag."""
 
     def __init__(self) -> None:
         self.filled_mps = 0.0
@@ -30,7 +30,7 @@ class Integrator:
 
 
 @given(st.lists(st.tuples(speeds, speeds), min_size=1, max_size=60))
-def test_what_is_led_is_flown_as_asked(asked):
+def test_with_a_lead_the_velocity_asked_for_is_flown(asked):
     lead, north, east = VelocityLead(PROMPT, REST_S, 100.0, PERIOD_S), Integrator(), Integrator()
     for north_mps, east_mps in asked:
         told = lead.lead((north_mps, east_mps), AT_REST)
@@ -80,7 +80,7 @@ def test_an_airspeed_within_reach_is_flown_at_once_and_none_beyond(asked):
 
 
 def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> None:
-    """Of 300 s at 19.5 m/s the integrator held 19.5: told to fly the 15 m/s that it flew then, it was told 11.3."""
+    """After 300 s at 19.5 m/s the integrator holds 19.5: with 15 m/s flown and wanted, 11.3 used to be commanded."""
     lead = SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)
     for _ in range(round(300.0 / PERIOD_S)):
         lead.lead(19.5, 19.5)
@@ -95,7 +95,7 @@ def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> N
 
 @given(st.floats(0.85, 1.2), st.lists(st.floats(9.0, 22.0), min_size=1, max_size=40))
 def test_a_px4_whose_sensor_reads_wrong_flies_the_true_airspeed_asked_within_what_it_says_is_in_reach(ratio, asked):
-    """Its limits and its integrator are of what the sensor reads: taken for true ones they were out of reach."""
+    """Its limits and its integrator refer to the sensor's reading: taken for true airspeeds they were out of reach."""
     scale = AirspeedScale(0.0, 11.0, 20.0)
     scale.ratio = ratio
     px4, flown = Px4Plane(7, ORIGIN, 0.25, scale, SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)), Integrator()

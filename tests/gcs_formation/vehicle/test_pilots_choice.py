@@ -1,4 +1,4 @@
-"""A pilot who takes over a PX4: each setpoint commands Hold and would undo any other mode at once."""
+"""A pilot takes over a PX4, although each setpoint commands Hold and would undo any other mode at once."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def flight() -> Flight:
 
 def test_a_mode_seen_between_two_setpoints_is_the_pilots_and_is_commanded_again(flight: Flight) -> None:
     flight.hears(CurrentMode(0, RTL))
-    flight.hears(CurrentMode(0, LOITER))  # the next setpoint's doing, before anybody has looked
+    flight.hears(CurrentMode(0, LOITER))  # by the next setpoint, before the first judgement
     assert flight.judge() is Member.PARTED
     command = flight.plane.commands.due(flight.now)
     assert command == flight.plane.autopilot.set_mode(RTL)
@@ -77,7 +77,7 @@ def test_a_mode_seen_between_two_setpoints_is_the_pilots_and_is_commanded_again(
 def test_it_stays_the_pilots_until_heartbeats_after_the_acknowledgement_show_hold(flight: Flight) -> None:
     flight.hears(CurrentMode(0, RTL))
     assert flight.judge() is Member.PARTED
-    assert [flight.beats(LOITER) for _ in range(4)] == [Member.PARTED] * 4  # not acknowledged: the setpoints' Hold
+    assert [flight.beats(LOITER) for _ in range(4)] == [Member.PARTED] * 4  # setpoints command Hold: no acknowledgement
     assert flight.plane.commands.due(flight.now) is not None
     flight.hears(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_ACCEPTED))
     assert [flight.beats(RTL) for _ in range(3)] == [Member.PARTED] * 3

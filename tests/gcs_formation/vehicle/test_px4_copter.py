@@ -1,4 +1,4 @@
-"""What a PX4 multirotor is told, and what its own words make of it: as its simulator showed (1.17, development)."""
+"""Commands to a PX4 multirotor, and the meaning of its messages, as in its simulator (1.17, development)."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_setpoint_is_a_velocity_over_ground_in_the_local_frame_and_the_nose_tu
 
 
 def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leader_that_stands_turns():
-    """A yaw rate of 0 alone lets it drift, and a leader's nose is the direction of the formation."""
+    """With a yaw rate of 0 alone it drifts, and a leader's nose is the formation's direction."""
     copter = Px4Copter(7, ORIGIN, 0.4)
     for speed_mps, heading_rad, yaw_rad in ((5.0, 0.7, 0.7), (0.3, 2.0, 0.7), (0.0, 1.2, 1.2), (0.3, 2.0, 1.2)):
         (told,) = copter.setpoint(Setpoint(speed_mps, heading_rad, 30.0), HERE)
@@ -112,7 +112,7 @@ def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
 
 
 def test_before_and_between_setpoints_it_is_told_to_stand():
-    """PX4 takes OFFBOARD only while such messages come."""
+    """PX4 accepts OFFBOARD only while it receives such messages."""
     (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in()
     assert isinstance(told, SetPositionTargetLocalNed)
     assert told.type_mask == VELOCITY_ALONE

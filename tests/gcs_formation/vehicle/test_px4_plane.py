@@ -1,4 +1,4 @@
-"""What a fixed-wing PX4 is told, and what its own words make of it: as its simulator showed (1.17, development)."""
+"""Commands to a fixed-wing PX4, and the meaning of its messages, as in its simulator (1.17, development)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def beat(mode: int, *, armed: bool = False, kind: int = m.MAV_TYPE_FIXED_WING) -
 
 @pytest.fixture
 def px4(telemetry: Telemetry) -> Callable[..., Telemetry]:
-    """Let the vehicle tell its mode and height, and all that makes telemetry complete and the vehicle ready."""
+    """Return a function that feeds mode and height, and everything else that telemetry and readiness need."""
 
     def told(
         mode: int, *, armed: bool = False, up_m: float = 0.0, in_air: bool = False, at_s: float = 60.0
@@ -190,7 +190,7 @@ def test_one_that_flies_in_another_mode_is_told_hold_and_nothing_else(px4, telem
 
 
 def test_take_off_waits_until_the_height_controllers_reference_has_come_up_to_the_field(px4, telemetry):
-    """It begins at sea level and rises at 3 m/s; the field is at 20 m."""
+    """The reference begins at sea level and rises at 3 m/s; the field is at 20 m."""
     walk = Walk(telemetry)
     px4(HOLD, at_s=6.0)
     walk.go()
@@ -208,7 +208,7 @@ def test_it_loiters_at_a_place_told_after_a_mode_whose_acknowledgement_comes_aft
     queue = CommandQueue()
     queue.begin((mode, place), NOW)
     queue.due(NOW)
-    assert queue.acknowledge(CommandAck(192, m.MAV_RESULT_ACCEPTED), NOW) is None  # that of a setpoint
+    assert queue.acknowledge(CommandAck(192, m.MAV_RESULT_ACCEPTED), NOW) is None  # the acknowledgement of a setpoint
 
 
 def test_home_is_where_it_says_and_rtl_if_it_never_did(px4):

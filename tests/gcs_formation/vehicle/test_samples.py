@@ -1,4 +1,4 @@
-"""What becomes of a vehicle's messages before the law sees them: one state at one instant."""
+"""From a vehicle's messages to the law's input: one state at one instant."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOW = Instant(0)
 
 
 def hand_over(vehicle: Vehicle, telemetry: Telemetry) -> None:
-    """Let a vehicle have told what is in `telemetry`."""
+    """Give a vehicle the content of `telemetry`."""
     vehicle.telemetry = telemetry
     parts = vehicle.autopilot, vehicle.round_trips, vehicle.source_binding
     vehicle.sampler = Sampler(telemetry, *parts, None)
@@ -37,7 +37,7 @@ def hand_over(vehicle: Vehicle, telemetry: Telemetry) -> None:
 
 @pytest.fixture
 def vehicle(tell, telemetry) -> Vehicle:
-    """A vehicle whose clock is 50 s ahead of ours, and that has told everything but an attitude of now."""
+    """Return a vehicle whose clock is 50 s ahead of ours, and that has sent everything but a current attitude."""
     made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), 10.0)
     tell(0, armed=True, above_home_m=100.0)
     hand_over(made, telemetry)
@@ -53,7 +53,7 @@ def turns(vehicle: Vehicle, heading_rad: float, stamp_s: float) -> None:
 
 @pytest.mark.parametrize("apart_s", [-0.08, 0.0, 0.1])
 def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehicle: Vehicle, apart_s: float) -> None:
-    """At 0.2 rad/s and 22 m/s a heading of 0.1 s before is that of a slot 0.6 m away, 30 m aside."""
+    """At 0.2 rad/s and 22 m/s a heading that is 0.1 s old is that of a slot 0.6 m away, 30 m aside."""
     turns(vehicle, 1.0 + TURN_RADPS * apart_s, STAMP_S + apart_s)
     sample = vehicle.sampler.new(NOW, flew=vehicle.flew)
     assert sample is not None
@@ -132,7 +132,7 @@ def test_where_one_is_that_was_last_heard_long_ago_isnt_known(vehicle: Vehicle, 
 
 
 def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> None:
-    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488); what stands there shows no scale."""
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488); at rest it shows no scale."""
     vehicle.telemetry.armed = False
     vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
     turns(vehicle, 1.0, STAMP_S)
@@ -167,7 +167,7 @@ def test_a_place_of_zero_and_zero_is_no_error_before_the_first_fix_and_counted_a
 
 @pytest.mark.parametrize("turns_before", [0, 2])
 def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns_before: int) -> None:
-    """From 2 s before it to 3 s after; positions at 10 Hz take 20 ms, and attitudes are of 50 ms before them."""
+    """From 2 s before it to 3 s after; positions at 10 Hz take 20 ms, and attitudes are 50 ms older."""
     turn_ms = 2**32
     vehicle.telemetry.forget()
     vehicle.round_trips = RoundTrips(0.02)
@@ -189,7 +189,7 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
             assert vehicle.source_binding.judge(each, 0, HERE, now)[0]
             vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
         sample = vehicle.sampler.new(now, flew=vehicle.flew)
-        if number > 0:  # before its first answer nobody knew how often they had
+        if number > 0:  # before its first answer their number of rounds is unknown
             assert sample is not None
             assert seconds_between(sample.stamp, now) == pytest.approx(0.02, abs=0.001)
             assert vehicle.jitter.jitter_s < 1e-3 or number == 1

@@ -1,4 +1,4 @@
-"""Which setpoints are sent: those that say more than what the vehicle knows, or may not know."""
+"""Which setpoints are sent: those that differ from what the vehicle has, or that it may not have."""
 
 from __future__ import annotations
 
@@ -49,21 +49,21 @@ class Told:
         self.hear(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
 
     def slow_link(self, one_way_s: float) -> None:
-        """Have it answer probes after this long each way."""
+        """Let it answer probes after this long each way."""
         for turn in range(3):
             sent = after(self.now, turn - 30.0)
             self.vehicle.clock.observe(sent, after(sent, one_way_s), after(sent, 2 * one_way_s))
-        assert self.vehicle.clock.one_way_s == pytest.approx(one_way_s - 0.005)  # a quarter of its loop
+        assert self.vehicle.clock.one_way_s == pytest.approx(one_way_s - 0.005)  # minus a quarter of its loop's period
 
     def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
-        """Hear a frame, the next one but those that were lost."""
+        """Receive a frame, the next one after `lost` lost ones."""
         self._number += 1 + lost
         self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
 
 
 @pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])
 def test_an_aircraft_is_told_what_its_sensor_reads_at_the_true_airspeed(kind):
-    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s are read as 18.95."""
+    """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s read as 18.95."""
     told = Told(kind)
     told.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
     for true_mps, reading_mps in ((22.0, 22.0 * math.sqrt(0.7422)), (15.0, 14.0), (40.0, 29.0)):
@@ -132,7 +132,7 @@ def test_over_a_slow_link_an_answer_is_waited_for_as_long_as_it_takes():
 
 
 def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
-    """Over a link of 150 ms each way an answer within 0.1 s is another's."""
+    """Over a link of 150 ms each way an answer within 0.1 s belongs to another setpoint."""
     told = Told()
     told.slow_link(0.15)
     told.tick(answers=False)

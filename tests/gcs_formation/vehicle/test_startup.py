@@ -29,7 +29,7 @@ class Walk:
         self.now = START
 
     def go(self, result: int = m.MAV_RESULT_ACCEPTED) -> list[tuple[int, float]]:
-        """Advance as far as the telemetry lets it; return the commands sent, with what each sets."""
+        """Advance as far as the telemetry allows; return the commands sent, with what each sets."""
         sent: list[tuple[int, float]] = []
         for _ in range(20):
             self.start_up.advance(self.telemetry, self.commands, self.now)
@@ -88,7 +88,7 @@ def test_a_plane_that_isnt_ready_is_neither_moved_to_take_off_nor_armed(
 
 
 def test_the_time_of_a_step_is_that_of_each_of_its_requests(walk: Walk):
-    """Answers that are lost and asked for again for 19 s each are all waited for; one that never comes ends it."""
+    """It waits for answers that are lost and requested again for 19 s each; one that never comes ends the step."""
     for _ in range(4):
         walk.start_up.advance(walk.telemetry, walk.commands, walk.now)
         asked = walk.commands.due(walk.now)

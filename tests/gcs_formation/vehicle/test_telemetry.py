@@ -1,4 +1,4 @@
-"""What a vehicle tells is kept only when it can be true."""
+"""What a vehicle sends is kept only if it can be true."""
 
 from __future__ import annotations
 

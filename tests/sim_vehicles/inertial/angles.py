@@ -1,4 +1,4 @@
-"""Angles of an attitude, by which tests look at it."""
+"""Angles of an attitude, for assertions."""
 
 from __future__ import annotations
 

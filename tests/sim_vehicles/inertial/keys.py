@@ -1,4 +1,4 @@
-"""The keys of inertial navigation that give sensors of known errors."""
+"""Keys of inertial navigation that give sensors of known errors."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Alignment: what a standing vehicle finds out about its attitude, and what it can't."""
+"""Alignment: what a vehicle at rest learns about its attitude, and what it can't."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sensors(accel_ug: float, gyro_deg_per_h: float, noise: tuple[float, float] =
 
 
 def drawn(random: np.random.Generator) -> InertialSensors:
-    """Return sensors with biases of their own, as large as the filter takes them for."""
+    """Return sensors with random biases of the size that the filter assumes."""
     a, b, c, d, e, f = random.standard_normal(6).tolist()
     accel, gyro = 100.0 * MICRO_G, 0.02 * DEGREE_PER_HOUR
     return InertialSensors((a * accel, b * accel, c * accel), (d * gyro, e * gyro, f * gyro), *NOISE)
@@ -38,7 +38,7 @@ AVIATION = sensors(100.0, 0.02)
 
 
 def filtered(faulty: InertialSensors, end_s: int) -> FineAlignment:
-    """Return a filter after some time; its covariance doesn't depend on what is measured."""
+    """Return a filter after some time; its covariance doesn't depend on the measurements."""
     fine = FineAlignment(PLACE, faulty)
     for _ in range(end_s):
         fine.update(np.zeros(2))
@@ -96,7 +96,7 @@ def test_gravity_and_the_earth_s_rotation_show_any_attitude() -> None:
 
 @pytest.mark.slow
 def test_the_filter_is_honest() -> None:
-    """Thirty alignments with biases drawn as it believes: innovations white, errors as large as it says."""
+    """Thirty alignments with biases drawn as the filter assumes: white innovations, errors as large as it states."""
     random, nees, innovations = np.random.default_rng(3), list[float](), list[np.ndarray]()
     for _ in range(30):
         result = align(FineAlignment(PLACE, AVIATION), 0.0, drawn(random), 300, 20.0, random)

@@ -1,4 +1,4 @@
-"""What an emulated vehicle that navigates by inertia tells, beside the whole strap-down computation."""
+"""Telemetry of an emulated vehicle that navigates by inertia, against the whole strap-down computation."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
 
 @pytest.mark.slow
 def test_the_filter_takes_random_biases_for_what_they_are() -> None:
-    """Normalised errors squared of 20 navigators with GNSS, after 30 s: chi-square of 20 times 15."""
+    """Normalised errors squared of 20 navigators with GNSS after 30 s: chi-square, 20 times 15 degrees of freedom."""
     drawn, squares = inertial_keys(NOISY, aiding="gnss", biases="random"), list[float]()
     for seed in range(20):
         sensors = inertial_sensors(drawn, seed, VehicleId(1, 1))
@@ -92,7 +92,7 @@ def test_random_biases_are_each_vehicle_s_own() -> None:
 
 
 def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
-    """The computed attitude is (I - [phi x]) times the true one: all three angles are read off that matrix."""
+    """The computed attitude is (I - [phi x]) times the true one; all three angles are read from that matrix."""
     navigator = InertialNavigator(inertial_keys(QUIET), ORIGIN, 0.0, VehicleId(1, 1), 1)
     true = motion(60.0)
     true.turn_rate_radps = true.climb_mps = 0.0
@@ -142,7 +142,7 @@ def test_the_measured_airspeed_has_its_own_error() -> None:
 
 
 def test_an_aligned_vehicle_begins_with_the_heading_error_that_alignment_leaves() -> None:
-    """Draws of the filter's covariance: about epsilon / (Omega cos L)."""
+    """The errors are drawn from the filter's covariance: about epsilon / (Omega cos L)."""
     sigma = limits(NOISY, ORIGIN)[2]
     aligned = inertial_keys(NOISY, flight_start="aligned", alignment_s=300)
     navigators = [InertialNavigator(aligned, ORIGIN, 0.0, VehicleId(1, 1), seed) for seed in range(20)]

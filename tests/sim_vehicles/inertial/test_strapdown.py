@@ -1,4 +1,4 @@
-"""Strap-down navigation against the figures of the literature: the Earth's, and how each error grows."""
+"""Strap-down navigation against the literature: the Earth's figures, and the growth of each error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sensors(accel_ug: float = 0.0, gyro_deg_per_h: float = 0.0) -> InertialSenso
 
 
 def north_errors_m(faulty: InertialSensors, tilt_rad: tuple[float, float, float], times_s: list[float]) -> Array:
-    """Return the errors of a vehicle that stands, north, after some times; the last one is the end."""
+    """Return the north errors of a vehicle at rest after some times; the last one is the end."""
     rest = Trajectory.at_rest(PLACE, 0.0, times_s[-1])
     start = exact_start(rest, faulty)
     off = displaced(start.state.attitude, np.array(tilt_rad))
@@ -82,7 +82,7 @@ def test_a_swing_in_step_with_a_push_gains_speed_across_both() -> None:
 
 
 def test_without_sensor_errors_only_integration_errs() -> None:
-    """200 s of bends, hills and banking, 4.4 km: errors beyond a millimetre would be a wrong equation's."""
+    """200 s of turns, hills and banking, 4.4 km: an error above a millimetre would mean a wrong equation."""
     ideal = sensors()
     flight = Trajectory.along(BENDS, 22.0, PLACE, 200.0)
     found = navigate(flight, exact_start(flight, ideal), ideal, None, 100.0, np.random.default_rng(1))
@@ -107,7 +107,7 @@ def test_without_sensor_errors_only_integration_errs() -> None:
 def test_each_error_grows_as_the_single_channel_formulas_say(
     faulty: InertialSensors, tilt_rad: tuple[float, float, float], expected_m: dict[float, float]
 ) -> None:
-    """b/ws² (1 - cos ws t) and its like; coupling of the channels is below 0.3 % by then."""
+    """b/ws² (1 - cos ws t) and the like; coupling of the channels is below 0.3 % by then."""
     assert north_errors_m(faulty, tilt_rad, [*expected_m]) == pytest.approx([*expected_m.values()], rel=0.005)
 
 
