@@ -1,4 +1,4 @@
-"""An emulated ArduCopter: what it answers otherwise than an ArduPlane, and the commands that it carries out.
+"""An emulated ArduCopter: its commands, and how it differs from other families.
 
 Unlike a real one it has no transmitter and no battery, its RTL flies at one speed, its SMART_RTL straight home at the
 height that it has, and in modes that leave thrust to the throttle it sinks instead of falling.
@@ -9,19 +9,34 @@ Source: ArduPilot documentation, "Copter Commands in Guided Mode"; answers of Ar
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
-from airlink.frame import Frame
 from flight_model.autopilot_model import finite, wrap
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import commands, position_targets
 from sim_vehicles.autopilot.board_clock import delayed
-from sim_vehicles.autopilot.commands import ACCEPTED, DEGREE, DENIED, FAILED, FULL_TURN_DEG, GivenCommand, to_mode
+from sim_vehicles.autopilot.commands import (
+    ACCEPTED,
+    DEGREE,
+    DENIED,
+    FAILED,
+    FULL_TURN_DEG,
+    CommandHandlers,
+    GivenCommand,
+    to_mode,
+)
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.modes_and_failsafe import BY_THROTTLE, COPTER_FAILSAFE, CopterMode, FlightMode, select
+from sim_vehicles.autopilot.message_handler import MessageHandler
+from sim_vehicles.autopilot.modes_and_failsafe import (
+    BY_THROTTLE,
+    COPTER_FAILSAFE,
+    CopterMode,
+    FlightMode,
+    GroundStationFailsafe,
+    select,
+)
 from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.autopilot.telemetry import UNASKED_NS
@@ -31,9 +46,9 @@ from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
 TURNS_FROM_M = 2.0
 """Its nose turns to a place that is farther than this (WP_YAW_BEHAVIOR)."""
 TURNS_FROM_MPS = 0.5
-"""And into the direction of a velocity from this on (5 % of WPNAV_SPEED)."""
+"""Its nose turns into the direction of a velocity from this speed on (5 % of WPNAV_SPEED)."""
 DISARMS_S = 2.0
-"""From touch-down until it has found that it has landed, and disarms."""
+"""Time from touch-down until it detects that it has landed, and disarms."""
 CIRCLE_M, CIRCLE_RPS = 10.0, math.radians(20.0)
 """CIRCLE_RADIUS, and CIRCLE_RATE, clockwise."""
 ALL_MODES = frozenset(CopterMode)
@@ -49,14 +64,14 @@ BY_HAND = frozenset(
 HEARTBEAT_ALONE = {m.MAVLINK_MSG_ID_HEARTBEAT: UNASKED_NS}
 CM: Final = 100.0
 SLEW_RPS: Final = math.radians(60.0)
-"""Rate at which its nose comes round where none is told, and the highest (ATC_SLEW_YAW)."""
+"""Yaw rate where none is commanded, and the highest (ATC_SLEW_YAW)."""
 SPEEDS: Final = {
     m.SPEED_TYPE_AIRSPEED: "WPNAV_SPEED",
     m.SPEED_TYPE_GROUNDSPEED: "WPNAV_SPEED",
     m.SPEED_TYPE_CLIMB_SPEED: "WPNAV_SPEED_UP",
     m.SPEED_TYPE_DESCENT_SPEED: "WPNAV_SPEED_DN",
 }
-"""SPEED_TYPE -> the parameter that DO_CHANGE_SPEED stands in for."""
+"""SPEED_TYPE -> the parameter whose value DO_CHANGE_SPEED replaces."""
 LIKE_PLANES: Final = (
     m.MAV_CMD_DO_SET_MODE,
     m.MAV_CMD_COMPONENT_ARM_DISARM,
@@ -98,7 +113,7 @@ def _turn_nose(vehicle: Copter, given: GivenCommand) -> int:
 
 
 def _look(vehicle: Copter, given: GivenCommand) -> int:
-    """Turn the nose to a place, and keep it there; likewise."""
+    """Point the nose at a place from now on; in other modes than GUIDED that is accepted and has no effect."""
     if vehicle.guided:
         north_m, east_m, _ = vehicle.fleet.origin.to_ned(given.lat_rad, given.lon_rad, 0.0)
         vehicle.flier.look_at((north_m, east_m))
@@ -111,7 +126,7 @@ def _look_ahead(vehicle: Copter, _given: GivenCommand) -> int:
 
 
 def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
-    """Change the speed to places under way, until it is told velocities or another mode."""
+    """Change the speed of flights to places; it holds until a velocity or another mode is commanded."""
     kind, speed_mps = given.params[0], given.params[1]
     if not 0.0 < speed_mps < math.inf:
         return DENIED
@@ -141,7 +156,7 @@ def _choose_item(vehicle: Copter, given: GivenCommand) -> int:
     return commands.HANDLERS[m.MAV_CMD_DO_SET_MISSION_CURRENT](vehicle, given)
 
 
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+HANDLERS: CommandHandlers = {
     **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
@@ -155,7 +170,7 @@ HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
     m.MAV_CMD_DO_PAUSE_CONTINUE: _pause,
     m.MAV_CMD_DO_SET_MISSION_CURRENT: _choose_item,
 }
-"""All others are UNSUPPORTED, as MAV_CMD_GUIDED_CHANGE_SPEED and its like are by a real one."""
+"""All others are UNSUPPORTED; so are MAV_CMD_GUIDED_CHANGE_SPEED, _HEADING and _ALTITUDE in a real ArduCopter."""
 
 
 class Copter(Vehicle):
@@ -165,14 +180,13 @@ class Copter(Vehicle):
     capabilities = 64495
     unasked = HEARTBEAT_ALONE
     tells_time_at_once = True
-    guided_mode = CopterMode.GUIDED
-    ground_mode = CopterMode.STABILIZE
     boot_mode = CopterMode.STABILIZE
+    ground_mode = CopterMode.STABILIZE
+    air_mode = CopterMode.GUIDED
+    guided_mode = CopterMode.GUIDED
     by_hand = BY_HAND
-    failsafe_keys = COPTER_FAILSAFE
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"
-    handlers = HANDLERS
     flier: CopterPilot
     """Its pilot, typed as a CopterPilot."""
 
@@ -185,8 +199,16 @@ class Copter(Vehicle):
         self.flier = CopterPilot(config, steering, self.parameters)
         return self.flier
 
+    def message_handler(self) -> MessageHandler:
+        """Return what takes its messages, and knows ArduCopter's commands."""
+        return MessageHandler(self, HANDLERS)
+
+    def failsafe_of(self) -> GroundStationFailsafe:
+        """Return its failsafe for the end of the ground station's heartbeats."""
+        return GroundStationFailsafe(self.parameters, COPTER_FAILSAFE)
+
     def enter(self, mode: FlightMode) -> None:
-        """Change to a mode, unless it is in it already, and report it at once; CIRCLE begins ahead of the nose."""
+        """Change to a mode, unless it is in it already, and report it at once; CIRCLE's centre is ahead of the nose."""
         if mode is not self.pilot.mode:
             self.pilot.enter(mode, self.body.motion)
             if mode is CopterMode.CIRCLE:
@@ -198,7 +220,7 @@ class Copter(Vehicle):
             self.tell_heartbeat()
 
     def switch(self, number: float) -> bool:
-        """Change to a mode by its number; return whether there is such a mode and it has what it needs."""
+        """Change to a mode by its number; return whether there is such a mode and it can be entered."""
         mode = select(self.pilot.condition, number, ALL_MODES)
         if mode == CopterMode.AUTO:
             self.say(WARNING, "Mode change to AUTO failed: init failed")
@@ -210,7 +232,7 @@ class Copter(Vehicle):
         return True
 
     def arm(self, *, force: bool) -> bool:
-        """Arm, where the mode allows it; one that doesn't take off disarms by itself."""
+        """Arm, if the mode allows it; without a take-off it disarms by itself after DISARM_DELAY."""
         armed = super().arm(force=force)
         if not armed and self.ready:
             self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
@@ -231,7 +253,7 @@ class Copter(Vehicle):
         return CopterMode.__members__.get(name, CopterMode.LOITER)
 
     def landed(self) -> None:
-        """Disarm once it has found that it has landed."""
+        """Disarm once it has detected that it has landed."""
         found = after(self.now, DISARMS_S)
         idles = self.pilot.mode in BY_THROTTLE
         self.disarm_at = delayed(found, self.parameters["DISARM_DELAY"]) if idles else found
@@ -245,15 +267,6 @@ class Copter(Vehicle):
     def nose_rad(self) -> float:
         """Where its nose is commanded to point, or points."""
         return self.flier.commanded_nose(self.body.shown().heading_rad)
-
-    def take_other(self, frame: Frame) -> bool:
-        """Take a setpoint; return whether the frame is one."""
-        message = frame.message
-        if not isinstance(message, position_targets.MESSAGES):
-            return False
-        if self.pilot.mode is CopterMode.GUIDED and not self.ignores and not self.pilot.takeoff_m:
-            self._take_setpoint(message)
-        return True
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Fly to a place and stay there."""
@@ -275,11 +288,13 @@ class Copter(Vehicle):
             yaw_rad = math.atan2(east_m, north_m)
         self.flier.go_to(place_m, yaw_rad)
 
-    def _take_setpoint(self, message: Setpoint) -> None:
-        """Fly to a place, or a velocity; whatever else is asked stops it, as does what isn't finite."""
-        mask, nose_rad = message.type_mask, self.nose_rad
-        place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
-        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(message.yaw_rad) else message.yaw_rad
+    def take_setpoint(self, setpoint: Setpoint) -> None:
+        """Fly to a place, or a velocity, in GUIDED; whatever else is asked stops it, as does what isn't finite."""
+        if self.pilot.mode is not CopterMode.GUIDED or self.pilot.takeoff_m:
+            return
+        mask, nose_rad = setpoint.type_mask, self.nose_rad
+        place_m, velocity_mps = position_targets.place_of(self, setpoint), position_targets.velocity_of(self, setpoint)
+        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(setpoint.yaw_rad) else setpoint.yaw_rad
         if place_m is not None:
             self._go_to(place_m, yaw_rad)
         elif velocity_mps is None:
@@ -289,7 +304,7 @@ class Copter(Vehicle):
             if ahead and math.hypot(velocity_mps[0], velocity_mps[1]) > TURNS_FROM_MPS:
                 yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)
-        rate_rps = position_targets.yaw_rate_of(message)
+        rate_rps = position_targets.yaw_rate_of(setpoint)
         if rate_rps and (place_m is not None or velocity_mps is not None):
             self.flier.turn_on(nose_rad, rate_rps)
 

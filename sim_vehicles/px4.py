@@ -1,4 +1,4 @@
-"""Emulated PX4s, multirotor and fixed wing: what they answer otherwise than emulated ones of ArduPilot's."""
+"""Emulated PX4s: how they differ from ArduPilot's vehicles, and the fixed wing; the multirotor is in `px4_copter`."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
-from airlink.frame import Frame
-from airlink.messages.command import CommandAck, CommandInt, CommandLong, SetMode
-from airlink.messages.mission import MissionItem, MissionItemInt
-from airlink.messages.system import Heartbeat, Ping, Statustext
-from formation_scenario.surroundings import Fault
+from airlink.messages.system import Statustext
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import delayed
-from sim_vehicles.autopilot.commands import ACCEPTED
+from sim_vehicles.autopilot.commands import CommandHandlers
+from sim_vehicles.autopilot.message_handler import MessageHandler, Px4MessageHandler
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_AS_PLANE,
     PX4_BY_STICKS,
@@ -36,9 +33,6 @@ from sim_vehicles.autopilot.position_targets import Setpoint, Vector
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
 
-COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
-WRONG_FRAME: Final = 9
-"""MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
@@ -58,20 +52,16 @@ class Px4(Vehicle):
     stores_missions = False
     locks = True
     guided_mode = Px4Mode.HOLD
-    ground_mode = Px4Mode.HOLD
-    boot_mode = Px4Mode.HOLD
     by_hand = PX4_BY_STICKS
-    failsafe_keys = px4_services.LINK_LOSS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    handlers = px4_services.HANDLERS
+    command_handlers: ClassVar[CommandHandlers] = px4_services.HANDLERS
+    """What carries out each command that it knows."""
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
-    """Its modes, and the pilot's that are flown alike."""
+    """Its modes, and for each the mode of ArduPilot that its pilot flies."""
     mode: Px4Mode
     intended: Px4Mode
     """What was last asked for; a failsafe flies another."""
-    sticks: bool = False
-    """Whether a pilot has its transmitter."""
     _rise_m: float
     _lost: bool
     _greeted: bool
@@ -101,12 +91,12 @@ class Px4(Vehicle):
 
     @property
     def fresh(self) -> bool:
-        """Whether setpoints come."""
+        """Whether the last setpoint is younger than COM_OF_LOSS_T."""
         return self.now < self._fresh_until
 
     @property
     def armable(self) -> bool:
-        """Whether it is ready, in a mode that has what it needs and doesn't end a flight."""
+        """Whether it is ready, and its mode can be armed in: its inputs are there, and it doesn't end a flight."""
         lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in PX4_BY_STICKS and not self.sticks
         return self.ready and not lacks and self.mode not in PX4_NOT_ARMABLE
 
@@ -116,18 +106,12 @@ class Px4(Vehicle):
         return self.failsafe.active or self._lost
 
     def enter(self, mode: FlightMode) -> None:
-        """Change to a mode, unless it is in it already; heartbeats tell it later."""
+        """Change to a mode, unless it is in it already; the next HEARTBEAT reports it."""
         if mode is not self.mode:
             self.mode = Px4Mode(mode)
             self.pilot.enter(self.flown[self.mode], self.body.motion)
             self.pilot.silent_at = self._fresh_until if self.mode is Px4Mode.OFFBOARD else NEVER
             self.tell_heartbeat()
-
-    def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
-        """Begin or end a fault; a pilot comes with a transmitter."""
-        if fault.kind == "pilot":
-            self.sticks = not ends
-        super().inject(fault, now, ends=ends)
 
     def switch(self, number: float) -> bool:
         """Change to a mode by its number; return whether that was allowed.
@@ -153,7 +137,7 @@ class Px4(Vehicle):
             return False
         if self.pilot.condition.armed:
             return True
-        self._set_utc()
+        self.set_utc()
         if not self.pilot.request(Request.ARM):
             return False
         self.say(INFO, self.armed_text)
@@ -175,33 +159,13 @@ class Px4(Vehicle):
         self._rise_m = height_m
         return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
 
+    def message_handler(self) -> MessageHandler:
+        """Return what takes its messages, and knows PX4's commands."""
+        return Px4MessageHandler(self, self.command_handlers)
+
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
         return px4_services.LinkLoss(self.parameters)
-
-    def heed(self, system: int, message: Heartbeat) -> None:
-        """Take a ground station's heartbeat; only then it says what it has to say."""
-        if message.type == m.MAV_TYPE_GCS:
-            self.failsafe.heartbeat(system, self.now)
-            self._greeted = True
-            for text in self._unsaid:
-                self.broadcast(text)
-            self._unsaid.clear()
-
-    def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
-        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
-
-        Nobody answers for other components, nor an order that neither arms nor disarms.
-        """
-        if message.target_component not in COMPONENTS:
-            return ()
-        if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
-            return (WRONG_FRAME,)
-        if message.command == m.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 not in (0.0, 1.0):
-            self.say(CRITICAL, f"Unsupported ARM_DISARM param: {message.param1:.3f}")
-            return ()
-        results = super().obey(message)
-        return (ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
 
     def mode_named(self, name: str) -> FlightMode:
         """Return a mode by its name; one that PX4 doesn't have becomes HOLD."""
@@ -211,26 +175,6 @@ class Px4(Vehicle):
     def landed(self) -> None:
         """Disarm a while after it has touched down."""
         self.disarm_at = delayed(self.now, self.parameters["COM_DISARM_LAND"])
-
-    def take_mode(self, message: SetMode, frame: Frame) -> bool:
-        """Change to a mode by the old message, which is acknowledged like the command, but once."""
-        allowed = super().take_mode(message, frame)
-        result = ACCEPTED if allowed else px4_services.REJECTED
-        self.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
-        return allowed
-
-    def take_other(self, frame: Frame) -> bool:
-        """Take a setpoint, or answer a PING; return whether the frame is one of these."""
-        message = frame.message
-        if isinstance(message, Ping) and not message.target_system:
-            self.answer(message.but(target_system=frame.system, target_component=frame.component))
-        elif isinstance(message, position_targets.MESSAGES) and not self.ignores:
-            self._take_setpoint(message)
-        return isinstance(message, (Ping, *position_targets.MESSAGES))
-
-    def fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
-        """Refuse: PX4 knows no item that is flown at once."""
-        return m.MAV_MISSION_ERROR
 
     def follow_time(self) -> None:
         """Leave OFFBOARD once setpoints are too old, and TAKEOFF once it is complete."""
@@ -255,16 +199,16 @@ class Px4(Vehicle):
             self.fly_there((north_m, east_m, height_m), speed_mps)
 
     def airspeed(self, speed_mps: float) -> float:
-        """Return an airspeed within its limits, beyond which it is cut off, unsaid."""
+        """Return an airspeed limited to its range; that it is limited is not reported."""
         return min(max(speed_mps, self.parameters["FW_AIRSPD_MIN"]), self.parameters["FW_AIRSPD_MAX"])
 
     def tell_heartbeat(self) -> None:
-        """Tell a change at once by CURRENT_MODE, if that was asked for; heartbeats come once a second."""
+        """Report a change at once by CURRENT_MODE, if that was requested; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
             self.broadcast(px4_services.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
-        """Send a text, in chunks if it is long; before a ground station has shown itself, keep it."""
+        """Send a text, in chunks if it is long; keep it as long as no ground station's heartbeat has come."""
         self._texts = self._texts % 255 + 1
         long = len(text) >= TEXT_BYTES
         for number in range(0, len(text) + 1 if long else 1, TEXT_BYTES):
@@ -276,8 +220,9 @@ class Px4(Vehicle):
             elif len(self._unsaid) < KEPT_TEXTS:
                 self._unsaid.append(part)
 
-    def _take_setpoint(self, message: Setpoint) -> None:
-        if (refusal := position_targets.refusal_of_px4(message)) is not None:
+    def take_setpoint(self, setpoint: Setpoint) -> None:
+        """Take a setpoint, and fly it in OFFBOARD; if OFFBOARD was left because none came, return to it."""
+        if (refusal := position_targets.refusal_of_px4(setpoint)) is not None:
             self.say(CRITICAL, refusal)
         else:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
@@ -285,8 +230,15 @@ class Px4(Vehicle):
                 self._lost = False
                 self.enter(Px4Mode.OFFBOARD)
             if self.mode is Px4Mode.OFFBOARD:
-                self.follow(message)
+                self.follow(setpoint)
                 self.pilot.silent_at = self._fresh_until
+
+    def say_kept(self) -> None:
+        """Send the texts that were kept until a ground station's first heartbeat."""
+        self._greeted = True
+        for text in self._unsaid:
+            self.broadcast(text)
+        self._unsaid.clear()
 
     def _climb_in_takeoff(self) -> None:
         """Begin to climb if TAKEOFF is its mode, by default to MIS_TAKEOFF_ALT."""
@@ -294,15 +246,11 @@ class Px4(Vehicle):
             self.disarm_at = NEVER
             self.lift_off(self._rise_m or self.parameters["MIS_TAKEOFF_ALT"])
 
-    def _boot(self, now: Instant, clock_offset_s: float) -> None:
+    def forget(self) -> None:
+        """Forget modes, setpoints and texts, at boot."""
         self.mode = self.intended = Px4Mode.HOLD
         self._rise_m, self._lost, self._greeted, self._texts = 0.0, False, False, 0
-        self._unsaid, self._fresh_until = [], now
-        super()._boot(now, clock_offset_s)
-        self.pilot.mode = self.flown[Px4Mode.HOLD]
-
-    def _come_up(self, mode: FlightMode) -> None:  # noqa: ARG002 - always in HOLD
-        super()._come_up(self.flown[Px4Mode.HOLD])
+        self._unsaid, self._fresh_until = [], self.now
 
 
 class Px4Plane(Px4):
@@ -310,6 +258,9 @@ class Px4Plane(Px4):
 
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = PX4_AS_PLANE
+    boot_mode = PX4_AS_PLANE[Px4Mode.HOLD]
+    ground_mode = PX4_AS_PLANE[Px4Mode.HOLD]
+    air_mode = PX4_AS_PLANE[Px4Mode.HOLD]
     flier: PlanePilot
     """Its pilot, typed as such."""
 
@@ -332,18 +283,18 @@ class Px4Plane(Px4):
         self.flier.take_off(height_m, self.body.motion)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place, at its trim speed whatever is asked; a velocity alone is ignored, unsaid."""
+        """Fly to a place at its trim speed, whatever speed is asked for; a velocity without a place is ignored."""
         place_m = position_targets.place_of(self, message)
         if place_m is not None:
             self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
             self.flier.circle(*place_m)
 
     def follow_time(self) -> None:
-        """Dive into the ground if it has left it before its height reference came up to the field."""
+        """Crash if it took off before its height reference had risen to the field's altitude."""
         super().follow_time()
         climbs = self.mode is Px4Mode.TAKEOFF and self.pilot.airborne
         if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.fleet.origin.alt_m:
-            self._crash(Request.CRASH)
+            self.crash(Request.CRASH)
 
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:
         """Fly straight to a place far away, and circle it."""

@@ -7,14 +7,13 @@ and times are those of PX4 1.17's built-in simulator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering
 from sim_vehicles.autopilot import position_targets, px4_services
 from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.autopilot.commands import ACCEPTED, GivenCommand
+from sim_vehicles.autopilot.commands import ACCEPTED, CommandHandlers, GivenCommand
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.autopilot.position_targets import Setpoint, Vector
@@ -53,13 +52,16 @@ class Px4CopterPilot(CopterPilot):
         return super()._climb_most_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
 
     def _cruise_mps(self) -> float:
-        """Return the speed of its ways; places of OFFBOARD are flown to at the greatest."""
+        """Return the speed of flights to places: the highest one in OFFBOARD."""
         told = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.told_cmps
         return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
 
 
 def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
-    """Fly round a place, anticlockwise for a negative radius or speed; what isn't finite is as it is, or as usual."""
+    """Fly round a place, anticlockwise for a negative radius or speed.
+
+    Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
+    """
     radius_m, speed_mps = (
         told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
     )
@@ -73,7 +75,7 @@ def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
     return ACCEPTED
 
 
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = px4_services.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
+HANDLERS: CommandHandlers = px4_services.HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
 
 
 class Px4Copter(Px4):
@@ -82,7 +84,10 @@ class Px4Copter(Px4):
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
     flown = PX4_AS_COPTER
-    handlers = HANDLERS
+    boot_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    ground_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    air_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    command_handlers = HANDLERS
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 
@@ -131,7 +136,7 @@ class Px4Copter(Px4):
             self.flier.go_to((here.north_m, here.east_m, rises_m), None)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place, or a velocity; whatever else is asked has it stand."""
+        """Fly to a place, or at a velocity; stop for any other setpoint."""
         place_m, velocity_mps = position_targets.place_of(self, message), position_targets.velocity_of(self, message)
         yaw_rad = None if message.type_mask & position_targets.YAW else message.yaw_rad
         nose_rad = self.flier.commanded_nose(self.body.shown().heading_rad)

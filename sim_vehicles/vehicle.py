@@ -1,43 +1,29 @@
-"""One emulated vehicle's side of the protocol: frames in, frames out, in the cycles of its main loop."""
+"""One emulated vehicle: its main loop, boot, faults, arming, and the messages that it sends without a request.
+
+What it does with messages is in `autopilot.message_handler`; what each family overrides, in `autopilot_family`.
+"""
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Final, assert_never
+from typing import TYPE_CHECKING, Final, assert_never
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.engine import Datagram
-from airlink.frame import Frame
-from airlink.messages import MISSION_TIME, Message
-from airlink.messages.command import (
-    CommandAck,
-    CommandInt,
-    CommandLong,
-    LogEntry,
-    LogRequestList,
-    RequestDataStream,
-    SetMode,
-)
-from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
-from airlink.messages.system import Heartbeat, NamedValueFloat, Statustext, Timesync
+from airlink.messages import Message
+from airlink.messages.system import Statustext, Timesync
 from formation_scenario.surroundings import DEFAULT_MODE, Fault
-from sim_vehicles.airframe.motion import Estimate, Motion, Steering
+from sim_vehicles.airframe.motion import Estimate, Motion
 from sim_vehicles.airframe.sensors import sensors_of
-from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.board_clock import BoardClock
-from sim_vehicles.autopilot.missions import Missions, Sender, home_of
-from sim_vehicles.autopilot.modes_and_failsafe import FailsafeKeys, FlightMode, GroundStationFailsafe, Request
-from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.pilot import Pilot
-from sim_vehicles.autopilot.telemetry import BUILDERS, Builders, Streams
+from sim_vehicles.autopilot.missions import Missions, home_of
+from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.telemetry import Streams
+from sim_vehicles.autopilot_family import AutopilotFamily
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.link import Link
 
 if TYPE_CHECKING:
-    from sim_vehicles.autopilot.commands import GivenCommand
     from sim_vehicles.fleet import Fleet
 
 INITIALISING_S: Final = 1.0
@@ -45,49 +31,23 @@ TIMESYNC_S: Final = 10.0
 INFO, WARNING, CRITICAL = m.MAV_SEVERITY_INFO, m.MAV_SEVERITY_WARNING, m.MAV_SEVERITY_CRITICAL
 
 
-class Vehicle(ABC):
-    """An emulated autopilot: its link, modes and messages; its body flies."""
-
-    mav_type: ClassVar[int]
-    capabilities: ClassVar[int]
-    """Those of the real one (MAV_PROTOCOL_CAPABILITY), though not all are emulated."""
-    version: ClassVar[int] = 4 << 24 | 7 << 16
-    unasked: ClassVar[Mapping[int, int]]
-    """Messages that it sends without a request, and every how many ns."""
-    builders: ClassVar[Builders] = BUILDERS
-    """All that it can send."""
-    asks_time: ClassVar[bool] = True
-    """Whether it asks others for their time (TIMESYNC)."""
-    stores_missions: ClassVar[bool] = True
-    """Whether missions can be written to it."""
-    tells_time_at_once: ClassVar[bool] = False
-    """Whether it answers TIMESYNC as it comes, not in its main loop."""
-    locks: ClassVar[bool] = False
-    """Whether its link hears the first sender alone, until it restarts."""
-    guided_mode: ClassVar[FlightMode]
-    ground_mode: ClassVar[FlightMode]
-    """On the ground, once it is up."""
-    boot_mode: ClassVar[FlightMode]
-    by_hand: ClassVar[frozenset[int]]
-    """Modes in which it doesn't choose its own way, by HEARTBEAT's flags."""
-    failsafe_keys: ClassVar[FailsafeKeys]
-    armed_text: ClassVar[str] = "Throttle armed"
-    disarmed_text: ClassVar[str] = "Throttle disarmed"
-    handlers: ClassVar[dict[int, Callable[[Any, GivenCommand], int]]]
-    """What carries out each command that it knows."""
+class Vehicle(AutopilotFamily):
+    """An emulated autopilot and its body; a cycle of its main loop is `read`, `act`, `tell`, `stream`, `plan`."""
 
     now: Instant
     streams: Streams
     failsafe: GroundStationFailsafe
-    _up: Instant
-    _next_timesync: Instant
     disarm_at: Instant
     reboots: bool
     """Whether it was told to restart."""
     ignores: bool
+    """Whether a fault has it acknowledge orders and do nothing."""
+    _frozen: bool
     _lasting: list[Fault]
     """Faults that haven't ended."""
     _clock: BoardClock
+    _up: Instant
+    _next_timesync: Instant
 
     def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
         """Boot at `now`; a vehicle that starts in the air has booted at once."""
@@ -100,56 +60,18 @@ class Vehicle(ABC):
         self.link = Link(index, config, locks=self.locks)
         self.missions = Missions(lambda: home_of(config.start, fleet.origin), stored=self.stores_missions)
         self._sensors = sensors_of(config, fleet.origin, fleet.config.seed)
-        self._asker = config.endpoint.address
-        self._tells_time_at_once, self._handlers = self.tells_time_at_once, self.handlers
+        self.messages = self.message_handler()
+        self._tells_time_at_once = self.tells_time_at_once
+        self.sticks = False
+        """Whether a pilot has its transmitter."""
         self._exact = Estimate(None)
-        """What a vehicle without errors of its sensors estimates, apart from its motion."""
+        """The estimate of a vehicle whose sensors have no errors."""
         self._boot(now, config.clock_offset_s)
         if config.start.in_air:
-            self._come_up(self.guided_mode)
-
-    @property
-    def time_ns(self) -> int:
-        """Nanoseconds since boot by the vehicle's own clock, which counts microseconds."""
-        return self._clock.nanoseconds(self.now) // 1000 * 1000
-
-    @property
-    def time_s(self) -> float:
-        """Seconds since boot by the vehicle's own clock."""
-        return self._clock.seconds(self.now)
-
-    @property
-    def utc_us(self) -> int:
-        """UTC as it knows it, microseconds since 1970."""
-        self._set_utc()
-        return self._clock.utc_us(self.now)
-
-    def _set_utc(self) -> None:
-        if not self.pilot.condition.armed:
-            self._clock.set_by_receiver(self.now)
-
-    @property
-    def ready(self) -> bool:
-        """Whether it may be armed, or is in the air."""
-        up_s = seconds_between(self._clock.booted, self.now)
-        return not self.pilot.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
-
-    @property
-    def sensed(self) -> Motion:
-        """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
-        motion = self.body.shown()
-        return motion if self._sensors is None else self._sensors.sense(motion, self.now)
-
-    @property
-    def estimate(self) -> Estimate:
-        """What its state estimate and its receiver say, for telemetry."""
-        if self._sensors is not None:
-            return self._sensors.estimate(self.body.motion, self.now)
-        self._exact.received = self.body.motion
-        return self._exact
+            self._come_up(self.air_mode)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Keep a datagram for the next cycle of the main loop: not for one before `now` that is still to be made up."""
+        """Keep a datagram for the first cycle of the main loop from `now` on; earlier ones may still be made up for."""
         if self._tells_time_at_once and not (self._frozen or self.pilot.crashed):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
@@ -171,9 +93,8 @@ class Vehicle(ABC):
         if self.pilot.booting and now >= self._up:
             self._come_up(self.ground_mode)
         if self.link.next_arrival <= now:
-            for peer, frame in self.link.frames(now):
-                self._asker = peer
-                self._take(frame)
+            for sender, frame in self.link.frames(now):
+                self.messages.take(sender, frame)
         if self.reboots:
             self._restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
@@ -222,142 +143,8 @@ class Vehicle(ABC):
         wake = min(wake, self.disarm_at)
         self.wake = min(wake, self.pilot.silent_at)
 
-    def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
-        """Begin or end a fault."""
-        self.wake = self.now = now
-        match fault.kind:
-            case "crash":
-                self._crash(Request.CRASH)
-            case "freeze":
-                self._note_lasting(fault, ends=ends)
-                self.streams.leave_out(now)
-            case "ignore":
-                self._note_lasting(fault, ends=ends)
-            case "restart":
-                self._restart()
-            case "pilot":
-                if not self._frozen:
-                    self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
-            case _:
-                assert_never(fault.kind)
-
-    def _note_lasting(self, fault: Fault, *, ends: bool) -> None:
-        """Take note of a fault that lasts: of two that overlap the later end counts."""
-        if not ends:
-            self._lasting.append(fault)
-        elif fault in self._lasting:
-            self._lasting.remove(fault)
-        kinds = {each.kind for each in self._lasting}
-        self._frozen, self.ignores = "freeze" in kinds, "ignore" in kinds
-
-    def arm(self, *, force: bool) -> bool:
-        """Arm; refused before the vehicle is ready, unless forced."""
-        if not self.ready and not force and self.parameters["ARMING_CHECK"]:
-            self.say(CRITICAL, "PreArm: AHRS: waiting for home")
-            return False
-        self._set_utc()
-        before = self.pilot.condition.armed
-        if not self.pilot.arm(self.body.motion):
-            return False
-        if not before:
-            self.say(INFO, self.armed_text)
-        self.tell_heartbeat()
-        self.broadcast(self.builders[m.MAVLINK_MSG_ID_HOME_POSITION](self))
-        return True
-
-    def disarm(self, *, force: bool) -> bool:
-        """Disarm; refused in flight, unless forced: then it crashes."""
-        before = self.pilot.condition.armed
-        if force and self.pilot.airborne:
-            granted = self._crash(Request.FORCE_DISARM)
-        else:
-            granted = self.pilot.request(Request.FORCE_DISARM if force else Request.DISARM)
-        if granted and before:
-            self.say(INFO, self.disarmed_text)
-        if granted:
-            self.tell_heartbeat()
-        return granted
-
-    def answer(self, message: Message | None) -> None:
-        """Send a message to the peer that asked; nothing for None."""
-        if message is not None:
-            self.link.answer(self._asker, message)
-
-    @property
-    def flies_mission(self) -> bool:
-        """Whether it flies by its stored mission."""
-        return False
-
-    @abstractmethod
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
-        """Return its parameters."""
-
-    @abstractmethod
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
-        """Return who flies it, by sticks, setpoints or a mission."""
-
-    @abstractmethod
-    def enter(self, mode: FlightMode) -> None:
-        """Change to a mode, unless it is in it already, and report it at once."""
-
-    @abstractmethod
-    def switch(self, number: float) -> bool:
-        """Change to a mode by its number; return whether that was allowed."""
-
-    @abstractmethod
-    def mode_named(self, name: str) -> FlightMode:
-        """Return a mode by its name."""
-
-    @abstractmethod
-    def landed(self) -> None:
-        """Prepare to disarm: it has touched down."""
-
-    @abstractmethod
-    def follow_time(self) -> None:
-        """Do what is due by now in its mode."""
-
-    @abstractmethod
-    def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
-        """Fly to a place, whose height is above the fleet's origin, and stay there or circle it."""
-
-    def ask_circle(self, radius_m: float, side: float) -> None:  # noqa: ARG002 - what stands flies none
-        """Take the radius, m, and the side of the circles that it is told next."""
-        return
-
-    def climb_to(self, height_m: float) -> None:  # noqa: ARG002 - what stands keeps its own
-        """Take a height above the origin that was told without a place."""
-        return
-
-    def fly_to(self, item: MissionItem | MissionItemInt) -> int:
-        """Fly at once to a position or a height that came as a mission item; return the MAV_MISSION_RESULT."""
-        return commands.fly_to(self, item)
-
-    def failsafe_of(self) -> GroundStationFailsafe:
-        """Return its failsafe for the end of the ground station's heartbeats."""
-        return GroundStationFailsafe(self.parameters, self.failsafe_keys)
-
-    def heed(self, system: int, message: Heartbeat) -> None:  # noqa: ARG002 - the sender alone counts
-        """Take a heartbeat of another system."""
-        self.failsafe.heartbeat(system, self.now)
-
-    def obey(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
-        """Carry out a command; return each MAV_RESULT to acknowledge it with."""
-        given = commands.received(message)
-        if self.ignores and given.command in commands.ORDERS:
-            return (commands.ACCEPTED,)
-        handler = self._handlers.get(given.command)
-        return (commands.UNSUPPORTED if handler is None else handler(self, given),)
-
-    def take_other(self, frame: Frame) -> bool:  # noqa: ARG002 - of the family's own there is none
-        """Take a message of the family's own; return whether it is one."""
-        return False
-
-    def take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
-        """Change to a mode by the old message; return whether that was allowed."""
-        custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
-        return custom and (self.ignores or self.switch(message.custom_mode))
-
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
+        """Power up: only parameters, mission items and the motion are kept."""
         self.now = now
         self._frozen = self.ignores = self.reboots = False
         self._lasting = list[Fault]()
@@ -371,55 +158,82 @@ class Vehicle(ABC):
         self.link.restart()
         self.missions.restart()
         self.pilot.restart(self.boot_mode)
+        self.forget()
 
     def _restart(self) -> None:
         if self.pilot.request(Request.RESTART):
             self._boot(self.now, 0.0)
 
     def _come_up(self, mode: FlightMode) -> None:
+        """End booting, in a mode of the pilot."""
         self.pilot.request(Request.BOOTED)
         self.pilot.enter(mode, self.body.motion)
         if self.pilot.airborne:
             self.pilot.fly_straight(self.body.motion)
 
-    def _crash(self, request: Request) -> bool:
+    def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
+        """Begin or end a fault."""
+        self.wake = self.now = now
+        match fault.kind:
+            case "crash":
+                self.crash(Request.CRASH)
+            case "freeze":
+                self._note_lasting(fault, ends=ends)
+                self.streams.leave_out(now)
+            case "ignore":
+                self._note_lasting(fault, ends=ends)
+            case "restart":
+                self._restart()
+            case "pilot":
+                self.sticks = not ends
+                if not self._frozen:
+                    self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
+            case _:
+                assert_never(fault.kind)
+
+    def _note_lasting(self, fault: Fault, *, ends: bool) -> None:
+        """Begin or end a fault that lasts; where two overlap the later end counts."""
+        if not ends:
+            self._lasting.append(fault)
+        elif fault in self._lasting:
+            self._lasting.remove(fault)
+        kinds = {each.kind for each in self._lasting}
+        self._frozen, self.ignores = "freeze" in kinds, "ignore" in kinds
+
+    def crash(self, request: Request) -> bool:
+        """Fall to the ground, if its condition allows the request; return whether it did."""
         granted = self.pilot.request(request)
         if granted:
             self.body.ground()
         return granted
 
-    def _take(self, frame: Frame) -> None:
-        message = frame.message
-        if isinstance(message, (CommandInt, CommandLong)):
-            for result in self.obey(message):
-                self.answer(CommandAck(message.command, result, 0, 0, frame.system, frame.component))
-        elif isinstance(message, Timesync) and message.tc1_ns == 0:
-            self.answer(Timesync(self.time_ns, message.ts1_ns))
-        elif isinstance(message, Heartbeat):
-            self.heed(frame.system, message)
-        else:
-            self._take_seldom(frame)
+    def arm(self, *, force: bool) -> bool:
+        """Arm; refused before the vehicle is ready, unless forced."""
+        if not self.ready and not force and self.parameters["ARMING_CHECK"]:
+            self.say(CRITICAL, "PreArm: AHRS: waiting for home")
+            return False
+        self.set_utc()
+        before = self.pilot.condition.armed
+        if not self.pilot.arm(self.body.motion):
+            return False
+        if not before:
+            self.say(INFO, self.armed_text)
+        self.tell_heartbeat()
+        self.broadcast(self.builders[m.MAVLINK_MSG_ID_HOME_POSITION](self))
+        return True
 
-    def _take_seldom(self, frame: Frame) -> None:
-        match message := frame.message:
-            case RequestDataStream():
-                rate_hz = message.req_message_rate if message.start_stop else 0
-                self.streams.set_group(message.req_stream_id, rate_hz, self.now)
-            case SetMode():
-                self.take_mode(message, frame)
-            case LogRequestList():
-                self.answer(LogEntry(0, 0, 0, 0, 0))
-            case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
-                self.fleet.environment.hear_mission_time(value, self.now)
-            case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
-                result = m.MAV_MISSION_ACCEPTED if self.ignores else self.fly_to(message)
-                self.answer(MissionAck(frame.system, frame.component, result))
-            case Message() if not self.take_other(frame):
-                sender = Sender(self._asker, frame.system, frame.component)
-                for answer in self.parameters.answers(message, sender) or self.missions.take(message, sender, self.now):
-                    self.answer(answer)
-            case _:
-                pass
+    def disarm(self, *, force: bool) -> bool:
+        """Disarm; refused in flight, unless forced: then it crashes."""
+        before = self.pilot.condition.armed
+        if force and self.pilot.airborne:
+            granted = self.crash(Request.FORCE_DISARM)
+        else:
+            granted = self.pilot.request(Request.FORCE_DISARM if force else Request.DISARM)
+        if granted and before:
+            self.say(INFO, self.disarmed_text)
+        if granted:
+            self.tell_heartbeat()
+        return granted
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""
@@ -432,3 +246,44 @@ class Vehicle(ABC):
     def broadcast(self, message: Message) -> None:
         """Send a message to all peers."""
         self.link.broadcast(message, self.now)
+
+    @property
+    def ready(self) -> bool:
+        """Whether it may be armed, or is in the air."""
+        up_s = seconds_between(self._clock.booted, self.now)
+        return not self.pilot.booting and (self.pilot.airborne or up_s >= self.fleet.config.ready_s)
+
+    @property
+    def time_ns(self) -> int:
+        """Nanoseconds since boot by the vehicle's own clock, which counts microseconds."""
+        return self._clock.nanoseconds(self.now) // 1000 * 1000
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since boot by the vehicle's own clock."""
+        return self._clock.seconds(self.now)
+
+    @property
+    def utc_us(self) -> int:
+        """UTC as it knows it, microseconds since 1970."""
+        self.set_utc()
+        return self._clock.utc_us(self.now)
+
+    def set_utc(self) -> None:
+        """Set UTC by the GNSS receiver, as long as it is disarmed."""
+        if not self.pilot.condition.armed:
+            self._clock.set_by_receiver(self.now)
+
+    @property
+    def sensed(self) -> Motion:
+        """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
+        motion = self.body.shown()
+        return motion if self._sensors is None else self._sensors.sense(motion, self.now)
+
+    @property
+    def estimate(self) -> Estimate:
+        """What its state estimate and its receiver say, for telemetry."""
+        if self._sensors is not None:
+            return self._sensors.estimate(self.body.motion, self.now)
+        self._exact.received = self.body.motion
+        return self._exact

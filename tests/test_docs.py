@@ -55,8 +55,9 @@ def test_scenarios_and_modules_in_commands_are_there(document):
     assert missing == []
 
 
-def test_every_equation_is_where_the_table_says():
-    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize("document", ["paper.md", "architecture.md"])
+def test_what_a_table_places_in_a_file_is_there(document):
+    text = (ROOT / "docs" / document).read_text(encoding="utf-8")
     placed = re.findall(r"`([\w/]+\.py)`: ((?:`\w+`(?:, )?)+)", text)
     assert len(placed) >= 10
     for path, names in placed:

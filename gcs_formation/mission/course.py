@@ -16,7 +16,8 @@ from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.mission.ending_and_landings import Ending, why_not_land
+from gcs_formation.mission.ending import Ending
+from gcs_formation.mission.landings import why_not_land
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import PreFlight
 from gcs_formation.mission.vertical_separation import Opening, stays

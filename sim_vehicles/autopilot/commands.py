@@ -89,6 +89,10 @@ class GivenCommand:
         self.in_integers = in_integers
 
 
+CommandHandlers = dict[int, Callable[[Any, GivenCommand], int]]
+"""MAV_CMD -> what carries it out on a vehicle, and returns the MAV_RESULT."""
+
+
 def received(message: CommandInt | CommandLong) -> GivenCommand:
     """Return the command in a message. COMMAND_LONG has heights above home, and degrees as floats."""
     params = (message.param1, message.param2, message.param3, message.param4)
@@ -273,7 +277,8 @@ def _get_interval(vehicle: Vehicle, given: GivenCommand) -> int:
         return DENIED
     message_id = int(given.params[0])
     known = message_id in vehicle.builders
-    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id) if known else UNAVAILABLE))
+    interval_us = vehicle.streams.interval_us(message_id) if known else UNAVAILABLE
+    vehicle.messages.answer(MessageInterval(message_id, interval_us))
     return ACCEPTED if known else FAILED
 
 
@@ -284,7 +289,7 @@ def _request_message(vehicle: Vehicle, given: GivenCommand) -> int:
 def _send(vehicle: Vehicle, message_id: float) -> int:
     if message_id not in vehicle.builders:
         return FAILED
-    vehicle.answer(vehicle.builders[int(message_id)](vehicle))
+    vehicle.messages.answer(vehicle.builders[int(message_id)](vehicle))
     return ACCEPTED
 
 
@@ -298,7 +303,7 @@ NO_EFFECT = (
     m.MAV_CMD_DO_DIGICAM_CONTROL,
 )
 """Payload commands, which are accepted; there is no payload."""
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+HANDLERS: CommandHandlers = {
     **dict.fromkeys(NO_EFFECT, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_FENCE_ENABLE: lambda _vehicle, _given: FAILED,
     m.MAV_CMD_DO_GO_AROUND: lambda _vehicle, _given: FAILED,

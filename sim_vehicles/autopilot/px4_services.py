@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant, after
@@ -183,7 +182,7 @@ def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
     if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
         return DENIED
     message_id = int(given.params[0])
-    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    vehicle.messages.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
     return ACCEPTED
 
 
@@ -201,7 +200,7 @@ UNHEEDED: Final = (
     m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
 )
 """Accepted without effect here: they concern a camera, a go-around, checks and the protocol version."""
-HANDLERS: dict[int, Callable[[Any, GivenCommand], int]] = {
+HANDLERS: commands.CommandHandlers = {
     **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,

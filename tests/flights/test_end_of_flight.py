@@ -20,7 +20,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
 from gcs_formation.cli import main
-from gcs_formation.mission.ending_and_landings import Ending
+from gcs_formation.mission.ending import Ending
 from gcs_formation.phases import Cause, Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from sim_vehicles.fleet import Fleet

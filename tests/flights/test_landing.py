@@ -17,7 +17,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.mission.ending_and_landings import Landings, why_not_land
+from gcs_formation.mission.landings import Landings, why_not_land
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle

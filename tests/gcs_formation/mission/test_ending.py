@@ -19,7 +19,7 @@ from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.mission.ending_and_landings import UNANSWERED_FOR_S, Ending
+from gcs_formation.mission.ending import UNANSWERED_FOR_S, Ending
 from gcs_formation.mission.vertical_separation import place_of
 from gcs_formation.vehicle.acknowledgement import REFUSES_S, Outcome
 from gcs_formation.vehicle.ardupilot import ArduPlane
