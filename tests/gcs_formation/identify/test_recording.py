@@ -3,8 +3,6 @@
 import math
 import random
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -248,14 +246,13 @@ def test_nothing_is_flown_for_a_file_that_cannot_be_written(tmp_path):
         (b"\xa3\x95\x80\x80\x59" + 4 * b"?" + 16 * b"?" + 64 * b"?", "found not a dataflash log"),
     ],
 )
-def test_noise_is_refused_in_one_line(data, said, tmp_path):
+def test_noise_is_refused_in_one_line(data, said, tmp_path, capfd):
     """pymavlink prints a line for each byte that it skips, and raises a plain Exception for unknown formats."""
     (tmp_path / "noise.bin").write_bytes(data)
-    command = [sys.executable, "-m", "gcs_formation", "identify", str(tmp_path / "noise.bin")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
+    done = CliRunner().invoke(identify, [str(tmp_path / "noise.bin")])
+    assert done.exit_code == 2
     assert said in done.stderr
-    assert (len(done.stderr.splitlines()), done.stdout) == (1, "")
+    assert (len(done.stderr.splitlines()), done.stdout, capfd.readouterr()) == (1, "", ("", ""))
 
 
 def test_a_message_that_lacks_a_field_is_named(tmp_path):

@@ -114,14 +114,20 @@ def test_a_time_series_with_a_damaged_block_is_named(make_run):
         load_run(directory)
 
 
+@pytest.fixture(scope="module")
+def whole(make_run):
+    """A run, and its table as it was written: tests put others into the place of that."""
+    directory = make_run(flown_s=5.0)
+    return directory, pq.read_table(directory / "timeseries.parquet")
+
+
 @pytest.mark.parametrize("wrong", [["a"], [None], [[1.0]], [b"a"]])
 @pytest.mark.parametrize("name", ["t_s", "vehicle", "error_x_m"])
-def test_a_column_of_something_else_than_numbers_is_named(make_run, name, wrong):
-    directory = make_run()
-    path = directory / "timeseries.parquet"
-    table = pq.read_table(path)
+def test_a_column_of_something_else_than_numbers_is_named(whole, name, wrong):
+    directory, table = whole
     other = pa.array(wrong * table.num_rows)
-    pq.write_table(table.set_column(table.column_names.index(name), name, other), path)
+    changed = table.set_column(table.column_names.index(name), name, other)
+    pq.write_table(changed, directory / "timeseries.parquet")
     found = rf"found a column {name} of something else than numbers in timeseries\.parquet; expected: timeseries"
     with pytest.raises(RecordError, match=found):
         load_run(directory)
