@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.slot import HEIGHT
-from flight_model.vehicle_arrays import FlightStates
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Height, HeightSteps, lift_m
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Fence
@@ -25,6 +25,12 @@ TURN_RAD: Final = np.pi / 2
 STEP_M: Final = 1.0
 SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
 """Of the way to where a height setpoint is reached, at which the ground is looked at."""
+HELD_LAGS: Final = 0.5
+"""For so long, in height's lags, a height setpoint is reckoned to be held before a climb as fast as can be."""
+LAGS: Final = np.array([0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0])
+"""When the ground is looked at on that way, in height's lags."""
+ROOM_M: Final = 0.25
+"""How much higher that way is kept over terrain: ground and states are known to that, and looked at tick by tick."""
 AROUND_M: Final = 500.0
 """How far around a vehicle the highest ground is looked for, once until it has flown as far."""
 AWAY: Final = "turned away"
@@ -140,14 +146,17 @@ class HeightFloor:
     """Holds heights at `safety.clearance_m` above the ground, tick by tick. The last to change them, after the fence.
 
     A height setpoint is where a vehicle is when its height's lags have passed: the straight way from where it is to
-    there is kept clear, so that one that descends with the ground may be told lower than the ground below it. Nobody is
-    asked to climb faster than it can. Where the ground isn't known, there is no floor.
+    there is kept clear, so that one that descends with the ground may be told lower than the ground below it. So is the
+    way by its lags and its rate of climb if the setpoint is held for a while, and all that it can climb follows: who
+    sinks takes its time to climb, and comes to a height that it's told only in the end. Nobody is asked to climb faster
+    than it can. Where the ground isn't known, there is no floor.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
         """Take the scenario's ground; the (C,) `models` have the lags of heights."""
         self._ground, self._level = scenario.ground, scenario.terrain is None
         self._clearance_m: float = scenario.safety.clearance_m
+        self._room_m = 0.0 if self._level else ROOM_M
         self._models, self._identities = models, column_ids(scenario)
         self._first = 0 if self._identities[0] is not None else 1
         """The first column that is a vehicle."""
@@ -175,7 +184,7 @@ class HeightFloor:
             return self._clearance_m
         north_m, east_m, clear_m = self._known[column]
         model, (north_mps, east_mps) = self._models[column], state.ground_mps()
-        ahead_m = _lag_s(model) * math.hypot(north_mps, east_mps)
+        ahead_m = LAGS[-1] * _lag_s(model) * math.hypot(north_mps, east_mps)
         if not math.hypot(state.north_m - north_m, state.east_m - east_m) + ahead_m <= AROUND_M:
             place = np.array([state.north_m]), np.array([state.east_m])
             clear_m = float(self._ground.bound_m(*place, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
@@ -184,18 +193,40 @@ class HeightFloor:
 
     def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel) -> float:
         """Return the least height setpoint, from `height_m` on, on the way to which the ground is clear."""
-        lag_s, (north_mps, east_mps) = _lag_s(model), state.ground_mps()
-        over_s = lag_s * SHARES
-        ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
-        floor_m = np.nan_to_num(ground_m + self._clearance_m, nan=-math.inf)
+        lag_s = _lag_s(model)
+        floor_m, most_m = self._floor_m(state, lag_s * SHARES), state.height_m + lag_s * model.climb_max_mps
         needed_m = state.height_m + (floor_m - state.height_m) / SHARES
-        least_m = min(float(needed_m.max()), float(floor_m.max()), state.height_m + lag_s * model.climb_max_mps)
-        return max(height_m, least_m)
+        least_m = max(height_m, min(float(needed_m.max()), float(floor_m.max()), most_m))
+        if least_m >= most_m:
+            return least_m
+        lowest_m, highest_m = _climbs(state, np.array((least_m, most_m)), model)
+        short_m = self._floor_m(state, lag_s * LAGS) + self._room_m - lowest_m
+        return least_m + (most_m - least_m) * float(within((short_m / (highest_m - lowest_m)).max(), 0.0, 1.0))
+
+    def _floor_m(self, state: FlightState, over_s: Array) -> Array:
+        """Return the heights that are clear of the ground that a vehicle comes to straight on; -inf: not known."""
+        north_mps, east_mps = state.ground_mps()
+        ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
+        return np.nan_to_num(ground_m + self._clearance_m, nan=-math.inf)
 
     def _begin(self, tick: Tick, column: int, least_m: float) -> None:
         if self._held.begins(("held above the ground", column), tick.now):
             text = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
             tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
+
+
+def _climbs(state: FlightState, told_m: Array, model: AutopilotModel) -> Array:
+    """Return the heights (M, L) after `LAGS` if each of M setpoints is held first, and all it can climb follows."""
+    count = told_m.size
+    models, state_of = AutopilotModels.from_each([model] * count), FlightStates.from_each([state] * count)
+    steps = HeightSteps.of(models, _lag_s(model) * np.diff(LAGS, prepend=0.0)[:, None])
+    lifted_m, climb_m = lift_m(state_of, models), _lag_s(model) * model.climb_max_mps
+    height, heights = Height(state_of.height_m, state_of.climb_mps), list[Array]()
+    for step, instant in enumerate(LAGS):
+        aim_m = told_m if instant <= HELD_LAGS else height.height_m + climb_m
+        height = steps.after(step, height, aim_m + lifted_m)
+        heights.append(height.height_m)
+    return np.array(heights).T
 
 
 def _lag_s(model: AutopilotModel) -> float:

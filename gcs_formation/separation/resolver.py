@@ -75,7 +75,7 @@ class ConflictResolver:
         until_s = float(self._times_s[1]), float(self._times_s[-1])
         self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
-        self._side = [0.0] * count
+        self._side, self._given_way_s = [0.0] * count, [0.0] * count
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """Of all columns, those of the last tick that had some: at the end of a flight they are left."""
         self._afar = [False] * count
@@ -163,6 +163,10 @@ class ConflictResolver:
                 self._side[column] = side
                 tick.replace(column, setpoint)
         tick.yielding = [side != 0.0 for side in self._side]
+        self._given_way_s = [
+            lasted_s + self._dt_s if gives_way else 0.0
+            for lasted_s, gives_way in zip(self._given_way_s, tick.yielding, strict=True)
+        ]
 
     def _members(self, tick: Tick) -> list[int]:
         """Return the columns that count, the leader's first; multirotors that come to their slots from afar last."""
@@ -226,6 +230,7 @@ class ConflictResolver:
             floor=self._floor_m,
             times_s=self._times_s,
             evades=self._side[members[0]] != 0.0,
+            given_way_s=np.array([self._given_way_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
 

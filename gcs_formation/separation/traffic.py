@@ -17,6 +17,13 @@ from gcs_formation.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
 """How much farther than the kept distance above or below another a vehicle aims that gives way."""
+PATIENCE_S = 8.0
+FARTHER_MPS, FARTHEST_M = 0.25, 10.0
+"""One that has given way for longer aims farther by the second, up to so far.
+
+Where a vehicle is told to go isn't quite where it gets, for no model is exact, and it takes more than the kept distance
+to be let go.
+"""
 REFERENCE = 0
 """The vehicle along whose velocity the others can always fly: a picture's first, the leader where it counts.
 
@@ -55,6 +62,8 @@ class TrafficPicture:
     """(S,) at which ways are looked at."""
     evades: bool = False
     """Whether the reference has given way until now."""
+    given_way_s: Array | None = None
+    """(N,) for how long each has given way until now; None: nobody for long."""
     heights_m: tuple[float, float] = (-math.inf, math.inf)
     """The lowest and the highest height that the fence allows."""
 
@@ -113,6 +122,17 @@ class TrafficPicture:
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
+    def trails_m(self) -> Array:
+        """How far below where it would level off each is in the end that climbs on with the reference, (N,).
+
+        Setpoints climb on then, and height lags behind; what all stay behind together is left out, as is the climb.
+        """
+        model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
+        lag_s = model.tau_ha_s + model.tau_hb_s
+        climbs = self.commanded & self.commanded[REFERENCE]
+        return np.where(climbs, (lag_s - lag_s[REFERENCE]) * climb_mps[REFERENCE], 0.0)
+
+    @cached_property
     def floor_m(self) -> Array:
         """The height that no vehicle is sent below, (N,)."""
         return self.floor(self.traffic.state)
@@ -129,6 +149,11 @@ class TrafficPicture:
         """Return what the vehicles `which` do that first fly as commanded, then straight on, as high."""
         setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
+
+    def farther_m(self, vehicle: int) -> float:
+        """Return how much farther from others' heights a vehicle aims because it has given way for long."""
+        lasted_s = 0.0 if self.given_way_s is None else float(self.given_way_s[vehicle])
+        return min(max(FARTHER_MPS * (lasted_s - PATIENCE_S), 0.0), FARTHEST_M)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights as near to the vehicles' own as they may be commanded (N,)."""
@@ -172,7 +197,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
-    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M
+    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M + picture.farther_m(vehicle)
     heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= picture.floor_m[vehicle]
@@ -181,7 +206,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     other_side = (sides != side) & (side != 0)
     far_m = np.round(np.abs(heights - own_m), 6)
     lifted_m = lift_m(picture.traffic.state, picture.traffic.model)[vehicle]
-    return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m
+    return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m + picture.trails_m[vehicle]
 
 
 def _length(vectors: Array) -> Array:
