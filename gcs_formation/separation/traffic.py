@@ -125,11 +125,12 @@ class TrafficPicture:
     def trails_m(self) -> Array:
         """How far below where it would level off each is in the end that climbs on with the reference, (N,).
 
-        Setpoints climb on then, and height lags behind; what all stay behind together is left out, as is the climb.
+        Setpoints climb on then, and height lags behind; what all stay behind together is left out, as is the climb. A
+        reference that gives way climbs to a height, not on.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
         lag_s = model.tau_ha_s + model.tau_hb_s
-        climbs = self.commanded & self.commanded[REFERENCE]
+        climbs = self.commanded & (self.commanded[REFERENCE] and not self.evades)
         return np.where(climbs, (lag_s - lag_s[REFERENCE]) * climb_mps[REFERENCE], 0.0)
 
     @cached_property

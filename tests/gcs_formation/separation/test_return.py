@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,4 +102,6 @@ def test_where_all_lag_alike_the_climb_changes_nothing() -> None:
     law = Setpoints(np.full(2, SPEED_MPS), np.zeros(2), np.full(2, 100.0))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [2.0], [SPEED_MPS], [0.0], [0.0], [0.0]], 2))
     assert picture(state, law, model(2)).trails_m.tolist() == [0.0, 0.0]
-    assert picture(state, law, lags(QUICK_S, SLOW_S)).trails_m.tolist() == pytest.approx([0.0, 2.0 * (5.4 - 2.1)])
+    climbing = picture(state, law, lags(QUICK_S, SLOW_S))
+    assert climbing.trails_m.tolist() == pytest.approx([0.0, 2.0 * (5.4 - 2.1)])
+    assert not replace(climbing, evades=True).trails_m.any(), "a leader that gives way climbs to a height"
