@@ -335,4 +335,4 @@ def _bounds(vehicle: Vehicle) -> UtcBounds | None:
     clock = vehicle.round_trips.gnss
     if clock is None or clock.why_not(used=vehicle.round_trips.stamps.by_utc) is not None:
         return None
-    return UtcBounds(clock.station_utc_s(), clock.shortest_s / 2)
+    return UtcBounds(clock.station_utc_s(), clock.reach_s)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from statistics import median
+from statistics import median, median_high, median_low
 from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
@@ -64,6 +64,8 @@ class GnssClock:
         """Jump of its UTC since it was last accepted, s, 0 if there is none; a jump in flight isn't followed."""
         self._filter = ClockFilter(DRIFT, OFFSET_NOISE, DRIFT_NOISE)
         self._trips = deque[float](maxlen=WINDOW)
+        self._spans = deque[tuple[float, float]](maxlen=WINDOW)
+        """The same, and how far off the estimate each one's midpoint was."""
         self._off = deque[tuple[float, float]](maxlen=WINDOW)
         self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
@@ -78,9 +80,13 @@ class GnssClock:
         return self._filter.drift
 
     @property
-    def shortest_s(self) -> float:
-        """Shortest of the recent round trips."""
-        return min(self._trips, default=math.nan)
+    def reach_s(self) -> float:
+        """How far off the clock's estimate may be at most by the recent round trips: it was read while each lasted.
+
+        Half of a trip and what its own midpoint differs by. A trip of before a step of the link, or of after one that
+        the estimate hasn't followed yet, so doesn't count as if the estimate were its own.
+        """
+        return min((trip_s / 2 + abs(off_s) for trip_s, off_s in self._spans), default=math.nan)
 
     def why_not(self, *, used: bool = False) -> str | None:
         """Return why its UTC can't be used, None if it can; `used`: it is in use already."""
@@ -115,10 +121,12 @@ class GnssClock:
         self.samples += 1
         if self.samples == 1:
             self._filter.begin(middle, sample_s, variance)
+            self._spans.append((trip_s, 0.0))
             return
         self._filter.advance(middle)
         off_s = sample_s - self._filter.predict(middle)
         self._off.append((off_s, variance))
+        self._spans.append((trip_s, off_s))
         if abs(off_s) <= GATE_SIGMAS * math.sqrt(self._filter.offset_variance + variance) + GATE_S:
             self._filter.correct(middle, sample_s, variance)
         self._judge_step()
@@ -178,13 +186,15 @@ class GnssClock:
         """Attribute a common step of the last round trips to the link's split, and shift the offset by it."""
         if len(self._off) < WINDOW:
             return
-        step_s = median(off_s for off_s, _ in self._off)
+        off_s = [each for each, _ in self._off]
+        step_s = min(median_low(off_s), median_high(off_s), key=abs)  # where half of them are old, not half of a step
         variance = median(variance for _, variance in self._off)
         if abs(step_s) <= STEP_SIGMAS * math.sqrt(variance / WINDOW) + STEP_S:
             return
         reference = self._filter.reference
         self._filter.step(reference, self._filter.offset_s + step_s, variance)
         self._off.clear()
+        self._spans = deque([(trip_s, off_s - step_s) for trip_s, off_s in self._spans], WINDOW)
         self._steps.append(reference)
 
 

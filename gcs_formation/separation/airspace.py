@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.slot import HEIGHT
-from flight_model.vehicle_arrays import FlightStates
+from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Height, HeightSteps, lift_m
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Fence
@@ -25,6 +25,12 @@ TURN_RAD: Final = np.pi / 2
 STEP_M: Final = 1.0
 SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
 """Points, as shares of the way until a height setpoint is reached, at which the ground is checked."""
+HELD_LAGS: Final = 0.5
+"""Time, in lags of height, for which a height setpoint is assumed to be held before the fastest climb follows."""
+LAGS: Final = np.array([0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0])
+"""Times, in lags of height, at which the ground below that climb is checked."""
+ROOM_M: Final = 0.25
+"""Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick."""
 AROUND_M: Final = 500.0
 """Radius around a vehicle in which the highest ground is searched, again after it has flown that far."""
 AWAY: Final = "turned away"
@@ -140,14 +146,17 @@ class HeightFloor:
     """Holds heights at `safety.clearance_m` above the ground, tick by tick. It changes heights last, after the fence.
 
     A vehicle reaches a height setpoint after the lags of its height. The straight way to that point is kept clear, so a
-    vehicle that descends with the terrain may get a setpoint below the ground under it. Setpoints never ask for more
-    than the climb limit. Where the ground isn't known, there is no floor.
+    vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is the way by
+    its lags and its present climb rate, if the setpoint is held for a while and the fastest climb follows: a vehicle
+    that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the ground isn't known,
+    there is no floor.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
         """Take the scenario's ground; the (C,) `models` have the lags of heights."""
         self._ground, self._level = scenario.ground, scenario.terrain is None
         self._clearance_m: float = scenario.safety.clearance_m
+        self._room_m = 0.0 if self._level else ROOM_M
         self._models, self._identities = models, column_ids(scenario)
         self._first = 0 if self._identities[0] is not None else 1
         """The first column that is a vehicle."""
@@ -175,7 +184,7 @@ class HeightFloor:
             return self._clearance_m
         north_m, east_m, clear_m = self._known[column]
         model, (north_mps, east_mps) = self._models[column], state.ground_mps()
-        ahead_m = _lag_s(model) * math.hypot(north_mps, east_mps)
+        ahead_m = LAGS[-1] * _lag_s(model) * math.hypot(north_mps, east_mps)
         if not math.hypot(state.north_m - north_m, state.east_m - east_m) + ahead_m <= AROUND_M:
             place = np.array([state.north_m]), np.array([state.east_m])
             clear_m = float(self._ground.bound_m(*place, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
@@ -184,18 +193,40 @@ class HeightFloor:
 
     def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel) -> float:
         """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays clear of the ground."""
-        lag_s, (north_mps, east_mps) = _lag_s(model), state.ground_mps()
-        over_s = lag_s * SHARES
-        ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
-        floor_m = np.nan_to_num(ground_m + self._clearance_m, nan=-math.inf)
+        lag_s = _lag_s(model)
+        floor_m, most_m = self._floor_m(state, lag_s * SHARES), state.height_m + lag_s * model.climb_max_mps
         needed_m = state.height_m + (floor_m - state.height_m) / SHARES
-        least_m = min(float(needed_m.max()), float(floor_m.max()), state.height_m + lag_s * model.climb_max_mps)
-        return max(height_m, least_m)
+        least_m = max(height_m, min(float(needed_m.max()), float(floor_m.max()), most_m))
+        if least_m >= most_m:
+            return least_m
+        lowest_m, highest_m = _climbs(state, np.array((least_m, most_m)), model)
+        short_m = self._floor_m(state, lag_s * LAGS) + self._room_m - lowest_m
+        return least_m + (most_m - least_m) * float(within((short_m / (highest_m - lowest_m)).max(), 0.0, 1.0))
+
+    def _floor_m(self, state: FlightState, over_s: Array) -> Array:
+        """Return the lowest clear heights along a vehicle's straight track; -inf where the ground isn't known."""
+        north_mps, east_mps = state.ground_mps()
+        ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
+        return np.nan_to_num(ground_m + self._clearance_m, nan=-math.inf)
 
     def _begin(self, tick: Tick, column: int, least_m: float) -> None:
         if self._held.begins(("held above the ground", column), tick.now):
             text = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
             tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
+
+
+def _climbs(state: FlightState, told_m: Array, model: AutopilotModel) -> Array:
+    """Return the heights (M, L) at `LAGS` if each of M setpoints is held first and the fastest climb follows."""
+    count = told_m.size
+    models, state_of = AutopilotModels.from_each([model] * count), FlightStates.from_each([state] * count)
+    steps = HeightSteps.of(models, _lag_s(model) * np.diff(LAGS, prepend=0.0)[:, None])
+    lifted_m, climb_m = lift_m(state_of, models), _lag_s(model) * model.climb_max_mps
+    height, heights = Height(state_of.height_m, state_of.climb_mps), list[Array]()
+    for step, instant in enumerate(LAGS):
+        aim_m = told_m if instant <= HELD_LAGS else height.height_m + climb_m
+        height = steps.after(step, height, aim_m + lifted_m)
+        heights.append(height.height_m)
+    return np.array(heights).T
 
 
 def _lag_s(model: AutopilotModel) -> float:

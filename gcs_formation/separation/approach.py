@@ -164,14 +164,14 @@ def sample_times(first_s: float, horizon_s: float) -> Array:
     return np.concatenate(((0.0,), fine, coarse))
 
 
-def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, trails_m: Array) -> Array:
     """Return the positions (3, S, N), north, east and up, at `times_s` by model (7), for multirotors by velocity.
 
     The first setpoint acts until `times_s[1]`. A height that the envelope doesn't allow as a setpoint yet is approached
-    as it will be commanded: by setpoints at the edge of the envelope.
+    as it will be commanded: by setpoints at the edge of the envelope. Vehicles level off `trails_m` (N,) below that.
     """
     begin, turned = _begun(traffic, manoeuvre, times_s)
-    heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]))
+    heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]), trails_m)
     level = _level(traffic, manoeuvre, times_s, begin, turned)
     return np.concatenate((level, np.vstack((begin.height_m, heights))[None]))
 
@@ -218,12 +218,12 @@ def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: A
     return np.concatenate((begin, begin + np.cumsum(steps, axis=1)), axis=1)
 
 
-def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps_s: Array) -> Array:
+def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps_s: Array, trails_m: Array) -> Array:
     """Return (S, N) heights from `state` on."""
     steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
     lifted_m = lift_m(state, model)
-    target_m = steps.commanded_m(height, target_m, lifted_m)
+    target_m = steps.commanded_m(height, target_m, lifted_m) - trails_m
     heights = [height.height_m]
     for k in range(steps_s.size):
         aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)

@@ -85,7 +85,7 @@ class _Search:
         self._side = side.copy()
         self._before = side != 0
         self._manoeuvre = picture.as_commanded()
-        self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s)
+        self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s, picture.trails_m)
         self._conflicts: dict[int, tuple[Conflict, ...]] = {}
         near = approach(self._ways[:, :, one], self._ways[:, :, other], picture.minimum(one, other), picture.times_s)
         bad = near.deficit_m_s > NEGLIGIBLE_M_S
@@ -196,7 +196,7 @@ class _Search:
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
         which = np.array([vehicle])
         self._manoeuvre.table[:, which] = chosen.table
-        self._ways[:, :, which] = fly(self._picture.traffic.take(which), chosen, self._picture.times_s)
+        self._ways[:, :, which] = self._fly(which, chosen)
         upwards = chosen.height_m[0] >= self._picture.setpoints.height_m[vehicle]
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
 
@@ -215,6 +215,10 @@ class _Search:
         theirs = self._ways[:2, :, others] - moved
         return others[may_come_near(ours, theirs, self._minimum(vehicle, others).times(RELEASE), picture.times_s)]
 
+    def _fly(self, which: Indices, manoeuvre: Manoeuvre) -> Array:
+        picture = self._picture
+        return fly(picture.traffic.take(which), manoeuvre, picture.times_s, picture.trails_m[which])
+
     def _minimum(self, vehicle: int, others: Indices) -> MinimumDistance:
         return self._picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
 
@@ -222,7 +226,7 @@ class _Search:
         """Return the closest approach of each of a vehicle's options (M,) to each of the others: (M, O) arrays."""
         picture, count = self._picture, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
-        ways = np.repeat(fly(picture.traffic.take(which), options, picture.times_s), others.size, axis=2)
+        ways = np.repeat(self._fly(which, options), others.size, axis=2)
         minimum = MinimumDistance(*(np.tile(values, count) for values in self._minimum(vehicle, others).times(share)))
         near = approach(ways, np.tile(self._ways[:, :, others], count), minimum, picture.times_s)
         return ClosestApproach(*(values.reshape(count, others.size) for values in near))

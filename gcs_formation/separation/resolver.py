@@ -74,7 +74,7 @@ class ConflictResolver:
         until_s = float(self._times_s[1]), float(self._times_s[-1])
         self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
-        self._side = [0.0] * count
+        self._side, self._given_way_s = [0.0] * count, [0.0] * count
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """All columns' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
@@ -162,6 +162,10 @@ class ConflictResolver:
                 self._side[column] = side
                 tick.replace(column, setpoint)
         tick.yielding = [side != 0.0 for side in self._side]
+        self._given_way_s = [
+            lasted_s + self._dt_s if gives_way else 0.0
+            for lasted_s, gives_way in zip(self._given_way_s, tick.yielding, strict=True)
+        ]
 
     def _members(self, tick: Tick) -> list[int]:
         """Return the columns that the rule considers: the leader first, multirotors far from their slots last."""
@@ -225,6 +229,7 @@ class ConflictResolver:
             floor=self._floor_m,
             times_s=self._times_s,
             evades=self._side[members[0]] != 0.0,
+            given_way_s=np.array([self._given_way_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
 

@@ -17,6 +17,13 @@ from gcs_formation.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
 """Margin, in height, by which a vehicle that gives way passes another beyond the distance to keep."""
+PATIENCE_S = 8.0
+FARTHER_MPS = 0.25
+FARTHEST_M = 10.0
+"""A vehicle that has given way for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
+
+It may level off short of its setpoint, since no model is exact, and is released only beyond the distance to keep.
+"""
 REFERENCE = 0
 """Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
 
@@ -55,6 +62,8 @@ class TrafficPicture:
     """(S,) sample times of predicted ways."""
     evades: bool = False
     """Whether the reference gave way at the last tick."""
+    given_way_s: Array | None = None
+    """(N,) how long each has given way without interruption; None: none for long."""
     heights_m: tuple[float, float] = (-math.inf, math.inf)
     """The lowest and the highest height that the fence allows."""
 
@@ -113,6 +122,18 @@ class TrafficPicture:
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
+    def trails_m(self) -> Array:
+        """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
+
+        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb that all
+        have in common are left out. A reference that gives way climbs to a fixed height instead.
+        """
+        model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
+        lag_s = model.tau_ha_s + model.tau_hb_s
+        climbs = self.commanded & (self.commanded[REFERENCE] and not self.evades)
+        return np.where(climbs, (lag_s - lag_s[REFERENCE]) * climb_mps[REFERENCE], 0.0)
+
+    @cached_property
     def floor_m(self) -> Array:
         """Lowest heights that the rule commands, (N,)."""
         return self.floor(self.traffic.state)
@@ -129,6 +150,11 @@ class TrafficPicture:
         """Return the manoeuvres of the vehicles `which`: as commanded, then straight on at that height."""
         setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
+
+    def farther_m(self, vehicle: int) -> float:
+        """Return the additional margin in height of a vehicle that has given way for long."""
+        lasted_s = 0.0 if self.given_way_s is None else float(self.given_way_s[vehicle])
+        return min(max(FARTHER_MPS * (lasted_s - PATIENCE_S), 0.0), FARTHEST_M)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights limited to what vehicles may be commanded now (N,)."""
@@ -172,7 +198,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
-    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M
+    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M + picture.farther_m(vehicle)
     heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= picture.floor_m[vehicle]
@@ -181,7 +207,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     other_side = (sides != side) & (side != 0)
     far_m = np.round(np.abs(heights - own_m), 6)
     lifted_m = lift_m(picture.traffic.state, picture.traffic.model)[vehicle]
-    return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m
+    return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m + picture.trails_m[vehicle]
 
 
 def _length(vectors: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.fleet.telemetry_watch import UtcBounds, agreed_s
+from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S, UtcBounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.round_trips_and_gnss_clock import UNKNOWN_DRIFT_S, GnssClock, StampMap
 
@@ -170,6 +170,31 @@ def test_a_step_of_the_split_is_the_links_and_is_followed_within_20_s(jitter_s):
     made.fly(119.0)
     assert abs(made.split_s() - 0.32) < 0.02
     assert abs(made.utc_error_s() - before_s) < 1e-3  # the clock continues
+
+
+@pytest.mark.parametrize(
+    ("before_s", "after_s"), [((0.03, 0.05), (0.3, 0.05)), ((0.4, 0.05), (0.03, 0.05)), ((0.3, 0.05), (0.03, 0.5))]
+)
+@pytest.mark.parametrize("jitter_s", [0.0, 0.005])
+def test_utc_is_within_causality_all_the_while_that_a_link_changes(
+    before_s: tuple[float, float], after_s: tuple[float, float], jitter_s: float
+) -> None:
+    """Trips before a step of the link, or after one that the estimate hasn't followed, say no more than they know."""
+    made = Made(0.0, lambda at_s: before_s if at_s < 60.0 else after_s, jitter_s)
+    made.fly(50.0)
+    while made.now_s < 80.0:
+        made.fly(made.now_s + 0.25)
+        assert UtcBounds(made.clock.station_utc_s(), made.clock.reach_s).allows(UTC_AT_0_S, UTC_SLACK_S)
+    assert made.clock.reach_s < sum(after_s) / 2 + LOOP_S + 2 * jitter_s
+
+
+def test_a_link_that_changes_three_times_in_a_minute_is_no_clock_that_runs_unsteadily() -> None:
+    """Each change is one step: half of the round trips are old when the estimate would follow by half of it."""
+    ways_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.03, 0.05))
+    made = Made(0.0, lambda at_s: ways_s[min(3, int(at_s / 20.0))])
+    made.fly(75.0)
+    assert made.clock.why_not() is None
+    assert abs(made.split_s() + 0.02) < 0.004
 
 
 @pytest.mark.parametrize("jump_s", [-0.5, 0.05, 18.0])

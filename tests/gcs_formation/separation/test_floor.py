@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
-from flight_model.autopilot_model import FlightState
+from flight_model.autopilot_model import FlightState, advance
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.terrain import ElevationGrid
@@ -35,19 +35,21 @@ def floor_of(over: Scenario) -> HeightFloor:
     return HeightFloor(over, from_scenario.autopilot_models(over))
 
 
-def kept(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0) -> Tick:
+def kept(
+    floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0, climb_mps: float = 0.0
+) -> Tick:
     """Return the tick at which a vehicle that heads north gets another height than `told_m`."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
-    tick.state[1] = FlightState(north_m, 0.0, height_m, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    tick.state[1] = FlightState(north_m, 0.0, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0)
     tick.setpoints[1] = SPEED_MPS, 0.0, told_m
     floor.keep(tick)
     assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != told_m), AS_DECIDED]
     return tick
 
 
-def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0) -> float:
-    return kept(floor, told_m, height_m, north_m).setpoints[1][2]
+def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, climb_mps: float = 0.0) -> float:
+    return kept(floor, told_m, height_m, north_m, climb_mps=climb_mps).setpoints[1][2]
 
 
 def test_over_level_ground_heights_are_held_and_it_is_told_when_it_begins_and_ends() -> None:
@@ -69,18 +71,45 @@ def test_one_that_is_too_low_is_asked_for_no_more_than_it_can_climb() -> None:
 def test_one_that_flies_along_a_slope_is_told_the_ground_that_it_comes_to(north_m: float) -> None:
     """Setpoints lead: a metre above the clearance nothing changes, uphill or downhill; below, the height is raised."""
     over = planned(SLOPE)
-    ground = over.ground.height(np.array([north_m, north_m + LAG_S * SPEED_MPS]), np.zeros(2))
-    here_m, there_m = (ground + CLEARANCE_M).tolist()
-    assert flown(floor_of(over), there_m + 1.0, here_m + 1.0, north_m) == there_m + 1.0
-    held_m = flown(floor_of(over), there_m - 5.0, here_m + 1.0, north_m)
+    ground = over.ground.height(np.array([north_m, north_m + SPEED_MPS, north_m + LAG_S * SPEED_MPS]), np.zeros(3))
+    here_m, soon_m, there_m = (ground + CLEARANCE_M).tolist()
+    climb_mps = soon_m - here_m
+    assert flown(floor_of(over), there_m + 1.0, here_m + 1.0, north_m, climb_mps) == there_m + 1.0
+    held_m = flown(floor_of(over), there_m - 5.0, here_m + 1.0, north_m, climb_mps)
     assert there_m <= held_m < there_m + 2.0
 
 
 def test_a_ridge_on_the_way_counts_also_where_the_ground_beyond_is_low() -> None:
     ridge: Any = {"north_m": 40, "east_m": 0, "height_m": 30, "radius_m": 10, "length_m": 500, "bearing_deg": 90}
     floor = floor_of(planned(ridge))
-    assert flown(floor, 45.0, 45.0) == pytest.approx(50.0, abs=0.1)
+    assert flown(floor, 45.0, 45.0) == 45.0 + LAG_S * CLIMB_MPS, "5 m in 2 s: all that it can climb"
+    assert 50.0 <= flown(floor, 40.0, 50.0) < 51.0
     assert flown(floor, 45.0, 45.0, 150.0) == 45.0
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "sinks_mps", "radius_m"), [(26.0, 1.5, 600.0), (22.0, 3.0, 500.0), (18.0, 0.0, 400.0)]
+)
+def test_one_that_is_asked_down_over_a_hill_climbs_in_time_by_its_lags(
+    speed_mps: float, sinks_mps: float, radius_m: float
+) -> None:
+    """Flown by model (7), told again each tick, from where it sinks before the hill until behind it."""
+    hill: Any = {"north_m": 1500.0, "east_m": 0.0, "height_m": 90.0, "radius_m": radius_m}
+    over = planned(hill)
+    floor, model = floor_of(over), from_scenario.autopilot_models(over)[1]
+    state = FlightState(500.0, 0.0, 70.0, -sinks_mps, speed_mps, 0.0, 0.0, 0.0)
+    clear_m, highest_m = list[float](), 0.0
+    for step in range(round(1500.0 / (0.1 * speed_mps))):
+        now = after(Instant(0), 0.1 * step)
+        tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
+        tick.state[1], tick.setpoints[1] = state.copy(), (speed_mps, 0.0, -30.0)
+        floor.keep(tick)
+        advance(state, model, *tick.setpoints[1], 0.1)
+        ground_m = float(over.ground.height(np.array([state.north_m]), np.array([0.0]))[0])
+        clear_m.append(state.height_m - ground_m)
+        highest_m = max(highest_m, state.height_m)
+    assert min(clear_m) > CLEARANCE_M
+    assert highest_m < 90.0 + CLEARANCE_M + 3.0, "no higher than the hill asks for"
 
 
 def test_where_the_ground_is_not_known_there_is_no_floor() -> None:

@@ -66,7 +66,7 @@ def test_no_pair_is_left_out_that_comes_too_near(
 ) -> None:
     made = random_scene(seed, count, spread_m, unlike, hovers=hovers)
     one, other = np.triu_indices(count, 1)
-    ways = fly(made.traffic, made.as_commanded(), made.times_s)
+    ways = fly(made.traffic, made.as_commanded(), made.times_s, made.trails_m)
     near = approach(ways[:, :, one], ways[:, :, other], made.minimum(one, other), made.times_s)
     ours = made.commanded[one] | made.commanded[other]
     pairs = list(zip(one[ours].tolist(), other[ours].tolist(), strict=True))
