@@ -163,9 +163,20 @@ def _refuse_beyond(
         excess = np.where(flies, found - np.maximum(limit, np.maximum(*allowed)) - 1e-6, -1.0)
         if excess.max() > 0.0:
             moment, who = np.unravel_index(int(excess.argmax()), excess.shape)
-            figure = f"{conditions.names[who]}'s slot would need {abs(found[moment, who]):.3g} {unit} on the way"
+            needed, most = distinct_texts(abs(found[moment, who]), abs(limit[who]))
+            figure = f"{conditions.names[who]}'s slot would need {needed} {unit} on the way"
             bound = "at least" if limit[who] < 0 else "up to"
-            raise NotFlyableError(figure, f"{bound} {abs(limit[who]):.3g} {unit}", float(moments_s[moment]))
+            raise NotFlyableError(figure, f"{bound} {most} {unit}", float(moments_s[moment]))
+
+
+def distinct_texts(found: float, allowed: float) -> tuple[str, str]:
+    """Return both numbers as text, with three digits or as many as it takes to tell them apart."""
+    texts = (f"{found:.3g}", f"{allowed:.3g}")
+    for digits in range(4, 9):
+        if texts[0] != texts[1]:
+            break
+        texts = (f"{found:.{digits}g}", f"{allowed:.{digits}g}")
+    return texts
 
 
 def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:

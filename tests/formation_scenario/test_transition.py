@@ -22,7 +22,7 @@ from formation_scenario.formation_changes import (
 )
 from formation_scenario.slot_assignment import assigned, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition, slot_needs
-from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
+from formation_scenario.transition_plan import NotFlyableError, distinct_texts, segment_distances_m
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0
@@ -330,3 +330,11 @@ def test_of_a_speed_that_comes_with_an_integrator_a_way_counts_on_the_prompt_sha
     needs = slot_needs(flight(moments_s), way.sample(moments_s), "leader_heading")
     assert needs.speed_mps.max() < 19.1
     assert needs.speed_mps.min() > 14.15
+
+
+@pytest.mark.parametrize(
+    ("found", "allowed", "texts"),
+    [(31.24, 28.0, ("31.2", "28")), (15.98, 16.0, ("15.98", "16")), (28.000004, 28.0, ("28.000004", "28"))],
+)
+def test_a_demand_and_its_limit_are_printed_with_digits_that_tell_them_apart(found, allowed, texts):
+    assert distinct_texts(found, allowed) == texts
