@@ -92,7 +92,8 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     models, (_, first_s, *_, horizon_s) = tables.models(made.traffic.model), made.times_s.tolist()
     look = FirstLook(models, first_s, horizon_s, hovers=hovers)
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
-    early_s, timing_s, slots_m = made.traffic.lead_s.tolist(), made.timing_s.tolist(), made.slots_m.T.tolist()
+    early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
+    slots_m = [(forward, right, up) for forward, right, up in made.slots_m.T.tolist()]
     for _ in range(2):  # the second time in the order found
         look.begin(states[0])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
