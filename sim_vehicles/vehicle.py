@@ -32,7 +32,7 @@ INFO, WARNING, CRITICAL = m.MAV_SEVERITY_INFO, m.MAV_SEVERITY_WARNING, m.MAV_SEV
 
 
 class Vehicle(AutopilotFamily):
-    """An emulated autopilot and its body; a cycle of its main loop is `read`, `act`, `tell`, `stream`, `plan`."""
+    """An emulated autopilot and its body; a cycle of its main loop is `act`, `tell`, `stream`, `plan`."""
 
     now: Instant
     streams: Streams
