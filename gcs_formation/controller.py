@@ -21,6 +21,7 @@ from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
+from gcs_formation.assembly import Assembly
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
 from gcs_formation.control.situation import Lead, Situation
@@ -28,7 +29,6 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFi
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import (
-    ASSEMBLED_S,
     LeaderCommand,
     LeaderCommands,
     LeaderWind,
@@ -56,7 +56,7 @@ class FormationController:
         self.guidance = from_scenario.leader_guidance(scenario)
         self.plan = FormationPlan(scenario)
         self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
-        self._steps, self._tolerance_m = scenario.path.steps, scenario.start.tolerance_m
+        self.assembly, self._steps = Assembly(scenario), scenario.path.steps
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._every_column = list(range(1 + len(scenario.followers)))
@@ -72,7 +72,7 @@ class FormationController:
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
-        self._in_slots_s = self._turn_rps = 0.0
+        self._turn_rps = 0.0
         self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -88,11 +88,6 @@ class FormationController:
             0.0 if scenario.hovers else observer_radps,
             updraughts=observer_radps > 0.0 and self._compensates,  # a late response to updraughts would oscillate
         )
-
-    @property
-    def assembled(self) -> bool:
-        """Whether every follower has been in its slot for a while."""
-        return self._in_slots_s >= ASSEMBLED_S
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
@@ -155,7 +150,7 @@ class FormationController:
             begin_regardless: begin the path even if followers haven't been in their slots for a while.
             heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
-        assembled = self.assembled or begin_regardless
+        assembled = self.assembly.complete or begin_regardless
         if self._virtual:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
@@ -166,7 +161,7 @@ class FormationController:
         tick.virtual_leader = self._flown_on(now) if self._virtual else None
         if not tick.active[tick.leader]:
             tick.active = [False] * self.columns
-            self._in_slots_s = 0.0
+            self.assembly.begin_anew()
             return tick
         measured = self._measured(tick.active, acts)
         states = self._projection.take(measured)
@@ -183,7 +178,7 @@ class FormationController:
             self.separation.keep(tick, measured, self.plan.apart_m(now / NANOSECONDS))
         self.floor.keep(tick)
         self.history.note(tick.setpoints)
-        self._judge_assembly(tick)
+        self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(now / NANOSECONDS))
         self.last_tick = tick
         return tick
 
@@ -367,18 +362,6 @@ class FormationController:
                     x_m, y_m, _ = tick.error_of(column)
                     pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / self.plan.kept_m, 0.0, 1.0))
         self.plan.wait(pace, self._dt_s)
-
-    def _judge_assembly(self, tick: Tick) -> None:
-        most_m = self._tolerance_m
-        if not self.plan.settled(tick.now / NANOSECONDS):
-            self._in_slots_s = 0.0
-            return
-        for column in self._every_column:
-            x_m, y_m, z_m = tick.error_of(column)
-            if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
-                self._in_slots_s = 0.0
-                return
-        self._in_slots_s += self._dt_s
 
 
 def _acts(now: Instant, link: VehicleLink) -> int:

@@ -22,10 +22,11 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from gcs_formation.assembly import ASSEMBLED_S
 from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
 from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
-from gcs_formation.guidance.leader_guidance import ASSEMBLED_S, DECISION_S, LeaderGuidance
+from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute
 from gcs_formation.vehicle.acknowledgement import RETRY_S
 

@@ -51,8 +51,6 @@ SHARE: Final = 0.5
 NOSE_RADPS: Final = 0.5
 """Fastest turn on the spot: vehicles yaw at 1 rad/s."""
 LEAST_S: Final = 2.0
-ASSEMBLED_S: Final = 2.0
-"""How long followers must stay in their slots to count as assembled."""
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
 AHEAD_M: Final = 165.0

@@ -192,7 +192,7 @@ class Course:
 
         Until the time for assembling is over it counts so: a follower that a turn to the start displaced will return.
         """
-        self.assembled = self._controller.assembled or not self._late
+        self.assembled = self._controller.assembly.complete or not self._late
         if not self.assembled:
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
 
