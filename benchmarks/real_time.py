@@ -1,5 +1,7 @@
 """Processor time of the ground station in real time, over UDP, beside a mavutil loop with the same traffic.
 
+Beside both, what the sockets alone cost: the same datagrams received and sent in batches, and never looked at.
+
 The emulated vehicles are a process of their own, and each has a port of its own. The mavutil loop waits for all sockets
 at once, keeps the newest of each message, and sends setpoints like the one of `prototype`: it has no law, no clocks and
 no record. Ours has everything on and is recorded. Start and end don't count: of ours only processor time along the
@@ -24,6 +26,7 @@ os.environ["MAVLINK20"] = "1"
 import yaml
 
 import gcs_formation
+from airlink.udp import Inbox
 from benchmarks import parser, print_load
 from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario
@@ -34,6 +37,8 @@ DURATION_S = 20.0
 FIRST_PORT = 21000
 PERIOD_S = 0.1
 SETTLE_S = 5.0
+SENT_EACH_TICK, SENT_EACH_SECOND = 1, 9
+"""Datagrams that the sockets alone send to a vehicle, 18 a second as the station does."""
 MARGIN_S = 2.0
 """Time along the path before and after the measurement."""
 STREAMS = ("GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD")
@@ -43,6 +48,8 @@ HEAD = (
     "its frames a vehicle and s",
     "ours, µs",
     "our frames",
+    "share",
+    "sockets alone, µs",
     "share",
     "ticks",
     "late",
@@ -161,17 +168,48 @@ class Loop:
             self.frames += 6
 
 
-def loop(count: int, duration_s: float) -> tuple[float, int]:
-    """Return processor time, s, and frames of the mavutil loop."""
+class SocketsAlone(Loop):
+    """The loop without mavutil once it is `emptied`: it reads no datagram and sends the same bytes again."""
+
+    def __init__(self, count: int) -> None:
+        """Listen at every vehicle's port."""
+        super().__init__(count)
+        self._inbox, self._raw, self._peers = Inbox(), b"", list[tuple[str, int]]()
+
+    def emptied(self) -> None:
+        """From now on only move datagrams, to the vehicles that were heard."""
+        tell = self._dialect.MAVLink_command_int_message(1, 1, 0, 0, 0, 0, 1.0, 0.0, 5.5, 0.0, 0, 0, 0.0)
+        self._raw = bytes(tell.pack(self._links[0].mav))
+        self._peers = [next(iter(link.clients)) for link in self._links]
+
+    def _take(self, place: int) -> None:
+        if self._raw:
+            self.frames += len(self._inbox.take(self._links[place].port))
+        else:
+            super()._take(place)
+
+    def _tick(self, place: int, *, each_second: bool) -> None:
+        if not self._raw:
+            super()._tick(place, each_second=each_second)
+            return
+        for _ in range(SENT_EACH_SECOND if each_second else SENT_EACH_TICK):
+            self._links[place].port.sendto(self._raw, self._peers[place])
+            self.frames += 1
+
+
+def loop(kind: type[Loop], count: int, duration_s: float) -> tuple[float, int]:
+    """Return processor time, s, and frames of a loop."""
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "scenario.yaml"
         file.write_text(yaml.safe_dump(planned(count, duration_s)))
-        listening = Loop(count)
+        listening = kind(count)
         vehicles = subprocess.Popen([sys.executable, "-P", "-m", "sim_vehicles", str(file)], stdout=subprocess.DEVNULL)
         try:
             listening.run(SETTLE_S + count / 50.0)
             listening.request()
             listening.run(SETTLE_S)
+            if isinstance(listening, SocketsAlone):
+                listening.emptied()
             before = listening.frames
             spent_s = listening.run(duration_s)
             return spent_s, listening.frames - before
@@ -184,13 +222,20 @@ def loop(count: int, duration_s: float) -> tuple[float, int]:
 def measured(count: int, duration_s: float) -> list[str]:
     """Return a row of the table."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        theirs_s, their_frames = pool.submit(loop, count, duration_s).result()
+        theirs_s, their_frames = pool.submit(loop, Loop, count, duration_s).result()
+        alone_s, _ = pool.submit(loop, SocketsAlone, count, duration_s).result()
         ours_s, our_frames, control = along_the_path(pool, count, duration_s)
     each = count * duration_s
-    theirs, ours = theirs_s / each * 1e6, ours_s / each * 1e6
+    theirs, ours, alone = (spent_s / each * 1e6 for spent_s in (theirs_s, ours_s, alone_s))
     figures = theirs, their_frames / each, ours, our_frames / each
-    late = f"1/{theirs / ours:.1f}", str(control["ticks"]), str(control["late_ticks"])
-    return [str(count), *(f"{figure:.0f}" for figure in figures), *late]
+    shares = f"1/{theirs / ours:.1f}", f"{alone:.0f}", f"1/{theirs / alone:.1f}"
+    return [
+        str(count),
+        *(f"{figure:.0f}" for figure in figures),
+        *shares,
+        str(control["ticks"]),
+        str(control["late_ticks"]),
+    ]
 
 
 def main() -> None:
