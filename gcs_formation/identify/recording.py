@@ -17,7 +17,7 @@ from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from gcs_formation.errors import RecordError
-from gcs_formation.record.run_directory import read_tlog
+from gcs_formation.record.tlog import read_tlog
 from gcs_formation.vehicle.acknowledgement import REPEAT_S
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
 

@@ -19,8 +19,9 @@ from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.link_health import STALE_AFTER_S
 from gcs_formation.record import timeseries
-from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG, read_tlog
+from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
+from gcs_formation.record.tlog import read_tlog
 
 REGAINED_M = 1.0
 REGAINED_FOR_S = 10.0

@@ -24,8 +24,9 @@ from gcs_formation.app.operator import RunOptions
 from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
 from gcs_formation.phases import Cause, Phase
-from gcs_formation.record.run_directory import SPOOL, RunDirectory, read_tlog
+from gcs_formation.record.run_directory import SPOOL, RunDirectory
 from gcs_formation.record.timeseries import Spool, read_parquet
+from gcs_formation.record.tlog import read_tlog
 from gcs_formation.record.unfinished import epoch_us, read_past
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station

@@ -19,7 +19,7 @@ from gcs_formation.cli.run_and_fly import identify
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, _held, recordings
-from gcs_formation.record.run_directory import TlogWriter
+from gcs_formation.record.tlog import TlogWriter
 
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
 
