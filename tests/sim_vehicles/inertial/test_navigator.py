@@ -15,11 +15,11 @@ from flight_model.earth import GeodeticOrigin
 from flight_model.path import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.airframe.sensors import InertialNavigator
 from sim_vehicles.inertial.alignment import limits
 from sim_vehicles.inertial.error_model import TILT
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory, attitude, inertial_sensors
+from sim_vehicles.inertial.navigator import InertialNavigator
 from sim_vehicles.inertial.strapdown import displaced
 from tests.sim_vehicles.inertial.angles import angles
 from tests.sim_vehicles.inertial.keys import inertial_keys
