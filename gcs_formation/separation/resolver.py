@@ -21,8 +21,8 @@ from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Detail, Event, Tick
 from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.evasive_manoeuvre import Conflict, Resolution, resolve
 from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
+from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
 from gcs_formation.separation.traffic import TrafficPicture
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S, Unresponsive, Wandering
 

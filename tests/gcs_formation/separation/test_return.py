@@ -10,8 +10,8 @@ import pytest
 from flight_model.arrays import Array
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.separation.approach import Traffic
-from gcs_formation.separation.evasive_manoeuvre import resolve
 from gcs_formation.separation.first_look import KeptDistance
+from gcs_formation.separation.giving_way import resolve
 from gcs_formation.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture
 from tests.gcs_formation.separation.encounters import DT_S, TIMES_S, model
 

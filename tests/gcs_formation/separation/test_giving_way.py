@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import Setpoints
-from gcs_formation.separation.evasive_manoeuvre import resolve
+from gcs_formation.separation.giving_way import resolve
 from gcs_formation.separation.traffic import BESIDE_M
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
