@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.acknowledgement import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
+from gcs_formation.vehicle.acknowledgement_and_repetition import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 

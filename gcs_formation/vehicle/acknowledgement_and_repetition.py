@@ -1,4 +1,4 @@
-"""Commands and setpoints of one vehicle until they are acknowledged, and whether they then take effect.
+"""Commands and setpoints of one vehicle, repeated until they are acknowledged, and whether they then take effect.
 
 Source: MAVLink guide, "Command Protocol".
 """
