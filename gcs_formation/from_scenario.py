@@ -26,9 +26,9 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.acknowledgement_and_repetition import GAP_S
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
+from gcs_formation.vehicle.command_delivery import GAP_S
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead

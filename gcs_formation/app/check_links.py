@@ -28,7 +28,7 @@ from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
 from gcs_formation.guidance.tracking import JoinRoute
-from gcs_formation.vehicle.acknowledgement_and_repetition import RETRY_S
+from gcs_formation.vehicle.command_delivery import RETRY_S
 
 PLANES_MOST_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE; ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL beyond that."""

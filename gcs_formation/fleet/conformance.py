@@ -17,7 +17,7 @@ from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.fleet.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome, SetpointChannel
+from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 

@@ -14,7 +14,7 @@ from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome
+from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 SUCCESSION_S: Final = 3.0

@@ -22,7 +22,7 @@ from airlink.messages import KINDS
 from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleNoise
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Detail, Note
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome
+from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 NOISE_OFF: Final = 1.8

@@ -18,7 +18,7 @@ from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from gcs_formation.errors import RecordError
 from gcs_formation.record.tlog import read_tlog
-from gcs_formation.vehicle.acknowledgement_and_repetition import REPEAT_S
+from gcs_formation.vehicle.command_delivery import REPEAT_S
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
 
 STEP_S = 0.1

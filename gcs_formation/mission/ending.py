@@ -19,7 +19,7 @@ from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import GroundFloor, may_meet
 from gcs_formation.mission.landings import Landings, lowest_circle_m, may_be_armed, why_not_land
 from gcs_formation.mission.vertical_separation import Ahead, Stack, home_of, place_of, stacked, stays
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome
+from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

@@ -15,7 +15,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
 from gcs_formation.mission.vertical_separation import home_of
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome
+from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

@@ -16,9 +16,9 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.acknowledgement_and_repetition import Outcome
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.checks import Finding, ParameterReader, place_findings
+from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

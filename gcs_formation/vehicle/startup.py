@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.acknowledgement_and_repetition import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
 from gcs_formation.vehicle.autopilot_family import StartUpStep
+from gcs_formation.vehicle.command_delivery import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0

@@ -22,20 +22,20 @@ from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import TURN_S, SourceBinding
-from gcs_formation.vehicle.acknowledgement_and_repetition import (
-    GAP_S,
-    UNDER_WAY,
-    CommandQueue,
-    EffectWatch,
-    Outcome,
-    SetpointChannel,
-)
 from gcs_formation.vehicle.autopilot_family import (
     AIRBORNE_M,
     STATION_SYSTEM,
     Autopilot,
     Command,
     StartUpStep,
+)
+from gcs_formation.vehicle.command_delivery import (
+    GAP_S,
+    UNDER_WAY,
+    CommandQueue,
+    EffectWatch,
+    Outcome,
+    SetpointChannel,
 )
 from gcs_formation.vehicle.sampler import Sampler
 from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff

@@ -7,7 +7,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.acknowledgement_and_repetition import (
+from gcs_formation.vehicle.command_delivery import (
     MAX_CONFIRMATION,
     REFUSES_S,
     RETRY_REFUSED_S,

@@ -15,7 +15,7 @@ from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, Vf
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.from_scenario import autopilot_for
-from gcs_formation.vehicle.acknowledgement_and_repetition import CommandQueue, Outcome
+from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.px4 import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry

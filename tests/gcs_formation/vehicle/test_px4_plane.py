@@ -17,9 +17,9 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamV
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.vehicle.acknowledgement_and_repetition import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.autopilot_family import Command
 from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry

@@ -16,9 +16,9 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.acknowledgement_and_repetition import REPEAT_S
 from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
+from gcs_formation.vehicle.command_delivery import REPEAT_S
 from gcs_formation.vehicle.px4 import Px4Plane
 from gcs_formation.vehicle.vehicle import LOSSY_S, Vehicle
 
