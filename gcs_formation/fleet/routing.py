@@ -254,10 +254,13 @@ class HeartbeatScheduler:
         self._next_heartbeat = Instant(0)
         self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
+        self._missed = list[Vehicle]()
+        """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
 
     def resume(self, at: Instant) -> None:
-        """Send no TIMESYNC request before the instant at which a flight is resumed."""
+        """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
         self.next_probe = at
+        self._missed = list(self._vehicles.values())
 
     def hasten(self, now: Instant) -> None:
         """Make the next heartbeat, and the mission time with it, due at once."""
@@ -265,6 +268,11 @@ class HeartbeatScheduler:
 
     def heartbeat_due(self, now: Instant) -> bool:
         """Return whether a heartbeat is due; if so, schedule the next one."""
+        if self._missed:
+            missed = [each for each in self._missed if each.connection.state is LinkState.SEARCHING]
+            if len(missed) < len(self._missed):
+                self._missed = missed
+                self.hasten(now)
         if now < self._next_heartbeat:
             return False
         self._next_heartbeat = after(now, HEARTBEAT_S)

@@ -19,6 +19,7 @@ from airlink.clock import MICROSECONDS, NANOSECONDS, Instant, seconds_between
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandLong
+from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from gcs_formation.app.operator import RunOptions
 from gcs_formation.app.run import taken_up
@@ -63,16 +64,20 @@ class Kept(Notes):
 
 
 class Obedient(Between):
-    """Records COMMAND_LONGs to the vehicles; their answers to TIMESYNC can be suppressed."""
+    """Records COMMAND_LONGs and heartbeats to the vehicles; their answers to TIMESYNC can be suppressed."""
 
     tells_time = True
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
         self.commands: list[CommandLong] = []
+        self.heartbeats: dict[int, list[Instant]] = {}
+        """By vehicle, when heartbeats arrived."""
 
     def take(self, datagram: Datagram, now: Instant) -> None:
-        messages = (frame.message for frame in StreamParser().feed(datagram.data))
+        messages = [frame.message for frame in StreamParser().feed(datagram.data)]
+        if any(isinstance(each, Heartbeat) for each in messages):
+            self.heartbeats.setdefault(datagram.socket, []).append(now)
         self.commands += [each for each in messages if isinstance(each, CommandLong)]
         super().take(datagram, now)
 
@@ -110,6 +115,7 @@ class Killed:
         world.process.replace(world.station)
         assert isinstance(world.between, Obedient)
         world.between.commands.clear()
+        world.between.heartbeats.clear()
         self.resumed_s = world.now_s
 
     def regained_s(self) -> float:
@@ -160,6 +166,22 @@ def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable
     assert 4.0 < steps_s.max() < 6.5
     events = [line.split('"kind": "')[1] for line in (flight.path / "events.jsonl").read_text().splitlines()]
     assert sum(event.startswith('phase", "text": "flying') for event in events) == 2
+
+
+def test_each_gets_a_heartbeat_at_the_first_tick_after_it_is_heard_again(killed: Callable[..., Killed]) -> None:
+    """Four ArduCopters' failsafe sent them home 0.9 s after they were taken over, before the first heartbeat."""
+    flight = killed(duration_s=20, vehicles={"count": 3}, telemetry={"rate_hz": 5})
+    world = flight.world
+    world.fly_to(3.0)
+    flight.kill(2.3)
+    flight.resume()
+    world.run(1.5)
+    heard_s = {number: world.times_s("link", number, text="connected")[-1] for number in (1, 2, 3)}
+    assert isinstance(world.between, Obedient)
+    assert {number: arrived[0] / NANOSECONDS for number, arrived in world.between.heartbeats.items()} == {
+        number - 1: pytest.approx(at_s, abs=0.15) for number, at_s in heard_s.items()
+    }
+    assert min(heard_s.values()) >= flight.resumed_s
 
 
 def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
