@@ -53,12 +53,12 @@ class Assembly:
 
     def _report_lap(self, tick: Tick) -> None:
         vehicle, ago_s = None, seconds_between(self._missed_at, tick.now)
-        why = f"its followers must be in resting slots for {ASSEMBLED_S:g} s"
+        why = f"its followers have not kept their slots for {ASSEMBLED_S:g} s yet"
         if self._missed is not None and ago_s <= ASSEMBLED_S:
             vehicle = self._identities[self._missed]
             off = "was no member" if math.isnan(self._missed_m) else f"was {self._missed_m:.1f} m from its slot"
             why = f"vehicle {vehicle} {off} {ago_s:.1f} s ago; allowed: {self._tolerance_m:g} m (start.tolerance_m)"
-        text = f"the leader flies another lap: {why}"
+        text = f"the leader flies a lap: {why}"
         tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
 
     def _all_within(self, most_m: float, tick: Tick) -> bool:

@@ -90,7 +90,7 @@ def test_a_lap_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
     watched.guidance.rounds = 1
     (event,) = watched.judge(0.2, 0.3).events
     assert event.text == (
-        "the leader flies another lap: vehicle 3 was 4.0 m from its slot 0.6 s ago; allowed: 1.5 m (start.tolerance_m)"
+        "the leader flies a lap: vehicle 3 was 4.0 m from its slot 0.6 s ago; allowed: 1.5 m (start.tolerance_m)"
     )
     assert (event.kind, str(event.vehicle), event.details) == ("lap", "3", {"laps": 1})
     assert watched.judge(0.2, 0.3).events == []
@@ -101,4 +101,4 @@ def test_a_lap_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
     watched.judged(ASSEMBLED_TICKS + 5, 0.0, 0.0, slots_rest=False)
     watched.guidance.rounds = 3
     (event,) = watched.judge(0.0, 0.0, slots_rest=False).events
-    assert event.text == "the leader flies another lap: its followers must be in resting slots for 2 s"
+    assert event.text == "the leader flies a lap: its followers have not kept their slots for 2 s yet"
