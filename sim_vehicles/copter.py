@@ -14,21 +14,24 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
 from flight_model.autopilot_model import finite, wrap
-from sim_vehicles.airframe.motion import Steering
-from sim_vehicles.autopilot import commands, position_targets
-from sim_vehicles.autopilot.board_clock import delayed
+from sim_vehicles.airframe.motion import Steering, Vector
+from sim_vehicles.autopilot import commands
+from sim_vehicles.autopilot.autopilot import CRITICAL, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (
     ACCEPTED,
     DEGREE,
     DENIED,
     FAILED,
     FULL_TURN_DEG,
+    YAW_IGNORED,
+    YAW_RATE_IGNORED,
     CommandHandlers,
-    GivenCommand,
+    place_of,
     to_mode,
+    velocity_of,
+    yaw_rate_of,
 )
 from sim_vehicles.autopilot.copter_pilot import CopterPilot
-from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.modes_and_failsafe import (
     BY_THROTTLE,
     COPTER_FAILSAFE,
@@ -38,10 +41,10 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     select,
 )
 from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
-from sim_vehicles.autopilot.position_targets import Setpoint, Vector
-from sim_vehicles.autopilot.telemetry import UNASKED_NS
+from sim_vehicles.autopilot.streams import UNASKED_NS
+from sim_vehicles.board_clock import delayed
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import CRITICAL, WARNING, Vehicle
+from sim_vehicles.vehicle import Vehicle
 
 TURNS_FROM_M = 2.0
 """Its nose turns to a place that is farther than this (WP_YAW_BEHAVIOR)."""
@@ -72,17 +75,6 @@ SPEEDS: Final = {
     m.SPEED_TYPE_DESCENT_SPEED: "WPNAV_SPEED_DN",
 }
 """SPEED_TYPE -> the parameter whose value DO_CHANGE_SPEED replaces."""
-LIKE_PLANES: Final = (
-    m.MAV_CMD_DO_SET_MODE,
-    m.MAV_CMD_COMPONENT_ARM_DISARM,
-    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
-    m.MAV_CMD_DO_REPOSITION,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL,
-    m.MAV_CMD_SET_MESSAGE_INTERVAL,
-    m.MAV_CMD_REQUEST_MESSAGE,
-    m.MAV_CMD_GET_HOME_POSITION,
-    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
-)
 
 
 def _take_off(vehicle: Copter, given: GivenCommand) -> int:
@@ -115,7 +107,7 @@ def _turn_nose(vehicle: Copter, given: GivenCommand) -> int:
 def _look(vehicle: Copter, given: GivenCommand) -> int:
     """Point the nose at a place from now on; in other modes than GUIDED that is accepted and has no effect."""
     if vehicle.guided:
-        north_m, east_m, _ = vehicle.fleet.origin.to_ned(given.lat_rad, given.lon_rad, 0.0)
+        north_m, east_m, _ = vehicle.origin.to_ned(given.lat_rad, given.lon_rad, 0.0)
         vehicle.flier.look_at((north_m, east_m))
     return ACCEPTED
 
@@ -153,11 +145,11 @@ def _pause(vehicle: Copter, given: GivenCommand) -> int:
 def _choose_item(vehicle: Copter, given: GivenCommand) -> int:
     if given.params[0] == 0.0 and not vehicle.missions.flyable:
         return FAILED
-    return commands.HANDLERS[m.MAV_CMD_DO_SET_MISSION_CURRENT](vehicle, given)
+    return commands.choose_item(vehicle, given)
 
 
-HANDLERS: CommandHandlers = {
-    **{command: commands.HANDLERS[command] for command in LIKE_PLANES},
+HANDLERS: CommandHandlers[Copter] = {
+    **commands.HANDLERS,
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
     m.MAV_CMD_NAV_LAND: to_mode(CopterMode.LAND),
@@ -185,6 +177,7 @@ class Copter(Vehicle):
     air_mode = CopterMode.GUIDED
     guided_mode = CopterMode.GUIDED
     by_hand = BY_HAND
+    known_commands = HANDLERS
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"
     flier: CopterPilot
@@ -199,9 +192,9 @@ class Copter(Vehicle):
         self.flier = CopterPilot(config, steering, self.parameters)
         return self.flier
 
-    def message_handler(self) -> MessageHandler:
-        """Return what takes its messages, and knows ArduCopter's commands."""
-        return MessageHandler(self, HANDLERS)
+    def carry_out(self, given: GivenCommand) -> int:
+        """Carry out one of ArduCopter's commands; return the MAV_RESULT."""
+        return HANDLERS[given.command](self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
@@ -270,7 +263,7 @@ class Copter(Vehicle):
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Fly to a place and stay there."""
-        north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
+        north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
         self._go_to((north_m, east_m, height_m), None)
 
     def follow_time(self) -> None:
@@ -293,18 +286,18 @@ class Copter(Vehicle):
         if self.pilot.mode is not CopterMode.GUIDED or self.pilot.takeoff_m:
             return
         mask, nose_rad = setpoint.type_mask, self.nose_rad
-        place_m, velocity_mps = position_targets.place_of(self, setpoint), position_targets.velocity_of(self, setpoint)
-        yaw_rad = None if mask & position_targets.YAW or not math.isfinite(setpoint.yaw_rad) else setpoint.yaw_rad
+        place_m, velocity_mps = place_of(self, setpoint), velocity_of(self, setpoint)
+        yaw_rad = None if mask & YAW_IGNORED or not math.isfinite(setpoint.yaw_rad) else setpoint.yaw_rad
         if place_m is not None:
             self._go_to(place_m, yaw_rad)
         elif velocity_mps is None:
             self.flier.stop()
         else:
-            ahead = mask & position_targets.YAW and mask & position_targets.YAW_RATE
+            ahead = mask & YAW_IGNORED and mask & YAW_RATE_IGNORED
             if ahead and math.hypot(velocity_mps[0], velocity_mps[1]) > TURNS_FROM_MPS:
                 yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)
-        rate_rps = position_targets.yaw_rate_of(setpoint)
+        rate_rps = yaw_rate_of(setpoint)
         if rate_rps and (place_m is not None or velocity_mps is not None):
             self.flier.turn_on(nose_rad, rate_rps)
 

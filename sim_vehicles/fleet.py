@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
@@ -11,15 +11,14 @@ from formation_scenario.vehicles import Family, spoken
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
-from sim_vehicles.autopilot.board_clock import LOOP_S
-from sim_vehicles.config import FleetConfig, VehicleConfig
+from sim_vehicles.board_clock import LOOP_S
+from sim_vehicles.config import FleetConfig
 from sim_vehicles.copter import Copter
 from sim_vehicles.plane import Plane
-from sim_vehicles.px4 import Px4Plane
-from sim_vehicles.px4_copter import Px4Copter
+from sim_vehicles.px4_plane_and_copter import Px4Copter, Px4Plane
 from sim_vehicles.vehicle import Vehicle
 
-KINDS: dict[Family, Callable[[int, VehicleConfig, Fleet, Instant], Vehicle]] = {
+KINDS: Mapping[Family, type[Vehicle]] = {
     "arduplane": Plane,
     "arducopter": Copter,
     "px4_plane": Px4Plane,
@@ -49,8 +48,8 @@ class Fleet(Engine):
         self._outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
-            KINDS[vehicle.family or spoken("emulator", vehicle.model)](i, vehicle, self, now)
-            for i, vehicle in enumerate(config.vehicles)
+            KINDS[each.family or spoken("emulator", each.model)](i, config, self.bodies[i], self.environment, now)
+            for i, each in enumerate(config.vehicles)
         ]
 
     def endpoints(self) -> tuple[Endpoint, ...]:

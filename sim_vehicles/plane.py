@@ -1,23 +1,35 @@
-"""An emulated ArduPlane: how it differs from other families.
+"""An emulated ArduPlane: its commands, and how it differs from other families.
 
-Source: ArduPilot documentation, "Plane: GUIDED mode" and "Plane parameters"; answers of ArduPlane 4.7.
+Source: ArduPilot documentation, "Plane: GUIDED mode" and "Plane parameters"; answers of ArduPlane 4.7. The climb rate
+of MAV_CMD_GUIDED_CHANGE_ALTITUDE is ignored, because ArduPlane follows it far too slowly.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
-from flight_model.autopilot_model import wrap
+from flight_model.autopilot_model import finite, wrap
 from flight_model.energy import GRAVITY_MPS2
+from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import commands
-from sim_vehicles.autopilot.board_clock import delayed
-from sim_vehicles.autopilot.message_handler import MessageHandler
+from sim_vehicles.autopilot.autopilot import INFO, WARNING, GivenCommand, Setpoint
+from sim_vehicles.autopilot.commands import (
+    ACCEPTED,
+    DEGREE,
+    DENIED,
+    FAILED,
+    FULL_TURN_DEG,
+    CommandHandlers,
+    height_of,
+    to_mode,
+)
 from sim_vehicles.autopilot.mission_flight import ON_CIRCLE, MissionFlight
 from sim_vehicles.autopilot.modes_and_failsafe import (
     LONG_FAILSAFE,
@@ -29,17 +41,123 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
 )
 from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.pilot import PlanePilot
-from sim_vehicles.autopilot.position_targets import Setpoint
-from sim_vehicles.autopilot.telemetry import UNASKED
-from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import INFO, WARNING, Vehicle
-
-if TYPE_CHECKING:
-    from sim_vehicles.fleet import Fleet
+from sim_vehicles.autopilot.streams import UNASKED
+from sim_vehicles.board_clock import delayed
+from sim_vehicles.config import FleetConfig, VehicleConfig
+from sim_vehicles.vehicle import Vehicle
 
 WIDER_THAN_TIGHTEST = 1.3
 """Least radius of circles, as a multiple of the radius of the tightest turn."""
 ROLL_LIMIT_DEG = 45.0
+LEAST_LATERAL_MPS2: Final = 0.05
+"""Replacement of a lateral acceleration of 0, with which ArduPlane hardly turns."""
+AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
+AGAIN: Final = m.HEADING_TYPE_DEFAULT
+COURSE: Final = m.HEADING_TYPE_COURSE_OVER_GROUND
+HEADING: Final = m.HEADING_TYPE_HEADING
+GUIDED: Final = Mode.GUIDED
+SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
+USUAL_SPEED: Final = -2.0
+MOST_PERCENT: Final = 100.0
+
+
+def _change_speed(vehicle: Plane, given: GivenCommand) -> int:
+    kind, speed_mps, accel_mps2, _ = given.params
+    if vehicle.flier.mode is not GUIDED:
+        return FAILED
+    if kind != AIRSPEED or not finite(speed_mps) or math.isnan(accel_mps2):
+        return DENIED
+    if not vehicle.parameters.is_airspeed(speed_mps):
+        return FAILED
+    vehicle.flier.guide_speed(speed_mps, abs(accel_mps2) or math.inf)
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Plane, given: GivenCommand) -> int:
+    if vehicle.flier.mode is not GUIDED:
+        return FAILED
+    height_m = height_of(vehicle, given.z, given.frame)
+    if height_m is None or given.z in (0.0, -1.0):
+        return DENIED
+    vehicle.flier.guide_height(height_m)
+    return ACCEPTED
+
+
+def _change_heading(vehicle: Plane, given: GivenCommand) -> int:
+    kind, degrees, lateral_mps2, _ = given.params
+    if vehicle.flier.mode is not GUIDED:
+        return FAILED
+    if not 0.0 <= degrees < FULL_TURN_DEG or math.isnan(lateral_mps2):
+        return DENIED
+    if kind == AGAIN:
+        vehicle.flier.circle_again()
+        return ACCEPTED
+    course = kind == COURSE
+    if not course and kind != HEADING:
+        return DENIED
+    vehicle.flier.steer(degrees * DEGREE, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    return ACCEPTED
+
+
+def _legacy_speed(vehicle: Plane, given: GivenCommand) -> int:
+    """Change the airspeed setpoint; a ground speed only raises it, to the airspeed needed in still air.
+
+    A throttle setting is accepted without effect.
+    """
+    kind, speed_mps, throttle, _ = given.params
+    if vehicle.flier.mode not in SPEED_MODES:
+        return FAILED
+    if not math.isfinite(speed_mps):
+        return DENIED
+    if kind == m.SPEED_TYPE_GROUNDSPEED:
+        speed_mps = max(vehicle.body.steering.speed_mps, min(speed_mps, vehicle.parameters["AIRSPEED_MAX"]))
+    elif kind == AIRSPEED and speed_mps == USUAL_SPEED:
+        speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
+    elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
+        return ACCEPTED if 0.0 < throttle <= MOST_PERCENT else FAILED
+    if not vehicle.flier.guided_by_setpoints:
+        vehicle.flier.change_speed(speed_mps, math.inf)
+    return ACCEPTED
+
+
+def _legacy_altitude(vehicle: Plane, given: GivenCommand) -> int:
+    height_m = height_of(vehicle, given.params[0], given.params[1])
+    if height_m is None:
+        return DENIED
+    vehicle.climb_to(height_m)
+    return ACCEPTED
+
+
+def _start_mission(vehicle: Plane, given: GivenCommand) -> int:
+    """Start or resume the mission; first and last item aren't supported."""
+    return DENIED if any(given.params[:2]) else ACCEPTED if vehicle.switch(Mode.AUTO) else FAILED
+
+
+NO_EFFECT = (
+    m.MAV_CMD_DO_SET_RELAY,
+    m.MAV_CMD_DO_SET_SERVO,
+    m.MAV_CMD_DO_REPEAT_SERVO,
+    m.MAV_CMD_DO_SET_ROI_LOCATION,
+    m.MAV_CMD_DO_SET_ROI_NONE,
+    m.MAV_CMD_DO_SET_ROI,
+    m.MAV_CMD_DO_DIGICAM_CONTROL,
+)
+"""Payload commands, which are accepted; there is no payload."""
+HANDLERS: CommandHandlers[Plane] = {
+    **commands.HANDLERS,
+    **dict.fromkeys(NO_EFFECT, lambda _vehicle, _given: ACCEPTED),
+    m.MAV_CMD_DO_FENCE_ENABLE: lambda _vehicle, _given: FAILED,
+    m.MAV_CMD_DO_GO_AROUND: lambda _vehicle, _given: FAILED,
+    m.MAV_CMD_GUIDED_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: _change_altitude,
+    m.MAV_CMD_GUIDED_CHANGE_HEADING: _change_heading,
+    m.MAV_CMD_NAV_TAKEOFF: lambda _vehicle, _given: FAILED,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Mode.RTL),
+    m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(Mode.LOITER),
+    m.MAV_CMD_MISSION_START: _start_mission,
+    m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
+}
 
 
 class Plane(Vehicle):
@@ -53,28 +171,29 @@ class Plane(Vehicle):
     air_mode = Mode.GUIDED
     guided_mode = Mode.GUIDED
     by_hand = STRAIGHT_ON | {Mode.INITIALISING}
+    known_commands = HANDLERS
     flier: PlanePilot
     """Its pilot, typed as such."""
 
-    def __init__(self, index: int, config: VehicleConfig, fleet: Fleet, now: Instant) -> None:
+    def __init__(self, index: int, fleet: FleetConfig, body: Body, environment: Environment, now: Instant) -> None:
         """Boot at `now`."""
         self._arrives = False
         """Whether it is on its way to a place that it was told in GUIDED."""
-        super().__init__(index, config, fleet, now)
-        self._mission_flight = MissionFlight(self.missions, self.flier, self.parameters, fleet.origin)
+        super().__init__(index, fleet, body, environment, now)
+        self._mission_flight = MissionFlight(self.missions, self.flier, self.parameters, self.origin)
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(plane_parameters(config, self.fleet.config.cruise_mps))
+        return ParameterServer(plane_parameters(config, self.fleet.cruise_mps))
 
     def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
         """Return who flies a fixed wing."""
         self.flier = PlanePilot(config, steering, self.parameters)
         return self.flier
 
-    def message_handler(self) -> MessageHandler:
-        """Return what takes its messages, and knows ArduPlane's commands."""
-        return MessageHandler(self, commands.HANDLERS)
+    def carry_out(self, given: GivenCommand) -> int:
+        """Carry out one of ArduPlane's commands; return the MAV_RESULT."""
+        return HANDLERS[given.command](self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its long failsafe."""
@@ -120,7 +239,7 @@ class Plane(Vehicle):
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
         """Circle a position; a height that a setpoint has set is kept."""
-        north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
+        north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
         if self.flier.guided_by_setpoints:
             height_m = self.body.steering.height_m
         self.flier.circle_guided(north_m, east_m, height_m)
@@ -151,7 +270,7 @@ class Plane(Vehicle):
             if setpoint.coordinate_frame not in commands.ABOVE_SEA_LEVEL + commands.ABOVE_HOME:
                 self.say(WARNING, "Invalid coord frame in SET_POSTION_TARGET_GLOBAL_INT")
             ignored = setpoint.type_mask & m.POSITION_TARGET_TYPEMASK_Z_IGNORE
-            return None if ignored else commands.height_of(self, setpoint.alt_m, setpoint.coordinate_frame)
+            return None if ignored else height_of(self, setpoint.alt_m, setpoint.coordinate_frame)
         if setpoint.coordinate_frame != m.MAV_FRAME_LOCAL_OFFSET_NED or not abs(setpoint.z_m) <= commands.HIGHEST_M:
             return None
         height_m = self.body.steering.height_m - setpoint.z_m

@@ -1,43 +1,149 @@
-"""Emulated PX4s: how they differ from ArduPilot's vehicles, and the fixed wing; the multirotor is in `px4_copter`."""
+"""What emulated PX4s have in common, and their commands; the two kinds are in `px4_plane_and_copter`."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
+from airlink.messages.command import MessageInterval
 from airlink.messages.system import Statustext
-from sim_vehicles.airframe.motion import Steering
-from sim_vehicles.autopilot import position_targets, px4_services
-from sim_vehicles.autopilot.board_clock import delayed
-from sim_vehicles.autopilot.commands import CommandHandlers
-from sim_vehicles.autopilot.message_handler import MessageHandler, Px4MessageHandler
+from sim_vehicles.airframe.motion import Vector
+from sim_vehicles.autopilot import commands, px4_services
+from sim_vehicles.autopilot.autopilot import CRITICAL, INFO, GivenCommand, Setpoint
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandHandlers, to_mode
 from sim_vehicles.autopilot.modes_and_failsafe import (
-    PX4_AS_PLANE,
     PX4_BY_STICKS,
     PX4_NOT_ARMABLE,
     Condition,
     FlightMode,
     GroundStationFailsafe,
-    Mode,
     Px4Mode,
     Request,
     select,
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.pilot import PlanePilot
-from sim_vehicles.autopilot.position_targets import Setpoint, Vector
+from sim_vehicles.autopilot.px4_services import BUILDERS, REJECTED
+from sim_vehicles.autopilot.streams import SHORTEST_US
+from sim_vehicles.board_clock import delayed
 from sim_vehicles.config import VehicleConfig
-from sim_vehicles.vehicle import CRITICAL, INFO, Vehicle
+from sim_vehicles.vehicle import Vehicle
 
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
-REFERENCE_CLIMB_MPS: Final = 3.0
-"""A fixed wing's height reference begins at sea level at boot and rises this fast."""
+LEAST_CHANGES_US: Final = 500_000
+"""Least interval of CURRENT_MODE on request; it is also sent on each change."""
+
+
+def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
+    main, sub = given.params[1], given.params[2]
+    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
+        return REJECTED
+    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
+
+
+def _arm_disarm(vehicle: Px4, given: GivenCommand) -> int:
+    force = given.params[1] == commands.FORCE
+    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
+    return ACCEPTED if granted else REJECTED
+
+
+def _take_off(vehicle: Px4, given: GivenCommand) -> int:
+    height_m = given.z - vehicle.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
+    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
+
+
+def _reposition(vehicle: Px4, given: GivenCommand) -> int:
+    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    vehicle.go_to(given.lat_rad, given.lon_rad, given.z - vehicle.origin.alt_m, given.params[0])
+    return ACCEPTED
+
+
+def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
+    """Change the speed; in OFFBOARD, and for an invalid speed, this is accepted without effect."""
+    if vehicle.mode is Px4Mode.HOLD and 0.0 < given.params[1] < math.inf:
+        vehicle.change_speed(given.params[1])
+    return ACCEPTED
+
+
+def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
+    """Hold at an altitude above sea level, or at the present one if the altitude isn't finite."""
+    if not vehicle.switch(Px4Mode.HOLD):
+        return REJECTED
+    if math.isfinite(given.params[0]):
+        vehicle.climb_to(given.params[0] - vehicle.origin.alt_m)
+    return ACCEPTED
+
+
+def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
+    vehicle.say(CRITICAL, "Mission start denied! No valid mission")
+    return DENIED
+
+
+def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for unknown messages.
+
+    Intervals below the main loop's period are accepted, but a message is sent at most once per loop.
+    """
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, SHORTEST_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
+    """Report a message's interval; unknown messages are reported as not streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
+def _request_message(vehicle: Px4, given: GivenCommand) -> int:
+    """Send a message once; unknown messages are DENIED."""
+    return commands.request_message(vehicle, given) if given.params[0] in BUILDERS else DENIED
+
+
+UNHEEDED: Final = (
+    m.MAV_CMD_DO_SET_ROI_LOCATION,
+    m.MAV_CMD_DO_SET_ROI_NONE,
+    m.MAV_CMD_DO_SET_ROI,
+    m.MAV_CMD_DO_GO_AROUND,
+    m.MAV_CMD_RUN_PREARM_CHECKS,
+    m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+)
+"""Accepted without effect here: they concern a camera, a go-around, checks and the protocol version."""
+HANDLERS: CommandHandlers[Px4] = {
+    **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
+    m.MAV_CMD_DO_SET_MODE: _set_mode,
+    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
+    m.MAV_CMD_NAV_TAKEOFF: _take_off,
+    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
+    m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
+    m.MAV_CMD_DO_REPOSITION: _reposition,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
+    m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
+    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
+    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
+    m.MAV_CMD_MISSION_START: _start_mission,
+}
+"""All other commands are UNSUPPORTED."""
 
 
 class Px4(Vehicle):
@@ -46,7 +152,7 @@ class Px4(Vehicle):
     capabilities = 59647
     version = 1 << 24 | 17 << 16
     unasked = px4_services.STREAMS
-    builders = px4_services.BUILDERS
+    builders = BUILDERS
     asks_time = False
     tells_time_at_once = True
     stores_missions = False
@@ -55,13 +161,11 @@ class Px4(Vehicle):
     by_hand = PX4_BY_STICKS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    command_handlers: ClassVar[CommandHandlers] = px4_services.HANDLERS
-    """What carries out each command that it knows."""
+    known_commands: ClassVar[Collection[int]] = HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and for each the mode of ArduPilot that its pilot flies."""
-    mode: Px4Mode
-    intended: Px4Mode
-    """What was last asked for; a failsafe flies another."""
+    _mode: Px4Mode
+    _intended: Px4Mode
     _rise_m: float
     _lost: bool
     _greeted: bool
@@ -71,15 +175,11 @@ class Px4(Vehicle):
 
     def parameters_of(self, config: VehicleConfig) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return px4_services.Px4Parameters(px4_services.parameters(config, self.fleet.config.cruise_mps))
+        return px4_services.Px4Parameters(px4_services.parameters(config, self.fleet.cruise_mps))
 
     @abstractmethod
     def change_speed(self, speed_mps: float) -> None:
         """Fly at a speed in HOLD from now on."""
-
-    @abstractmethod
-    def change_height(self, height_m: float) -> None:
-        """Fly at a height above the origin in HOLD."""
 
     @abstractmethod
     def lift_off(self, height_m: float) -> None:
@@ -89,6 +189,20 @@ class Px4(Vehicle):
     def follow(self, message: Setpoint) -> None:
         """Fly a setpoint of OFFBOARD."""
 
+    def carry_out(self, given: GivenCommand) -> int:
+        """Carry out a command that all PX4s know; return the MAV_RESULT."""
+        return HANDLERS[given.command](self, given)
+
+    @property
+    def mode(self) -> Px4Mode:
+        """Its mode as ground stations know it; its pilot flies one of ArduPilot's."""
+        return self._mode
+
+    @property
+    def intended(self) -> Px4Mode:
+        """The mode that was last asked for; a failsafe flies another."""
+        return self._intended
+
     @property
     def fresh(self) -> bool:
         """Whether the last setpoint is younger than COM_OF_LOSS_T."""
@@ -97,8 +211,8 @@ class Px4(Vehicle):
     @property
     def armable(self) -> bool:
         """Whether it is ready, and its mode can be armed in: its inputs are there, and it doesn't end a flight."""
-        lacks = not self.fresh if self.mode is Px4Mode.OFFBOARD else self.mode in PX4_BY_STICKS and not self.sticks
-        return self.ready and not lacks and self.mode not in PX4_NOT_ARMABLE
+        lacks = not self.fresh if self._mode is Px4Mode.OFFBOARD else self._mode in PX4_BY_STICKS and not self.sticks
+        return self.ready and not lacks and self._mode not in PX4_NOT_ARMABLE
 
     @property
     def in_failsafe(self) -> bool:
@@ -107,10 +221,10 @@ class Px4(Vehicle):
 
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already; the next HEARTBEAT reports it."""
-        if mode is not self.mode:
-            self.mode = Px4Mode(mode)
-            self.pilot.enter(self.flown[self.mode], self.body.motion)
-            self.pilot.silent_at = self._fresh_until if self.mode is Px4Mode.OFFBOARD else NEVER
+        if mode is not self._mode:
+            self._mode = Px4Mode(mode)
+            self.pilot.enter(self.flown[self._mode], self.body.motion)
+            self.pilot.silent_at = self._fresh_until if self._mode is Px4Mode.OFFBOARD else NEVER
             self.tell_heartbeat()
 
     def switch(self, number: float) -> bool:
@@ -124,8 +238,8 @@ class Px4(Vehicle):
             named = "this mode" if chosen is None else Px4Mode(chosen).name.capitalize()
             self.say(CRITICAL, f"Switching to {named} is currently not available")
             return False
-        self.intended, self._lost = Px4Mode(chosen), False
-        self.enter(self.intended)
+        self._intended, self._lost = Px4Mode(chosen), False
+        self.enter(self._intended)
         if self.pilot.condition is Condition.ARMED:
             self._climb_in_takeoff()
         return True
@@ -150,7 +264,7 @@ class Px4(Vehicle):
         """Disarm, and wait in HOLD if the flight has ended in a landing."""
         landed = not self.pilot.airborne and self.pilot.condition.armed
         granted = super().disarm(force=force)
-        if granted and landed and self.mode in PX4_NOT_ARMABLE:
+        if granted and landed and self._mode in PX4_NOT_ARMABLE:
             self.switch(Px4Mode.HOLD)
         return granted
 
@@ -159,9 +273,9 @@ class Px4(Vehicle):
         self._rise_m = height_m
         return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
 
-    def message_handler(self) -> MessageHandler:
-        """Return what takes its messages, and knows PX4's commands."""
-        return Px4MessageHandler(self, self.command_handlers)
+    def message_handler(self) -> px4_services.Px4MessageHandler:
+        """Return what takes its messages."""
+        return px4_services.Px4MessageHandler(self)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
@@ -180,12 +294,12 @@ class Px4(Vehicle):
         """Leave OFFBOARD once setpoints are too old, and TAKEOFF once it is complete."""
         if self.now >= self.pilot.silent_at:
             self.pilot.silent_at = NEVER
-        if self.mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
+        if self._mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
             self.enter(px4_services.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
-        elif self.mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
-            self.intended = Px4Mode.HOLD
+        elif self._mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
+            self._intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
 
     @abstractmethod
@@ -195,7 +309,7 @@ class Px4(Vehicle):
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float, speed_mps: float = 0.0) -> None:
         """Fly to a place, unless its height isn't finite; a speed of 0 or less is none."""
         if math.isfinite(height_m):
-            north_m, east_m, _ = self.fleet.origin.to_ned(lat_rad, lon_rad, self.fleet.origin.alt_m)
+            north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
             self.fly_there((north_m, east_m, height_m), speed_mps)
 
     def airspeed(self, speed_mps: float) -> float:
@@ -222,19 +336,22 @@ class Px4(Vehicle):
 
     def take_setpoint(self, setpoint: Setpoint) -> None:
         """Take a setpoint, and fly it in OFFBOARD; if OFFBOARD was left because none came, return to it."""
-        if (refusal := position_targets.refusal_of_px4(setpoint)) is not None:
+        if (refusal := px4_services.refusal_of(setpoint)) is not None:
             self.say(CRITICAL, refusal)
         else:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])
             if self._lost:
                 self._lost = False
                 self.enter(Px4Mode.OFFBOARD)
-            if self.mode is Px4Mode.OFFBOARD:
+            if self._mode is Px4Mode.OFFBOARD:
                 self.follow(setpoint)
                 self.pilot.silent_at = self._fresh_until
 
-    def say_kept(self) -> None:
-        """Send the texts that were kept until a ground station's first heartbeat."""
+    def take_heartbeat(self, system: int, mav_type: int) -> None:
+        """Note a ground station's heartbeat, and send the texts that were kept until the first."""
+        if mav_type != m.MAV_TYPE_GCS:
+            return
+        super().take_heartbeat(system, mav_type)
         self._greeted = True
         for text in self._unsaid:
             self.broadcast(text)
@@ -242,62 +359,12 @@ class Px4(Vehicle):
 
     def _climb_in_takeoff(self) -> None:
         """Begin to climb if TAKEOFF is its mode, by default to MIS_TAKEOFF_ALT."""
-        if self.mode is Px4Mode.TAKEOFF:
+        if self._mode is Px4Mode.TAKEOFF:
             self.disarm_at = NEVER
             self.lift_off(self._rise_m or self.parameters["MIS_TAKEOFF_ALT"])
 
     def forget(self) -> None:
         """Forget modes, setpoints and texts, at boot."""
-        self.mode = self.intended = Px4Mode.HOLD
+        self._mode = self._intended = Px4Mode.HOLD
         self._rise_m, self._lost, self._greeted, self._texts = 0.0, False, False, 0
         self._unsaid, self._fresh_until = [], self.now
-
-
-class Px4Plane(Px4):
-    """An emulated fixed-wing PX4."""
-
-    mav_type = m.MAV_TYPE_FIXED_WING
-    flown = PX4_AS_PLANE
-    boot_mode = PX4_AS_PLANE[Px4Mode.HOLD]
-    ground_mode = PX4_AS_PLANE[Px4Mode.HOLD]
-    air_mode = PX4_AS_PLANE[Px4Mode.HOLD]
-    flier: PlanePilot
-    """Its pilot, typed as such."""
-
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
-        """Return who flies a fixed wing."""
-        self.flier = PlanePilot(config, steering, self.parameters)
-        return self.flier
-
-    def change_speed(self, speed_mps: float) -> None:
-        """Fly at an airspeed in HOLD from now on."""
-        self.flier.change_speed(self.airspeed(speed_mps), math.inf)
-
-    def change_height(self, height_m: float) -> None:
-        """Circle at a height above the origin."""
-        self.flier.change_height(height_m)
-
-    def lift_off(self, height_m: float) -> None:
-        """Roll and climb."""
-        self.pilot.enter(Mode.TAKEOFF, self.body.motion)
-        self.flier.take_off(height_m, self.body.motion)
-
-    def follow(self, message: Setpoint) -> None:
-        """Fly to a place at its trim speed, whatever speed is asked for; a velocity without a place is ignored."""
-        place_m = position_targets.place_of(self, message)
-        if place_m is not None:
-            self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
-            self.flier.circle(*place_m)
-
-    def follow_time(self) -> None:
-        """Crash if it took off before its height reference had risen to the field's altitude."""
-        super().follow_time()
-        climbs = self.mode is Px4Mode.TAKEOFF and self.pilot.airborne
-        if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.fleet.origin.alt_m:
-            self.crash(Request.CRASH)
-
-    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
-        """Fly straight to a place far away, and circle it."""
-        if speed_mps > 0.0:
-            self.flier.change_speed(self.airspeed(speed_mps), math.inf)
-        self.flier.circle(*place_m)

@@ -6,17 +6,15 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import BLOCK_BYTES, Array, mapped
-from sim_vehicles.autopilot.board_clock import LOOP_HZ
-
-if TYPE_CHECKING:
-    from sim_vehicles.fleet import Fleet
+from sim_vehicles.board_clock import LOOP_HZ
+from sim_vehicles.fleet import Fleet
 
 MAGIC = b"truth\x00\x00\x03"
 NUMBER_BYTES = 8

@@ -15,7 +15,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, advance, w
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering, full_throttle_model
-from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
 
 LEAST_SHARE = 0.2

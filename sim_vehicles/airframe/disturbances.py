@@ -18,7 +18,7 @@ from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from formation_scenario.surroundings import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 
 LEAST_AIRSPEED_MPS = 1.0

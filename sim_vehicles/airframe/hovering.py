@@ -15,7 +15,7 @@ from flight_model.autopilot_model import within, wrap
 from flight_model.slot import slot_axis
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
 DEAD_CYCLES: Final = {"ardupilot": 5, "px4": 1}

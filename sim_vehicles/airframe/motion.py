@@ -37,6 +37,7 @@ LOOK_AHEAD_M: Final = 60.0
 """Look-ahead distance along the approach line, from abreast of the vehicle."""
 BELOW_GROUND_M: Final = 3.0
 """Depth below the ground to which the glide slope is continued, because the height lags."""
+Vector = tuple[float, float, float]
 PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
@@ -165,7 +166,7 @@ class Steering:
         self.takes_off: bool = False
         """Whether it takes off: it rolls, or climbs to the end of the take-off."""
         self.airborne: bool = False
-        self.velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self.velocity_mps: Vector = (0.0, 0.0, 0.0)
         """A multirotor's ground velocity setpoint: north, east and down."""
         self.yaw_rad: float = math.nan
         """Yaw setpoint; NaN: keep the present one."""

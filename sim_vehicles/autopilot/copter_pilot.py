@@ -7,8 +7,7 @@ import math
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
 from flight_model.autopilot_model import within
-from sim_vehicles.airframe.motion import Motion, Steering
-from sim_vehicles.autopilot.board_clock import LOOP_S
+from sim_vehicles.airframe.motion import Motion, Steering, Vector
 from sim_vehicles.autopilot.modes_and_failsafe import (
     BY_THROTTLE,
     NOT_ARMABLE,
@@ -19,7 +18,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
-from sim_vehicles.autopilot.position_targets import Vector
+from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
 CM = 0.01

@@ -1,4 +1,4 @@
-"""What distinguishes an emulated PX4 from an ArduPlane: messages, commands, parameters and failsafes.
+"""What distinguishes an emulated PX4 from an ArduPlane: messages, parameters and failsafes.
 
 Sources: MAVLink common message set, "HEARTBEAT", "CURRENT_MODE" and "MAV_CMD"; PX4 user guide, "Flight Modes",
 "Parameter Reference" and "Safety Configuration (Failsafes)"; answers, refusals and initial state of PX4's simulator
@@ -9,16 +9,30 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant, after
+from airlink.frame import Frame
 from airlink.messages import Message
-from airlink.messages.command import MessageInterval, ParamError, ParamRequestRead, ParamSet, ParamValue
-from airlink.messages.system import CurrentMode, Heartbeat
-from airlink.messages.telemetry import GpsRawInt, VfrHud
-from sim_vehicles.autopilot import commands, telemetry
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, GivenCommand, to_mode
+from airlink.messages.command import (
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    ParamError,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+    SetMode,
+    SetPositionTargetGlobalInt,
+    SetPositionTargetLocalNed,
+)
+from airlink.messages.mission import MissionItem, MissionItemInt
+from airlink.messages.system import CurrentMode, Heartbeat, Ping
+from sim_vehicles.autopilot import telemetry
+from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot, Setpoint
+from sim_vehicles.autopilot.commands import ACCEPTED, PLACE_IGNORED, VELOCITY_IGNORED
+from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_BY_STICKS,
@@ -29,12 +43,8 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     Px4Mode,
 )
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
+from sim_vehicles.autopilot.streams import Builders
 from sim_vehicles.config import VehicleConfig
-
-if TYPE_CHECKING:
-    from sim_vehicles.px4 import Px4
-    from sim_vehicles.vehicle import Vehicle
-
 
 SPEED, SOON, SLOW = NANOSECONDS // 50, NANOSECONDS // 4, NANOSECONDS
 STREAMS: Final = {
@@ -52,14 +62,15 @@ STREAMS: Final = {
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
 FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
 """HEARTBEAT's flags in OFFBOARD and in autonomous modes, by which pymavlink and others recognise these."""
-FLAGS: Final = dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS) | {
+FLAGS: Final[dict[int, int]] = {
+    **dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS),
     Px4Mode.ACRO: m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED,
     Px4Mode.OFFBOARD: FOLLOWS,
     Px4Mode.ORBIT: FOLLOWS,
 }
 
 
-def heartbeat(v: Px4) -> Message:
+def heartbeat(v: Autopilot) -> Message:
     """Return HEARTBEAT: ACTIVE while armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
     flags = FLAGS.get(v.mode, FINDS_ITS_WAY) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
@@ -68,26 +79,23 @@ def heartbeat(v: Px4) -> Message:
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
 
 
-def current_mode(v: Px4) -> Message:
+def current_mode(v: Autopilot) -> Message:
     """Return CURRENT_MODE, with the mode that was requested last."""
     return CurrentMode(0, int(v.mode), int(v.intended))
 
 
-def gps_raw_int(v: Vehicle) -> Message:
+def gps_raw_int(v: Autopilot) -> Message:
     """Return GPS_RAW_INT, without a time stamp."""
-    reported = telemetry.gps_raw_int(v)
-    assert isinstance(reported, GpsRawInt)
-    return reported.but(time_usec=0)
+    return telemetry.gps_raw_int(v).but(time_usec=0)
 
 
-def vfr_hud(v: Px4) -> Message:
+def vfr_hud(v: Autopilot) -> Message:
     """Return VFR_HUD; a multirotor measures no airspeed."""
     reported = telemetry.vfr_hud(v)
-    assert isinstance(reported, VfrHud)
     return reported.but(airspeed_mps=math.nan) if v.config.model.hovers else reported
 
 
-BUILDERS: Final[telemetry.Builders] = {
+BUILDERS: Final[Builders[Autopilot]] = {
     each: telemetry.BUILDERS[each]
     for each in (
         m.MAVLINK_MSG_ID_SYS_STATUS,
@@ -107,118 +115,69 @@ BUILDERS: Final[telemetry.Builders] = {
     m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
 }
-
-
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
-LEAST_CHANGES_US: Final = 500_000
-"""Least interval of CURRENT_MODE on request; it is also sent on each change."""
-
-
-def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
-    main, sub = given.params[1], given.params[2]
-    if not int(given.params[0]) & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or not (main % 1 == 0.0 and sub % 1 == 0.0):
-        return REJECTED
-    return ACCEPTED if vehicle.switch(int(main) << 16 | int(sub) << 24) else REJECTED
-
-
-def _arm_disarm(vehicle: Px4, given: GivenCommand) -> int:
-    force = given.params[1] == commands.FORCE
-    granted = vehicle.arm(force=force) if given.params[0] == 1.0 else vehicle.disarm(force=force)
-    return ACCEPTED if granted else REJECTED
-
-
-def _take_off(vehicle: Px4, given: GivenCommand) -> int:
-    height_m = given.z - vehicle.fleet.origin.alt_m if math.isfinite(given.z) else vehicle.parameters["MIS_TAKEOFF_ALT"]
-    return ACCEPTED if vehicle.prepare(height_m) else REJECTED
-
-
-def _reposition(vehicle: Px4, given: GivenCommand) -> int:
-    if given.params[1] != m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
-        return UNSUPPORTED
-    if not vehicle.switch(Px4Mode.HOLD):
-        return REJECTED
-    vehicle.go_to(given.lat_rad, given.lon_rad, given.z - vehicle.fleet.origin.alt_m, given.params[0])
-    return ACCEPTED
-
-
-def _change_speed(vehicle: Px4, given: GivenCommand) -> int:
-    """Change the speed; in OFFBOARD, and for an invalid speed, this is accepted without effect."""
-    if vehicle.mode is Px4Mode.HOLD and 0.0 < given.params[1] < math.inf:
-        vehicle.change_speed(given.params[1])
-    return ACCEPTED
-
-
-def _change_altitude(vehicle: Px4, given: GivenCommand) -> int:
-    """Hold at an altitude above sea level, or at the present one if the altitude isn't finite."""
-    if not vehicle.switch(Px4Mode.HOLD):
-        return REJECTED
-    if math.isfinite(given.params[0]):
-        vehicle.change_height(given.params[0] - vehicle.fleet.origin.alt_m)
-    return ACCEPTED
-
-
-def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
-    vehicle.say(m.MAV_SEVERITY_CRITICAL, "Mission start denied! No valid mission")
-    return DENIED
-
-
-def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for unknown messages.
-
-    Intervals below the main loop's period are accepted, but a message is sent at most once per loop.
-    """
-    message_id, interval_us = given.params[0], given.params[1]
-    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
-        return FAILED
-    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
-        interval_us = max(interval_us, LEAST_CHANGES_US)
-    elif interval_us > 0.0:
-        interval_us = max(interval_us, telemetry.SHORTEST_US)
-    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
-
-
-def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Report a message's interval; unknown messages are reported as not streamed."""
-    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
-        return DENIED
-    message_id = int(given.params[0])
-    vehicle.messages.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
-    return ACCEPTED
-
-
-def _request_message(vehicle: Px4, given: GivenCommand) -> int:
-    """Send a message once; unknown messages are DENIED."""
-    return commands.HANDLERS[m.MAV_CMD_REQUEST_MESSAGE](vehicle, given) if given.params[0] in BUILDERS else DENIED
-
-
-UNHEEDED: Final = (
-    m.MAV_CMD_DO_SET_ROI_LOCATION,
-    m.MAV_CMD_DO_SET_ROI_NONE,
-    m.MAV_CMD_DO_SET_ROI,
-    m.MAV_CMD_DO_GO_AROUND,
-    m.MAV_CMD_RUN_PREARM_CHECKS,
-    m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+PX4_COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
+WRONG_FRAME: Final = 9
+"""MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
+ALL_IGNORED: Final = (
+    PLACE_IGNORED
+    | VELOCITY_IGNORED
+    | m.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
 )
-"""Accepted without effect here: they concern a camera, a go-around, checks and the protocol version."""
-HANDLERS: commands.CommandHandlers = {
-    **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
-    m.MAV_CMD_DO_SET_MODE: _set_mode,
-    m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
-    m.MAV_CMD_NAV_TAKEOFF: _take_off,
-    m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
-    m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
-    m.MAV_CMD_DO_REPOSITION: _reposition,
-    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
-    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
-    m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
-    m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
-    m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
-    m.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
-    m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
-    m.MAV_CMD_MISSION_START: _start_mission,
-}
-"""All other commands are UNSUPPORTED."""
+PX4_LOCAL_FRAMES: Final = (m.MAV_FRAME_LOCAL_NED, m.MAV_FRAME_BODY_NED)
+PX4_GLOBAL_FRAMES: Final = (
+    m.MAV_FRAME_GLOBAL_INT,
+    m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+)
+
+
+class Px4MessageHandler(MessageHandler):
+    """Handles the messages with which PX4 differs: commands, SET_MODE, PING and mission items."""
+
+    def _results_of(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
+        """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
+
+        Nobody answers for other components, nor an order that neither arms nor disarms.
+        """
+        if message.target_component not in PX4_COMPONENTS:
+            return ()
+        if isinstance(message, CommandInt) and message.frame != m.MAV_FRAME_GLOBAL_INT:
+            return (WRONG_FRAME,)
+        if message.command == m.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 not in (0.0, 1.0):
+            self._vehicle.say(CRITICAL, f"Unsupported ARM_DISARM param: {message.param1:.3f}")
+            return ()
+        results = super()._results_of(message)
+        return (ACCEPTED, *results) if message.command == m.MAV_CMD_DO_SET_MODE else results
+
+    def _take_mode(self, message: SetMode, frame: Frame) -> bool:
+        """Change to a mode by SET_MODE, which is acknowledged like the command, but once."""
+        allowed = super()._take_mode(message, frame)
+        result = ACCEPTED if allowed else REJECTED
+        self._vehicle.answer(CommandAck(m.MAV_CMD_DO_SET_MODE, result, 0, 0, frame.system, frame.component))
+        return allowed
+
+    def _take_ping(self, message: Ping, frame: Frame) -> None:
+        """Answer a PING that is for everyone."""
+        if not message.target_system:
+            self._vehicle.answer(message.but(target_system=frame.system, target_component=frame.component))
+
+    def _fly_to(self, item: MissionItem | MissionItemInt) -> int:  # noqa: ARG002 - none is followed
+        """Refuse: PX4 knows no item that is flown at once."""
+        return m.MAV_MISSION_ERROR
+
+
+def refusal_of(setpoint: Setpoint) -> str | None:
+    """Return the text on refusing a setpoint, None for an accepted one."""
+    name, frame = setpoint.kind().name, setpoint.coordinate_frame
+    if isinstance(setpoint, SetPositionTargetLocalNed) and frame not in PX4_LOCAL_FRAMES:
+        return f"{name} coordinate frame {frame} unsupported"
+    if isinstance(setpoint, SetPositionTargetGlobalInt) and frame not in PX4_GLOBAL_FRAMES:
+        return f"{name} invalid coordinate frame {frame}"
+    from_nose = frame == m.MAV_FRAME_BODY_NED and not setpoint.type_mask & PLACE_IGNORED
+    return f"{name} invalid" if from_nose or setpoint.type_mask & ALL_IGNORED == ALL_IGNORED else None
 
 
 LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}

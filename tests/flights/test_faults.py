@@ -245,7 +245,7 @@ def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_
     world = World(duration_s=60)
     world.fly_to(2.0)
     monkeypatch.setattr(world.vehicle(3), "enter", lambda mode: None)
-    monkeypatch.setattr(world.fleet.vehicles[2].messages, "answer", lambda message: None)
+    monkeypatch.setattr(world.fleet.vehicles[2], "answer", lambda message: None)
     world.station.course.stop(world.clock.now())
     world.run()
     (named_s,), (loitering_s,) = world.times_s("unacknowledged", 3), world.times_s("phase", text="loitering")

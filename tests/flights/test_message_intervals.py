@@ -14,7 +14,7 @@ from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import CommandLong, RequestDataStream
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.commands import HANDLERS
+from sim_vehicles.plane import HANDLERS
 from tests.flights.in_memory import World
 
 OTHER = Address("127.0.0.1", 50000)

@@ -24,7 +24,7 @@ from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
 from gcs_formation.vehicle.vehicle import STATION_COMPONENT
-from sim_vehicles.autopilot.commands import HANDLERS
+from sim_vehicles.plane import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, framed, packed

@@ -6,9 +6,12 @@ import pytest
 
 from airlink.endpoint import VehicleId
 from formation_scenario.surroundings import Fault, PilotsMode
+from sim_vehicles.autopilot.modes_and_failsafe import CopterMode
+from tests.sim_vehicles.test_copter import MODEL
 
 WHO = frozenset({VehicleId(1, 1)})
-HEADING, INTERVAL, ATTITUDE = 43002, 511, 30
+HEADING, INTERVAL, ATTITUDE, LAND = 43002, 511, 30, 21
+UNSUPPORTED = 3
 FBWA, RTL, GUIDED = 5, 11, 15
 AT_S, END_S = 60.0, 80.0
 
@@ -74,3 +77,15 @@ def test_a_pilot_takes_the_vehicle_and_gives_it_back(struck):
     assert air.ground.of("HEARTBEAT")[-1].custom_mode == FBWA
     air.run(20.0)
     assert air.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
+
+
+def test_a_multirotor_that_ignores_stands_at_an_order_to_land_and_refuses_what_only_planes_know(make_air):
+    air = make_air(1, model=MODEL)
+    air.run(8.0)
+    vehicle = air.fleet.vehicles[0]
+    vehicle.inject(Fault(at_s=AT_S, kind="ignore"), vehicle.now, ends=False)
+    assert air.command_long(LAND) == 0
+    assert air.command_int(HEADING, 1, 90.0, 10.0) == UNSUPPORTED
+    air.run(5.0)
+    assert vehicle.mode is CopterMode.GUIDED
+    assert air.state("height_m") == pytest.approx(100.0, abs=0.1)

@@ -9,7 +9,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario.navigation import NoisyNavigation
 from sim_vehicles.airframe.motion import Motion
-from sim_vehicles.airframe.sensors import Sensors
+from sim_vehicles.autopilot.sensors import Sensors
 
 GNSS = NoisyNavigation(source="noisy")
 UNITS = ("_m", "_mps", "_rad", "_radps")

@@ -1,0 +1,204 @@
+"""Emulated PX4s of both kinds: a fixed wing and a multirotor.
+
+Source: PX4 user guide, "Parameter Reference" (MPC_TKO_SPEED, MPC_XY_CRUISE, NAV_MC_ALT_RAD, MPC_LAND_ALT1); the
+multirotor's speeds and times are those of PX4 1.17's built-in simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from airlink import mavlink as m
+from sim_vehicles.airframe.motion import Motion, Steering, Vector
+from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
+from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, place_of, velocity_of, yaw_rate_of
+from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, PX4_AS_PLANE, CopterMode, Mode, Px4Mode, Request
+from sim_vehicles.autopilot.pilot import PlanePilot
+from sim_vehicles.autopilot.px4_services import CM
+from sim_vehicles.board_clock import LOOP_S
+from sim_vehicles.config import VehicleConfig
+from sim_vehicles.px4 import HANDLERS, Px4
+
+SPOOL_UP_S: Final = 4.0
+"""From the order to take off until it leaves the ground."""
+SLOW_TO_M: Final = 10.0
+"""Height up to which it takes off at MPC_TKO_SPEED (MPC_LAND_ALT1)."""
+NEAR_M: Final = 0.8
+"""A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
+ORBIT: Final = 1.0, 1.0
+"""Radius, m, and speed, m/s, of a circle of which none is told."""
+REFERENCE_CLIMB_MPS: Final = 3.0
+"""A fixed wing's height reference begins at sea level at boot and rises this fast."""
+
+
+class Px4Plane(Px4):
+    """An emulated fixed-wing PX4."""
+
+    mav_type = m.MAV_TYPE_FIXED_WING
+    flown = PX4_AS_PLANE
+    boot_mode = PX4_AS_PLANE[Px4Mode.HOLD]
+    ground_mode = PX4_AS_PLANE[Px4Mode.HOLD]
+    air_mode = PX4_AS_PLANE[Px4Mode.HOLD]
+    flier: PlanePilot
+    """Its pilot, typed as such."""
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
+        """Return who flies a fixed wing."""
+        self.flier = PlanePilot(config, steering, self.parameters)
+        return self.flier
+
+    def change_speed(self, speed_mps: float) -> None:
+        """Fly at an airspeed in HOLD from now on."""
+        self.flier.change_speed(self.airspeed(speed_mps), math.inf)
+
+    def climb_to(self, height_m: float) -> None:
+        """Circle at a height above the origin."""
+        self.flier.change_height(height_m)
+
+    def lift_off(self, height_m: float) -> None:
+        """Roll and climb."""
+        self.pilot.enter(Mode.TAKEOFF, self.body.motion)
+        self.flier.take_off(height_m, self.body.motion)
+
+    def follow(self, message: Setpoint) -> None:
+        """Fly to a place at its trim speed, whatever speed is asked for; a velocity without a place is ignored."""
+        place_m = place_of(self, message)
+        if place_m is not None:
+            self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
+            self.flier.circle(*place_m)
+
+    def follow_time(self) -> None:
+        """Crash if it took off before its height reference had risen to the field's altitude."""
+        super().follow_time()
+        climbs = self._mode is Px4Mode.TAKEOFF and self.pilot.airborne
+        if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.origin.alt_m:
+            self.crash(Request.CRASH)
+
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
+        """Fly straight to a place far away, and circle it."""
+        if speed_mps > 0.0:
+            self.flier.change_speed(self.airspeed(speed_mps), math.inf)
+        self.flier.circle(*place_m)
+
+
+class Px4CopterPilot(CopterPilot):
+    """Flies a multirotor as PX4 does, whose rotors spool up before a take-off."""
+
+    _idle_cycles: int = 0
+    """Cycles of the main loop until it leaves the ground."""
+
+    def rise(self, height_m: float) -> bool:
+        """Take off to a height; return whether that is possible."""
+        self._idle_cycles = round(SPOOL_UP_S / LOOP_S)
+        return super().rise(height_m)
+
+    def _climb(self, motion: Motion, height_m: float) -> None:
+        if self._idle_cycles > 0:
+            self._idle_cycles -= 1
+        else:
+            super()._climb(motion, height_m)
+
+    def _climb_most_mps(self, motion: Motion) -> float:
+        return super()._climb_most_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
+
+    def _cruise_mps(self) -> float:
+        """Return the speed of flights to places: the highest one in OFFBOARD."""
+        told = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.told_cmps
+        return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
+
+
+class Px4Copter(Px4):
+    """An emulated PX4 multirotor."""
+
+    mav_type = m.MAV_TYPE_QUADROTOR
+    guided_mode = Px4Mode.OFFBOARD
+    flown = PX4_AS_COPTER
+    boot_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    ground_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    air_mode = PX4_AS_COPTER[Px4Mode.HOLD]
+    known_commands = frozenset({*HANDLERS, m.MAV_CMD_DO_ORBIT})
+    flier: Px4CopterPilot
+    """Its pilot, typed as such."""
+
+    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Px4CopterPilot:
+        """Return who flies a multirotor."""
+        self.flier = Px4CopterPilot(config, steering, self.parameters)
+        return self.flier
+
+    def carry_out(self, given: GivenCommand) -> int:
+        """Carry out a command; a multirotor also flies round places."""
+        return self._orbit(given) if given.command == m.MAV_CMD_DO_ORBIT else super().carry_out(given)
+
+    def prepare(self, height_m: float) -> bool:
+        """Change to TAKEOFF, to a height; armed or in flight it climbs. Return whether that was allowed."""
+        if not self.pilot.airborne:
+            return super().prepare(height_m)
+        granted = self.switch(Px4Mode.TAKEOFF)
+        if granted:
+            self.flier.takeoff_m = height_m
+        return granted
+
+    def change_speed(self, speed_mps: float) -> None:
+        """Fly at a speed in HOLD from now on."""
+        self.flier.told_cmps["WPNAV_SPEED"] = CM * speed_mps
+
+    def climb_to(self, height_m: float) -> None:
+        """Fly at a height above the origin, where it is."""
+        if self.pilot.airborne:
+            self.flier.go_to((self.body.motion.north_m, self.body.motion.east_m, height_m), None)
+
+    def _orbit(self, given: GivenCommand) -> int:
+        """Change to ORBIT, and fly round a place, anticlockwise for a negative radius or speed.
+
+        Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
+        """
+        radius_m, speed_mps = (
+            told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
+        )
+        here, origin = self.body.motion, self.origin
+        centre_m = here.north_m, here.east_m
+        if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
+            north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
+            centre_m = north_m, east_m
+        height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
+        circle = (*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps))
+        self._intended, self._lost = Px4Mode.ORBIT, False
+        self.enter(Px4Mode.ORBIT)
+        self.flier.go_round(circle)
+        return ACCEPTED
+
+    def lift_off(self, height_m: float) -> None:
+        """Climb straight up."""
+        self.flier.mode = CopterMode.GUIDED
+        self.flier.rise(height_m)
+
+    def follow_time(self) -> None:
+        """Change to HOLD once it is near the height of its take-off, and climb on to it."""
+        rises_m, here = self.flier.takeoff_m, self.body.motion
+        near = rises_m is not None and abs(rises_m - here.height_m) < NEAR_M
+        if near and self._mode is Px4Mode.TAKEOFF:
+            self.flier.takeoff_m = None
+        super().follow_time()
+        if near and rises_m is not None and self._mode is Px4Mode.HOLD:
+            self.flier.go_to((here.north_m, here.east_m, rises_m), None)
+
+    def follow(self, message: Setpoint) -> None:
+        """Fly to a place, or at a velocity; stop for any other setpoint."""
+        place_m, velocity_mps = place_of(self, message), velocity_of(self, message)
+        yaw_rad = None if message.type_mask & YAW_IGNORED else message.yaw_rad
+        nose_rad = self.flier.commanded_nose(self.body.shown().heading_rad)
+        if place_m is not None:
+            self.flier.go_to(place_m, yaw_rad)
+        elif velocity_mps is not None:
+            self.flier.obey(velocity_mps, yaw_rad, self.now)
+        else:
+            self.flier.stop()
+        if rate_rps := yaw_rate_of(message):
+            self.flier.turn_on(nose_rad, rate_rps)
+
+    def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
+        """Fly straight to a place, its nose ahead, and stay there."""
+        here = self.body.motion
+        self.flier.go_to(place_m, math.atan2(place_m[1] - here.east_m, place_m[0] - here.north_m))
