@@ -9,12 +9,11 @@ from typing import ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
-from airlink.messages.command import MessageInterval
 from airlink.messages.system import Statustext
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot import commands, px4_services
 from sim_vehicles.autopilot.autopilot import CRITICAL, INFO, GivenCommand, Setpoint
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandHandlers, to_mode
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, UNSUPPORTED, CommandHandlers, to_mode
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_BY_STICKS,
     PX4_NOT_ARMABLE,
@@ -26,8 +25,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     select,
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.px4_services import BUILDERS, REJECTED
-from sim_vehicles.autopilot.streams import SHORTEST_US
+from sim_vehicles.autopilot.px4_services import REJECTED
 from sim_vehicles.board_clock import delayed
 from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import Vehicle
@@ -35,8 +33,6 @@ from sim_vehicles.vehicle import Vehicle
 TEXT_BYTES: Final = 50
 KEPT_TEXTS: Final = 16
 """Texts that wait for a ground station."""
-LEAST_CHANGES_US: Final = 500_000
-"""Least interval of CURRENT_MODE on request; it is also sent on each change."""
 
 
 def _set_mode(vehicle: Px4, given: GivenCommand) -> int:
@@ -87,35 +83,6 @@ def _start_mission(vehicle: Px4, _given: GivenCommand) -> int:
     return DENIED
 
 
-def _set_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for unknown messages.
-
-    Intervals below the main loop's period are accepted, but a message is sent at most once per loop.
-    """
-    message_id, interval_us = given.params[0], given.params[1]
-    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
-        return FAILED
-    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
-        interval_us = max(interval_us, LEAST_CHANGES_US)
-    elif interval_us > 0.0:
-        interval_us = max(interval_us, SHORTEST_US)
-    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
-
-
-def _get_interval(vehicle: Px4, given: GivenCommand) -> int:
-    """Report a message's interval; unknown messages are reported as not streamed."""
-    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
-        return DENIED
-    message_id = int(given.params[0])
-    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
-    return ACCEPTED
-
-
-def _request_message(vehicle: Px4, given: GivenCommand) -> int:
-    """Send a message once; unknown messages are DENIED."""
-    return commands.request_message(vehicle, given) if given.params[0] in BUILDERS else DENIED
-
-
 UNHEEDED: Final = (
     m.MAV_CMD_DO_SET_ROI_LOCATION,
     m.MAV_CMD_DO_SET_ROI_NONE,
@@ -133,9 +100,9 @@ HANDLERS: CommandHandlers[Px4] = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
     m.MAV_CMD_DO_REPOSITION: _reposition,
-    m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
-    m.MAV_CMD_REQUEST_MESSAGE: _request_message,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: px4_services.set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: px4_services.get_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: px4_services.request_message,
     m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
@@ -152,7 +119,7 @@ class Px4(Vehicle):
     capabilities = 59647
     version = 1 << 24 | 17 << 16
     unasked = px4_services.STREAMS
-    builders = BUILDERS
+    builders = px4_services.BUILDERS
     asks_time = False
     tells_time_at_once = True
     stores_missions = False
@@ -311,10 +278,6 @@ class Px4(Vehicle):
         if math.isfinite(height_m):
             north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
             self.fly_there((north_m, east_m, height_m), speed_mps)
-
-    def airspeed(self, speed_mps: float) -> float:
-        """Return an airspeed limited to its range; that it is limited is not reported."""
-        return min(max(speed_mps, self.parameters["FW_AIRSPD_MIN"]), self.parameters["FW_AIRSPD_MAX"])
 
     def tell_heartbeat(self) -> None:
         """Report a change at once by CURRENT_MODE, if that was requested; heartbeats come once a second."""

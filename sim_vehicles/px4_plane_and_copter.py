@@ -51,7 +51,11 @@ class Px4Plane(Px4):
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at an airspeed in HOLD from now on."""
-        self.flier.change_speed(self.airspeed(speed_mps), math.inf)
+        self.flier.change_speed(self._airspeed(speed_mps), math.inf)
+
+    def _airspeed(self, speed_mps: float) -> float:
+        """Return an airspeed limited to its range; that it is limited is not reported."""
+        return min(max(speed_mps, self.parameters["FW_AIRSPD_MIN"]), self.parameters["FW_AIRSPD_MAX"])
 
     def climb_to(self, height_m: float) -> None:
         """Circle at a height above the origin."""
@@ -79,7 +83,7 @@ class Px4Plane(Px4):
     def fly_there(self, place_m: Vector, speed_mps: float) -> None:
         """Fly straight to a place far away, and circle it."""
         if speed_mps > 0.0:
-            self.flier.change_speed(self.airspeed(speed_mps), math.inf)
+            self.flier.change_speed(self._airspeed(speed_mps), math.inf)
         self.flier.circle(*place_m)
 
 

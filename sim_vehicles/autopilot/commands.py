@@ -117,7 +117,7 @@ def _arm_disarm(vehicle: Autopilot, given: GivenCommand) -> int:
     return ACCEPTED if granted else FAILED
 
 
-def reposition(vehicle: Autopilot, given: GivenCommand) -> int:
+def _reposition(vehicle: Autopilot, given: GivenCommand) -> int:
     """Fly to a position and stay there; ArduPilot accepts this only as COMMAND_INT."""
     if not given.in_integers:
         return UNSUPPORTED
@@ -242,7 +242,7 @@ HANDLERS: CommandHandlers[Autopilot] = {
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot(FAILED),
-    m.MAV_CMD_DO_REPOSITION: reposition,
+    m.MAV_CMD_DO_REPOSITION: _reposition,
     m.MAV_CMD_DO_SET_MISSION_CURRENT: choose_item,
     m.MAV_CMD_GET_MESSAGE_INTERVAL: _get_interval,
     m.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,

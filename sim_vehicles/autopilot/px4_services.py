@@ -19,6 +19,7 @@ from airlink.messages.command import (
     CommandAck,
     CommandInt,
     CommandLong,
+    MessageInterval,
     ParamError,
     ParamRequestRead,
     ParamSet,
@@ -29,9 +30,9 @@ from airlink.messages.command import (
 )
 from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import CurrentMode, Heartbeat, Ping
-from sim_vehicles.autopilot import telemetry
-from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot, Setpoint
-from sim_vehicles.autopilot.commands import ACCEPTED, PLACE_IGNORED, VELOCITY_IGNORED
+from sim_vehicles.autopilot import commands, telemetry
+from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot, GivenCommand, Setpoint
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, PLACE_IGNORED, VELOCITY_IGNORED
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes_and_failsafe import (
@@ -43,7 +44,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     Px4Mode,
 )
 from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
-from sim_vehicles.autopilot.streams import Builders
+from sim_vehicles.autopilot.streams import SHORTEST_US, Builders
 from sim_vehicles.config import VehicleConfig
 
 SPEED, SOON, SLOW = NANOSECONDS // 50, NANOSECONDS // 4, NANOSECONDS
@@ -115,6 +116,8 @@ BUILDERS: Final[Builders[Autopilot]] = {
     m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
 }
+LEAST_CHANGES_US: Final = 500_000
+"""Least interval of CURRENT_MODE on request; it is also sent on each change."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 PX4_COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
 WRONG_FRAME: Final = 9
@@ -132,6 +135,35 @@ PX4_GLOBAL_FRAMES: Final = (
     m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
     m.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
 )
+
+
+def set_interval(vehicle: Autopilot, given: GivenCommand) -> int:
+    """Set a message's interval; HEARTBEAT's is fixed, and FAILED is also the answer for unknown messages.
+
+    Intervals below the main loop's period are accepted, but a message is sent at most once per loop.
+    """
+    message_id, interval_us = given.params[0], given.params[1]
+    if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
+        return FAILED
+    if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
+        interval_us = max(interval_us, LEAST_CHANGES_US)
+    elif interval_us > 0.0:
+        interval_us = max(interval_us, SHORTEST_US)
+    return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
+
+
+def get_interval(vehicle: Autopilot, given: GivenCommand) -> int:
+    """Report a message's interval; unknown messages are reported as not streamed."""
+    if not 0.0 <= given.params[0] <= commands.HIGHEST_MESSAGE_ID:
+        return DENIED
+    message_id = int(given.params[0])
+    vehicle.answer(MessageInterval(message_id, vehicle.streams.interval_us(message_id)))
+    return ACCEPTED
+
+
+def request_message(vehicle: Autopilot, given: GivenCommand) -> int:
+    """Send a message once; unknown messages are DENIED."""
+    return commands.request_message(vehicle, given) if given.params[0] in BUILDERS else DENIED
 
 
 class Px4MessageHandler(MessageHandler):
