@@ -148,7 +148,7 @@ def _choose_item(vehicle: Copter, given: GivenCommand) -> int:
     return commands.choose_item(vehicle, given)
 
 
-HANDLERS: CommandHandlers[Copter] = {
+HANDLERS: Final[CommandHandlers[Copter]] = {
     **commands.HANDLERS,
     m.MAV_CMD_NAV_TAKEOFF: _take_off,
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(CopterMode.RTL),
@@ -194,7 +194,7 @@ class Copter(Vehicle):
 
     def carry_out(self, given: GivenCommand) -> int:
         """Carry out one of ArduCopter's commands; return the MAV_RESULT."""
-        return HANDLERS[given.command](self, given)
+        return commands.carried_out(HANDLERS, self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""

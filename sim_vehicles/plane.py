@@ -143,7 +143,7 @@ NO_EFFECT = (
     m.MAV_CMD_DO_DIGICAM_CONTROL,
 )
 """Payload commands, which are accepted; there is no payload."""
-HANDLERS: CommandHandlers[Plane] = {
+HANDLERS: Final[CommandHandlers[Plane]] = {
     **commands.HANDLERS,
     **dict.fromkeys(NO_EFFECT, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_FENCE_ENABLE: lambda _vehicle, _given: FAILED,
@@ -193,7 +193,7 @@ class Plane(Vehicle):
 
     def carry_out(self, given: GivenCommand) -> int:
         """Carry out one of ArduPlane's commands; return the MAV_RESULT."""
-        return HANDLERS[given.command](self, given)
+        return commands.carried_out(HANDLERS, self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its long failsafe."""

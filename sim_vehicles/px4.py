@@ -92,7 +92,7 @@ UNHEEDED: Final = (
     m.MAV_CMD_REQUEST_PROTOCOL_VERSION,
 )
 """Accepted without effect here: they concern a camera, a go-around, checks and the protocol version."""
-HANDLERS: CommandHandlers[Px4] = {
+HANDLERS: Final[CommandHandlers[Px4]] = {
     **dict.fromkeys(UNHEEDED, lambda _vehicle, _given: ACCEPTED),
     m.MAV_CMD_DO_SET_MODE: _set_mode,
     m.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
@@ -158,7 +158,7 @@ class Px4(Vehicle):
 
     def carry_out(self, given: GivenCommand) -> int:
         """Carry out a command that all PX4s know; return the MAV_RESULT."""
-        return HANDLERS[given.command](self, given)
+        return commands.carried_out(HANDLERS, self, given)
 
     @property
     def mode(self) -> Px4Mode:

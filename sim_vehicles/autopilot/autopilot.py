@@ -77,7 +77,7 @@ class Autopilot(ABC):
     builders: ClassVar[Builders[Autopilot]]
     """All that it can send."""
     known_commands: ClassVar[Collection[int]]
-    """MAV_CMDs that `carry_out` takes; all others are UNSUPPORTED."""
+    """MAV_CMDs that `carry_out` takes."""
     asks_time: ClassVar[bool] = True
     """Whether it asks others for their time (TIMESYNC)."""
     tells_time_at_once: ClassVar[bool] = False
@@ -240,7 +240,7 @@ class Autopilot(ABC):
 
     @abstractmethod
     def carry_out(self, given: GivenCommand) -> int:
-        """Carry out one of its known commands; return the MAV_RESULT."""
+        """Carry out a command; return the MAV_RESULT, UNSUPPORTED for one that it doesn't know."""
 
     @abstractmethod
     def mode_named(self, name: str) -> FlightMode:

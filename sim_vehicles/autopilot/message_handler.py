@@ -81,10 +81,9 @@ class MessageHandler:
     def _results_of(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; return each MAV_RESULT to acknowledge it with."""
         vehicle, given = self._vehicle, commands.received(message)
-        if given.command not in vehicle.known_commands:
-            return (commands.UNSUPPORTED,)
-        ignored = vehicle.ignores and given.command not in commands.REQUESTS
-        return (commands.ACCEPTED if ignored else vehicle.carry_out(given),)
+        if vehicle.ignores and given.command in vehicle.known_commands and given.command not in commands.REQUESTS:
+            return (commands.ACCEPTED,)
+        return (vehicle.carry_out(given),)
 
     def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
         """Change to a mode by SET_MODE; return whether that was allowed."""
