@@ -61,6 +61,15 @@ def calculate_in_one_thread() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+def same_modules() -> dict[str, str]:
+    """Return variables with which a Python process imports the same modules as this one.
+
+    Without them it looks in its working directory first: from a directory with the source tree it would run that, not
+    the installed and compiled package.
+    """
+    return {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path)), "PYTHONSAFEPATH": "1"}
+
+
 @contextmanager
 def rare_garbage_collection() -> Generator[None]:
     """Collect garbage within no more often than commands do; afterwards as before."""

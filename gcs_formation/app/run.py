@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from airlink import mavlink as m
-from airlink.cli import rare_garbage_collection
+from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
 from airlink.endpoint import Endpoint, PortError
 from airlink.engine import MemoryNetwork
@@ -119,8 +119,8 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
     command += ["--truth", str(directory / TRUTH)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
     # A session of its own: Ctrl-C reaches only us, so that we can tell the vehicles to loiter first.
-    pipe = subprocess.PIPE
-    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True)
+    pipe, environment = subprocess.PIPE, os.environ | same_modules()
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment, start_new_session=True)
     if process.stdout is not None:
         os.set_blocking(process.stdout.fileno(), False)
     try:

@@ -17,7 +17,7 @@ from multiprocessing import forkserver, resource_tracker
 from time import sleep
 from typing import Any, Self, TypeAlias
 
-from airlink.cli import SIGNALS
+from airlink.cli import SIGNALS, same_modules
 from airlink.clock import Stopwatch
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies.flight import VERSION, Task, fly, lost
@@ -81,7 +81,7 @@ class Processes:
     def _new_pool(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(["gcs_formation.studies.flight"])
-        with _interrupts_deferred():
+        with _interrupts_deferred(), _environment(same_modules()):
             forkserver.ensure_running()
         return ProcessPoolExecutor(self._count, context, _begin)
 
@@ -104,6 +104,21 @@ def _interrupts_deferred() -> Generator[None]:
             signal.signal(number, handler)
     for first in held[:1]:
         signal.raise_signal(first)
+
+
+@contextmanager
+def _environment(variables: dict[str, str]) -> Generator[None]:
+    """Set environment variables for a while: a process started meanwhile has them."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _begin() -> None:
