@@ -8,6 +8,7 @@ from airlink.cli import VERSION, ImportedWhenChosen, examples
 
 EXAMPLES = examples(
     "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",
+    "sim-vehicles mixed.yaml --vehicles 1,2      two of them: the others fly elsewhere",
     "sim-vehicles --count 4 --base-port 14551    vehicle i has system id i and sends to port 14550 + i",
     "sim-vehicles --count 20 --one-port          all of them to port 14550",
     "sim-vehicles sins configs/sins.yaml         inertial navigation: alignment, then flight",

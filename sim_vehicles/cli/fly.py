@@ -35,6 +35,9 @@ APART_M = 20.0
 @click.option("--base-port", type=WholeNumber(1, MAX_PORT), help="Port of vehicle 1.  [default: 14550]")
 @click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
+@click.option(
+    "--vehicles", "chosen", metavar="IDS", help="Of the scenario's vehicles only these: 1,2; others fly elsewhere."
+)
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
 @click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
@@ -45,8 +48,9 @@ APART_M = 20.0
 def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
     """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C (exit status 130) or SIGTERM (0)."""
     count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
-    if scenario is None and overrides:
-        fail("found --set without a scenario; allowed: with one")
+    chosen: str | None = options.pop("chosen")
+    if scenario is None and (overrides or chosen):
+        fail(f"found {'--set' if overrides else '--vehicles'} without a scenario; allowed: with one")
     if scenario is not None and (count or base_port or one_port):
         fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
     plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
@@ -54,6 +58,8 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
         config = plain if scenario is None else fleet_config(load_scenario(scenario, overrides))
     except ScenarioError as error:
         fail(str(error))
+    if chosen is not None:
+        config = replace(config, vehicles=_chosen(config.vehicles, chosen))
     if ready_s is not None:
         config = replace(config, ready_s=ready_s)
 
@@ -96,6 +102,16 @@ def _greet(text: str) -> None:
         click.echo(text)
     except BrokenPipeError:  # the reader has gone; the vehicles fly on for others
         drop(sys.__stdout__)
+
+
+def _chosen(vehicles: tuple[VehicleConfig, ...], ids: str) -> tuple[VehicleConfig, ...]:
+    """Return those vehicles of a scenario that a list like "1,2:7" names."""
+    names = [name.strip() for name in ids.split(",")]
+    known = [str(each.identity) for each in vehicles]
+    for name in names:
+        if name not in known:
+            fail(f"--vehicles: found '{name}'; allowed: the scenario's vehicles, {', '.join(known)}")
+    return tuple(each for each in vehicles if str(each.identity) in names)
 
 
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:

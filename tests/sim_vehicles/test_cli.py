@@ -56,6 +56,30 @@ def test_quiet_says_nothing(port):
     assert (answer.exit_code, answer.output) == (0, "")
 
 
+THREE = """
+vehicles:
+  - {id: 1, role: leader, endpoint: "udpin:127.0.0.1:24551"}
+  - {id: 2, endpoint: "udpin:127.0.0.1:24552"}
+  - {id: 2, network: 7, endpoint: "udpin:127.0.0.1:24553", autopilot: arduplane}
+path: {waypoints_m: [[0, 0, 100], [2000, 0, 100]]}
+disturbances: [{at_s: 1, velocity_mps: [1, 0, 0]}]
+faults: [{at_s: 1, vehicles: ['1:2'], kind: crash}]
+"""
+
+
+def test_some_of_a_scenarios_vehicles_where_the_others_fly_elsewhere(tmp_path):
+    (tmp_path / "three.yaml").write_text(THREE)
+    answer = call(tmp_path / "three.yaml", "--vehicles", "1, 7:2", "--until", 0.1)
+    assert answer.exit_code == 0
+    assert [line.split(" sends")[0] for line in answer.stdout.splitlines()] == ["vehicle 1", "vehicle 7:2"]
+    answer = call(tmp_path / "three.yaml", "--vehicles", "1,3", "--until", 0.1)
+    assert answer.exit_code == 2
+    assert "--vehicles: found '3'; allowed: the scenario's vehicles, 1, 2, 7:2" in answer.stderr
+    answer = call("--vehicles", "1", "--until", 0)
+    assert answer.exit_code == 2
+    assert "found --vehicles without a scenario" in answer.stderr
+
+
 def test_ports_count_up_from_the_base_port():
     answer = call("--count", 2, "--base-port", 14550, "--until", 0)
     assert answer.stdout.splitlines() == [f"vehicle {i} sends to 127.0.0.1:{14549 + i}" for i in (1, 2)]
@@ -88,7 +112,7 @@ def test_a_scenario_and_a_count_exclude_each_other(tmp_path):
 def test_help_shows_its_examples_a_line_each():
     answer = call("--help")
     assert answer.exit_code == 0
-    assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 5
+    assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 6
 
 
 def test_a_bad_scenario_exits_2_and_names_the_place(tmp_path):
