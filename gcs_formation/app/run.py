@@ -274,7 +274,8 @@ def rehearsal_text(report: dict[str, Any]) -> str:
             when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
             given = {name: "unset" if value is None else f"{value:.10g}" for name, value in message["values"].items()}
             values = ", ".join(f"{name} {value}" for name, value in given.items())
-            lines.append(f"  {when}: {message['message']} {message['command']}: {values or 'all 0'}")
+            what = f"{message['message']} {message['command']}".rstrip()
+            lines.append(f"  {when}: {what}: {values or 'all 0'}")
     return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
 
 

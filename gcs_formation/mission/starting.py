@@ -68,7 +68,9 @@ class PreFlight:
                 checks = autopilot.checks(planned.model, scenario.path)
                 self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._scenario, self._placed = scenario, set[VehicleId]()
-        self._judged, self._refused = set[VehicleId](), False
+        self._judged = set[VehicleId]()
+        self._refused, self._gave_up = list[str](), False
+        """What prevents the take-off, in words, and whether that has ended the run."""
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """Findings that don't prevent the take-off."""
 
@@ -111,6 +113,9 @@ class PreFlight:
                 self._judge(vehicle, reader, now)
             else:
                 found += [(vehicle, request) for request in reader.requests(now)]
+        if self._refused and len(self._judged) == len(self._readers) and not self._gave_up:
+            self._gave_up = True  # only now: whoever mends one vehicle's parameters wants to know of all others'
+            self._give_up("; ".join(self._refused), now)
         return found
 
     def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
@@ -138,11 +143,9 @@ class PreFlight:
         refused = [finding.text for finding in findings if finding.refuses]
         text = tuple(finding.text for finding in findings if not finding.refuses)
         self.warnings[vehicle.identity] = (*self.warnings.get(vehicle.identity, ()), *text)
-        if text or not refused:
-            self._note(now, "parameters", "; ".join(text) or IN_ORDER, vehicle)
-        if refused and not self._refused:
-            self._refused = True
-            self._give_up(f"vehicle {vehicle.identity}: {'; '.join(refused)}", now)
+        self._note(now, "parameters", "; ".join([*refused, *text]) or IN_ORDER, vehicle)
+        if refused:
+            self._refused.append(f"vehicle {vehicle.identity}: {'; '.join(refused)}")
 
 
 class Starting:

@@ -44,12 +44,15 @@ class Summary:
 
 def summarise(outcome: RunOutcome) -> Summary:
     """Return the summary of a run, scored from the leader's start along its path."""
+    from importlib.metadata import version  # noqa: PLC0415 - its import takes longer than a short command's others
+
     scenario, flight = outcome.scenario, outcome.flight
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
     safety, breaches = _safety(outcome)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
+        "version": version("gcs-formation"),
         "name": scenario.name,
         "seed": scenario.seed,
         "clock": outcome.clock,

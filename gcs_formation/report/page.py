@@ -219,6 +219,7 @@ def _subtitle(run: RunData) -> str:
     return (
         f"{leader} and {followers}; {scenario.formation.shape} of {scenario.formation.spacing_m:g} m; "
         f"{law} at {scenario.law.rate_hz:g} Hz, {prediction} delay compensation; seed {run.summary['seed']}"
+        + (f"; gcs-formation {run.summary['version']}" if run.summary.get("version") else "")
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
 from airlink import mavlink as m
@@ -254,6 +254,28 @@ def _compass(heading_rad: float) -> float:
     return degrees if degrees < ALL_ROUND_DEG else 0.0
 
 
+def _renamed(
+    names: tuple[str, str],
+    unit: str,
+    allowed: Callable[[str, float], str],
+    holds: Callable[[float], bool],
+    refuses: Callable[[float], bool] = lambda _: False,
+) -> Check:
+    """Return the check of a parameter that 4.7.0 renamed and converted from centimetres to metres.
+
+    Args:
+        names: in 4.7.0 and before.
+        unit: in 4.7.0.
+        allowed: the allowed values in words, from a unit and its length in metres.
+        holds: whether a value in metres is allowed.
+        refuses: whether it prevents the take-off of all vehicles.
+    """
+    older = Check(
+        names[1:], allowed(f"c{unit}", CM), lambda value: holds(value * CM), lambda value: refuses(value * CM)
+    )
+    return Check(names[:1], allowed(unit, 1.0), holds, refuses, older)
+
+
 class ArduCopter(ArduPilot):
     """An ArduPilot multirotor or helicopter, commanded in GUIDED by velocity setpoints."""
 
@@ -317,22 +339,29 @@ class ArduCopter(ArduPilot):
                 lambda value: value in COPTER_LEADS_AWAY,
             ),
             heartbeat_timeout("FS_GCS_TIMEOUT"),
-            Check(
-                ("WPNAV_SPEED",),
-                f"{fastest / CM:g} cm/s or more, its model's speed_max_mps; it flies no faster",
-                lambda value: value * CM >= fastest,
-                lambda value: value * CM < speed,
+            _renamed(
+                ("WP_SPD", "WPNAV_SPEED"),
+                "m/s",
+                lambda unit, size_m: (
+                    f"{fastest / size_m:g} {unit} or more, its model's speed_max_mps; it flies no faster"
+                ),
+                lambda value: value >= fastest,
+                lambda value: value < speed,
             ),
-            Check(
-                ("WPNAV_ACCEL",),
-                f"{model.accel_max_mps2 / CM:g} cm/s² or more, its model's accel_max_mps2",
-                lambda value: value * CM >= model.accel_max_mps2,
+            _renamed(
+                ("WP_ACC", "WPNAV_ACCEL"),
+                "m/s²",
+                lambda unit, size_m: f"{model.accel_max_mps2 / size_m:g} {unit} or more, its model's accel_max_mps2",
+                lambda value: value >= model.accel_max_mps2,
             ),
-            Check(
-                ("RTL_ALT",),
-                "at most the lowest height of the path, in cm: lower than that, nobody climbs into others on the way "
-                "home",
-                lambda value: value * CM <= lowest_m(path),
+            _renamed(
+                ("RTL_ALT_M", "RTL_ALT"),
+                "m",
+                lambda unit, size_m: (
+                    f"{lowest_m(path) / size_m:g} {unit} at most, the lowest height of the path: lower "
+                    "than that, nobody climbs into others on the way home"
+                ),
+                lambda value: value <= lowest_m(path),
             ),
         )
 

@@ -57,11 +57,20 @@ class Check:
     holds: Callable[[float], bool]
     refuses: Callable[[float], bool] = lambda _: False
     """Whether a value that isn't allowed prevents the take-off of all vehicles."""
+    older: Check | None = None
+    """The check of the same parameter in earlier versions, under another name and in another unit."""
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """The parameter's names in all versions, newest first."""
+        return self.names if self.older is None else (*self.names, *self.older.all_names)
 
     def judge(self, values: Mapping[str, float]) -> Finding | None:
         """Return the finding on the parameter among `values`; None if it is allowed, or unknown."""
         found = next(((name, values[name]) for name in self.names if name in values), None)
-        if found is None or self.holds(found[1]):
+        if found is None:
+            return None if self.older is None else self.older.judge(values)
+        if self.holds(found[1]):
             return None
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
 
@@ -153,7 +162,7 @@ class ParameterReader:
     ) -> None:
         """Prepare requests to `system`; `value_of` decodes an answer."""
         self._system, self._checks, self._value_of = system, checks, value_of
-        self._tries = {name: 0 for check in checks for name in check.names}
+        self._tries = {name: 0 for check in checks for name in check.all_names}
         self._values: dict[str, float] = {}
         self._next = Instant(0)
 
@@ -182,12 +191,12 @@ class ParameterReader:
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""
         found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
-        unread = [" or ".join(check.names) for check in self._checks if not self._reported(check)]
+        unread = [" or ".join(check.all_names) for check in self._checks if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 
     def _missing(self) -> list[str]:
-        wanted = [name for check in self._checks if not self._reported(check) for name in check.names]
+        wanted = [name for check in self._checks if not self._reported(check) for name in check.all_names]
         return [name for name in wanted if self._tries[name] < TRIES]
 
     def _reported(self, check: Check) -> bool:
-        return any(name in self._values for name in check.names)
+        return any(name in self._values for name in check.all_names)

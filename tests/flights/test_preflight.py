@@ -109,6 +109,17 @@ def test_a_parameter_with_which_nobody_can_fly_keeps_everybody_as_they_are() -> 
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 
+def test_all_vehicles_that_cannot_be_flown_are_named_at_once() -> None:
+    world = World(Listening, READ, **GROUND)
+    put(world, 1, "TKOFF_ALT", 20)
+    put(world, 2, "AIRSPEED_MAX", 20)
+    world.run(30.0)
+    failure = world.station.course.failure or ""
+    assert [told.split(" ")[1] for told in failure.split("vehicle ")[1:]] == ["TKOFF_ALT:", "AIRSPEED_MAX:"]
+    assert sum("AIRSPEED_MAX: found 20" in told for told in world.words("parameters")) == 1
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
 def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over() -> None:
     world = World(caution=READ, vehicles={"count": 2})
     put(world, 2, "AIRSPEED_MAX", 20)

@@ -16,8 +16,8 @@ TLOG = "flight.tlog"
 TIMESERIES = "timeseries.parquet"
 EVENTS = "events.jsonl"
 SUMMARY = "summary.json"
-WALL_CLOCK = ("wall_s", "real_time_factor", "control.compute_ms", "stability.worst_loop_delay_s")
-"""Figures of the summary that depend on the machine; the worst loop delay includes computing time."""
+WALL_CLOCK = ("version", "wall_s", "real_time_factor", "control.compute_ms", "stability.worst_loop_delay_s")
+"""What in the summary depends on the machine and the revision; the worst loop delay includes computing time."""
 STAMP_BYTES = 8
 """Before each frame of a tlog: microseconds since 1970, big-endian."""
 MARKER_V2 = 0xFD

@@ -7,11 +7,13 @@ import math
 import pytest
 
 from airlink import mavlink as m
+from airlink.clock import Instant
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages.command import CommandLong, SetPositionTargetLocalNed
+from airlink.messages.command import CommandLong, ParamValue, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.ardupilot import ArduCopter
+from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, ground_motion
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned
 
@@ -121,6 +123,39 @@ IN_ORDER = {
     "WPNAV_ACCEL": 250,
     "RTL_ALT": 1500,
 }
+
+
+IN_ORDER_SINCE_4_7 = {
+    "MAV_GCS_SYSID": 255,
+    "FS_GCS_ENABLE": 1,
+    "FS_GCS_TIMEOUT": 5,
+    "WP_SPD": 9,
+    "WP_ACC": 2.5,
+    "RTL_ALT_M": 15,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "refuses", "allowed"),
+    [
+        ("WP_SPD", 8, False, "9 m/s or more"),
+        ("WP_SPD", 4, True, "9 m/s or more"),
+        ("WP_ACC", 1, False, "2.5 m/s² or more"),
+        ("RTL_ALT_M", 35, False, "30 m at most"),
+    ],
+)
+def test_names_and_units_since_4_7(name, value, refuses, allowed):
+    """ArduPilot, "Parameter Name Changes": WPNAV_SPEED, WPNAV_ACCEL and RTL_ALT became metres under other names."""
+    checks = COPTER.checks(
+        *planned(5.0, 30.0, speed_min_mps=0.0, speed_max_mps=9.0, turn_rate_max_rps=0.4, accel_max_mps2=2.5)
+    )
+    reader = ParameterReader(1, checks)
+    for each, found in (IN_ORDER_SINCE_4_7 | {name: value}).items():
+        reader.take(ParamValue(each, found, m.MAV_PARAM_TYPE_REAL32, 1, 0), Instant(0))
+    assert reader.complete
+    (finding,) = reader.findings()
+    assert finding.text.startswith(f"{name}: found {value}; allowed: {allowed}")
+    assert finding.refuses == refuses
 
 
 @pytest.mark.parametrize(
