@@ -12,6 +12,7 @@ from formation_scenario.fields import (
     MAX_NEAR_M,
     Allowed,
     Flag,
+    Fraction,
     Keys,
     NonNegative,
     Number,
@@ -31,6 +32,12 @@ GraphWeights = tuple[tuple[NonNegative, ...], ...]
 Graph = Annotated[
     Literal["star", "path", "ring", "complete"] | GraphWeights,
     Allowed("star, path, ring, complete, or a square list of weights >= 0", ("star", "path", "ring", "complete")),
+]
+RuleRow = Annotated[tuple[Fraction, ...], Field(min_length=5, max_length=5)]
+RuleTable = Annotated[
+    tuple[RuleRow, ...],
+    Field(min_length=5, max_length=5),
+    Allowed("5 rows of 5 numbers from 0 to 1: a row for each set of the error's rate, a column for each of the error"),
 ]
 LawType = Literal["fuzzy_pid", "pid", "consensus"]
 """The laws are in `gcs_formation.control.laws`."""
@@ -136,8 +143,17 @@ class Fuzzy(Keys):
     base: NonNegative = key(0.7, "share of the nominal gain at F = 0", 0.8)
     span: NonNegative = key(0.6, "share of the nominal gain that F = 1 adds", 0.4)
     tables: Literal["printed", "symmetric"] = key(
-        "printed", "the rule tables: as the paper prints them, or made symmetric"
+        "printed", "the rule tables: as they are, by default as the paper prints them, or made symmetric"
     )
+    table_p: RuleTable | None = key(
+        None,
+        "rules of kp in place of the paper's: F for negative high, negative low, zero, positive low and positive high "
+        "rates (rows) and errors (columns); the paper's ZR, PL, PH are 0, 0.5, 1",
+        [[0, 0, 1, 0, 0]] * 5,
+        derived="the paper's",
+    )
+    table_i: RuleTable | None = key(None, "the same of ki", [[0, 0, 1, 0, 0]] * 5, derived="the paper's")
+    table_d: RuleTable | None = key(None, "the same of kd", [[0, 0, 1, 0, 0]] * 5, derived="the paper's")
 
 
 def _of_the_protocol(default: float, description: str, example: float) -> Any:  # noqa: ANN401 - as above

@@ -49,9 +49,19 @@ PH PH PH PH PH
 """
 
 
-def rule_tables(kind: Literal["printed", "symmetric"]) -> Array:
-    """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as printed, or made symmetric in the error's sign (29g)."""
-    tables = np.stack([_parse(table) for table in (TABLE_P, TABLE_I, TABLE_D)], axis=-1)
+Rules = tuple[tuple[float, ...], ...] | None
+"""A table of 5 by 5 F in [0, 1], rows the error's rate; None: the paper's."""
+PAPERS: tuple[Rules, Rules, Rules] = (None, None, None)
+
+
+def rule_tables(kind: Literal["printed", "symmetric"], given: tuple[Rules, Rules, Rules] = PAPERS) -> Array:
+    """Return (5, 5, 3): F_p, F_i, F_d by rate and error, as they are, or made symmetric in the error's sign (29g)."""
+    papers = (TABLE_P, TABLE_I, TABLE_D)
+    each = [
+        _parse(paper) if table is None else np.array(table, dtype=np.float64)
+        for paper, table in zip(papers, given, strict=True)
+    ]
+    tables = np.stack(each, axis=-1)
     return tables if kind == "printed" else (tables + tables[::-1, ::-1]) / 2
 
 
@@ -62,9 +72,11 @@ def _parse(table: str) -> Array:
 class FuzzyGainScheduler:
     """Infers how far each gain moves from its base value towards its maximum."""
 
-    def __init__(self, tables: Literal["printed", "symmetric"] = "printed") -> None:
-        """Use the tables as printed, or symmetrised."""
-        factors: list[list[float]] = rule_tables(tables).reshape(SETS * SETS, 3).T.tolist()
+    def __init__(
+        self, tables: Literal["printed", "symmetric"] = "printed", rules: tuple[Rules, Rules, Rules] = PAPERS
+    ) -> None:
+        """Use the paper's tables, or `rules` of kp, ki and kd in their place; as they are, or symmetrised."""
+        factors: list[list[float]] = rule_tables(tables, rules).reshape(SETS * SETS, 3).T.tolist()
         self._p, self._i, self._d = vec[float](factors[0]), vec[float](factors[1]), vec[float](factors[2])
 
     def infer(self, error: npt.ArrayLike, error_rate: npt.ArrayLike) -> Array:

@@ -226,9 +226,13 @@ def law_parameters(scenario: Scenario) -> LawParameters:
         heading=heading,
         height=height,
         gain_range=gain_range(scenario),
-        scheduler=FuzzyGainScheduler(law.fuzzy.tables) if law_kind(scenario).scheduled else None,
+        scheduler=_scheduler(law.fuzzy) if law_kind(scenario).scheduled else None,
         gust_radps=law.disturbance_observer_radps,
     )
+
+
+def _scheduler(fuzzy: keys.Fuzzy) -> FuzzyGainScheduler:
+    return FuzzyGainScheduler(fuzzy.tables, (fuzzy.table_p, fuzzy.table_i, fuzzy.table_d))
 
 
 def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:

@@ -348,6 +348,7 @@ def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
 def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
     """Return the summary without the figures that only the process that flew could know."""
     return summary | {
+        "version": None,
         "wall_s": None,
         "links": {name: link | dict.fromkeys(UNKNOWN_IN_LINKS) for name, link in summary["links"].items()},
         "received": dict.fromkeys(summary["received"]),

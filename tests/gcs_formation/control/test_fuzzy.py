@@ -80,3 +80,12 @@ def test_any_shape_goes_through() -> None:
 def test_what_is_not_a_number_is_refused_by_its_name(error, rate, name) -> None:
     with pytest.raises(ValueError, match=f"^{name}: found nan"):
         FuzzyGainScheduler().infer(error, rate)
+
+
+def test_rules_of_ones_own_take_the_place_of_the_papers():
+    rules = tuple(tuple(0.25 * row if column < 4 else 1.0 for column in range(5)) for row in range(5))
+    scheduler = FuzzyGainScheduler("printed", (rules, None, None))
+    assert scheduler.factors(-1.0, 1.0)[0] == 1.0
+    assert scheduler.factors(-1.0, 0.5)[0] == 0.75
+    assert scheduler.factors(1.0, -1.0)[0] == 1.0
+    assert scheduler.factors(0.3, -0.2)[1:] == FuzzyGainScheduler().factors(0.3, -0.2)[1:]
