@@ -44,7 +44,7 @@ class Summary:
 
 def summarise(outcome: RunOutcome) -> Summary:
     """Return the summary of a run, scored from the leader's start along its path."""
-    from importlib.metadata import version  # noqa: PLC0415 - short commands need it not
+    from importlib.metadata import version  # noqa: PLC0415 - short commands don't need it
 
     scenario, flight = outcome.scenario, outcome.flight
     window = flight.window(0.0, scenario.duration_s)
