@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import islice
 from statistics import median, median_high, median_low
 from typing import Final
 
@@ -36,8 +37,11 @@ SCATTER_S, SCATTER_WEIGHT = 0.02, 4.0
 it, two round trips that agree by chance would fix the first estimate for minutes."""
 STEP_SIGMAS, STEP_S = 5.0, 3e-3
 GATE_SIGMAS, GATE_S = 4.0, 5e-3
+TRIP_SIGMAS, MEDIAN = 2.0, 1.2533
+"""A step is the link's if round trips changed with it by more than this multiple of what their medians differ by by
+chance. Ratio of a median's standard deviation to a mean's, for normally distributed noise."""
 UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
-"""A clock that steps this many times within `UNSTEADY_S` is unsteady."""
+"""A clock that steps this many times within `UNSTEADY_S`, with round trips as long as before, is unsteady."""
 OLDEST_UNIX_S = 1.5e9
 """Times before July 2017 mean that UTC hasn't been set."""
 JUMP_S = 0.01
@@ -64,8 +68,8 @@ class GnssClock:
         """Jump of its UTC since it was last accepted, s, 0 if there is none; a jump in flight isn't followed."""
         self._filter = ClockFilter(DRIFT, OFFSET_NOISE, DRIFT_NOISE)
         self._trips = deque[float](maxlen=WINDOW)
-        self._spans = deque[tuple[float, float]](maxlen=WINDOW)
-        """The same, and how far off the estimate each one's midpoint was."""
+        self._spans = deque[tuple[float, float]](maxlen=2 * WINDOW)
+        """Twice as many, and how far off the estimate each one's midpoint was."""
         self._off = deque[tuple[float, float]](maxlen=WINDOW)
         self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
@@ -86,7 +90,8 @@ class GnssClock:
         Half of a trip and what its own midpoint differs by. A trip of before a step of the link, or of after one that
         the estimate hasn't followed yet, so doesn't count as if the estimate were its own.
         """
-        return min((trip_s / 2 + abs(off_s) for trip_s, off_s in self._spans), default=math.nan)
+        recent = islice(reversed(self._spans), WINDOW)
+        return min((trip_s / 2 + abs(off_s) for trip_s, off_s in recent), default=math.nan)
 
     def why_not(self, *, used: bool = False) -> str | None:
         """Return why its UTC can't be used, None if it can; `used`: it is in use already."""
@@ -194,8 +199,23 @@ class GnssClock:
         reference = self._filter.reference
         self._filter.step(reference, self._filter.offset_s + step_s, variance)
         self._off.clear()
-        self._spans = deque([(trip_s, off_s - step_s) for trip_s, off_s in self._spans], WINDOW)
-        self._steps.append(reference)
+        if not self._trips_step_with(step_s):
+            self._steps.append(reference)
+        self._spans = deque([(trip_s, off_s - step_s) for trip_s, off_s in self._spans], 2 * WINDOW)
+
+    def _trips_step_with(self, step_s: float) -> bool:
+        """Return whether the round trips' length changed with a step of their midpoints: a clock's changes none."""
+        before_s = [trip_s for trip_s, off_s in self._spans if abs(off_s) < abs(off_s - step_s)]
+        since_s = [trip_s for trip_s, off_s in self._spans if abs(off_s) >= abs(off_s - step_s)]
+        if not before_s or not since_s:
+            return False
+        total_s2 = 0.0
+        for trips_s in (before_s, since_s):
+            mean_s = sum(trips_s) / len(trips_s)
+            total_s2 += sum((each - mean_s) ** 2 for each in trips_s)
+        scatter_s2 = total_s2 / max(1, len(self._spans) - 2)
+        chance_s = MEDIAN * math.sqrt(scatter_s2 * (1.0 / len(before_s) + 1.0 / len(since_s)))
+        return abs(median(since_s) - median(before_s)) > TRIP_SIGMAS * chance_s + STEP_S
 
 
 class StampMap:

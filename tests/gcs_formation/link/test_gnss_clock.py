@@ -26,10 +26,10 @@ class Made:
         self.clock = GnssClock(LOOP_S)
         self.drift, self.ways, self.jitter_s, self.armed_s = drift, ways, jitter_s, armed_s
         self._random, self._probes, self._ahead_s = random.Random(seed), 0, UTC_AT_0_S
-        self.now_s = 0.0
+        self.now_s = self.gained_s = 0.0
 
     def boot_s(self, at_s: float) -> float:
-        return at_s * (1 + self.drift)
+        return at_s * (1 + self.drift) + self.gained_s
 
     def fly(self, to_s: float, jump_s: float = 0.0) -> None:
         while self.now_s < to_s:
@@ -195,6 +195,28 @@ def test_a_link_that_changes_three_times_in_a_minute_is_no_clock_that_runs_unste
     made.fly(75.0)
     assert made.clock.why_not() is None
     assert abs(made.split_s() + 0.02) < 0.004
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.005, 0.02])
+@pytest.mark.parametrize("every_s", [6.0, 13.0])
+def test_a_step_that_round_trips_make_too_is_never_the_clocks(jitter_s: float, every_s: float) -> None:
+    """However often the link changes: one way alone, both, or from one to the other."""
+    ways_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.4, 0.04))
+    for seed in range(1, 9):
+        made = Made(20e-6, lambda at_s: ways_s[int(at_s / every_s) % 4], jitter_s, seed=seed)
+        while made.now_s < 120.0:
+            made.fly(made.now_s + 1.0)
+            assert made.clock.why_not() != "its clock doesn't run steadily"
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.005, 0.02])
+def test_a_clock_that_steps_behind_an_unchanged_link_is_said_to_be_unsteady(jitter_s: float) -> None:
+    for seed in range(1, 9):
+        made = Made(0.0, constant(0.1, 0.1), jitter_s, seed=seed)
+        for step in range(6):
+            made.gained_s = 0.1 * step
+            made.fly(made.now_s + 9.0)
+        assert made.clock.why_not() == "its clock doesn't run steadily"
 
 
 @pytest.mark.parametrize("jump_s", [-0.5, 0.05, 18.0])
