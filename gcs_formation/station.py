@@ -20,7 +20,7 @@ from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
-from gcs_formation.fleet.routing import Dispatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.routing import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.telemetry_watch import CommonClock, MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import LinkState
@@ -69,7 +69,7 @@ class Station(Engine):
         self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
-        self._telemetry = TelemetryWatch(*fleet)
+        self._flood, self._telemetry = FloodWatch(note), TelemetryWatch(*fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
         self._takeover = Takeover(resumed, *fleet)
@@ -155,11 +155,7 @@ class Station(Engine):
         """Run one tick: links, start-up, membership, setpoints, record."""
         self._schedule_tick(now)
         if self._heartbeats.heartbeat_due(now):
-            if self.flight.phase in COMMANDED:
-                self.design.watch(now)
-            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
-            self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
-            self._telemetry.watch_airspeeds(now)
+            self._watch_slowly(now)
             unguided = self._dispatch.unguided(now)
             self._send_all(self._heartbeats.heartbeats(self.flight.mission_time_s(now), unguided, now), now)
         self._common_clock.watch(now)
@@ -182,6 +178,15 @@ class Station(Engine):
         self._send_all(self._dispatch.stand_ins(now), now)
         if self.flight.phase in OVER:
             self.course.bring_to_end(now)
+
+    def _watch_slowly(self, now: Instant) -> None:
+        """Watch what changes slowly, once a second."""
+        if self.flight.phase in COMMANDED:
+            self.design.watch(now)
+        self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
+        self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
+        self._telemetry.watch_airspeeds(now)
+        self._flood.watch(now, self.received(), self.frames_refused)
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS

@@ -17,7 +17,7 @@ from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import Datagram, DelayQueue
-from airlink.frame import Frame
+from airlink.frame import Frame, ParserCounts
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
@@ -91,6 +91,39 @@ class Senders:
         else:
             why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+
+
+FLOOD_BYTES_PER_S: Final = 100e3
+"""Bytes that aren't frames; a vehicle sends some 5 kB/s."""
+FLOOD_FRAMES_PER_S: Final = 1000.0
+"""Frames that aren't taken for a vehicle's."""
+SUBSIDED: Final = 0.5
+"""A flood is over below this share of both."""
+
+
+class FloodWatch:
+    """Reports when so much of others arrives that the sockets may lose frames of vehicles."""
+
+    def __init__(self, note: Note) -> None:
+        """Start without counts."""
+        self._note, self._flooded, self._looked = note, False, NEVER
+        self._garbage_bytes, self._refused = 0, 0
+
+    def watch(self, now: Instant, counts: ParserCounts, frames_refused: int) -> None:
+        """Compare the counts since the flight began with those of the last call."""
+        garbage, refused = counts.garbage_bytes - self._garbage_bytes, frames_refused - self._refused
+        over_s = 0.0 if self._looked == NEVER else seconds_between(self._looked, now)
+        self._garbage_bytes, self._refused, self._looked = counts.garbage_bytes, frames_refused, now
+        if over_s <= 0.0:
+            return
+        share = max(garbage / over_s / FLOOD_BYTES_PER_S, refused / over_s / FLOOD_FRAMES_PER_S)
+        if not self._flooded and share > 1.0:
+            self._flooded = True
+            what = f"{garbage / over_s / 1e3:.0f} kB of no frame and {refused / over_s:.0f} frames of others arrive"
+            self._note(now, "flood", f"{what} a second; frames of vehicles may be lost in that", None, {})
+        elif self._flooded and share < SUBSIDED:
+            self._flooded = False
+            self._note(now, "flood", "is over", None, {})
 
 
 HOLD_MAX_S: Final = 1.0

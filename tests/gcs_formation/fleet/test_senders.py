@@ -10,12 +10,12 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
-from airlink.frame import Frame
+from airlink.frame import Frame, ParserCounts
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.fleet.routing import Senders
+from gcs_formation.fleet.routing import FloodWatch, Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
@@ -113,3 +113,20 @@ def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(gro
     (said,) = ground.notes.of("address", 2)
     assert said.startswith("is heard from 127.0.0.1:50000; 127.0.0.1:40000 fell silent 6.0 s ago")
     assert ground.given_up == []
+
+
+@pytest.mark.parametrize(
+    ("garbage_bytes", "frames", "said"), [(3_500_000, 0, "3500 kB of no frame and 0 frames"), (0, 4000, "4000 frames")]
+)
+def test_a_flood_is_reported_once_and_when_it_is_over(garbage_bytes: int, frames: int, said: str) -> None:
+    """Otherwise missing telemetry would look like the vehicles' own failure."""
+    notes = Noted()
+    flood, garbage, refused = FloodWatch(notes), 0, 0
+    for at_s in range(20):
+        share = 1.0 if 5 <= at_s < 12 else 0.01
+        garbage, refused = garbage + round(share * garbage_bytes), refused + round(share * frames)
+        flood.watch(after(Instant(0), float(at_s)), ParserCounts(garbage_bytes=garbage), refused)
+    begun, over = notes.of("flood")
+    assert said in begun
+    assert "frames of vehicles may be lost" in begun
+    assert over == "is over"
