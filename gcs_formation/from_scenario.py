@@ -31,7 +31,7 @@ from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import GAP_S
 from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
-from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
+from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, SpeedLead, VelocityLead
 
 MOST_REPEATED_S = 1.0
 """Longest averaging time: in gusts, averages over more follow model (7) instead of the vehicle."""
@@ -185,7 +185,8 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     if family == "px4_plane":
         return Px4Plane(*who, scale, SpeedLead(share, rest_s, limits_mps, period_s) if share < 1.0 else None)
     most_mps = model.speed_max_mps if share < 1.0 else math.inf
-    lead = VelocityLead(share, rest_s, most_mps, period_s, model.climb_max_mps)
+    height_s = max(HEIGHT_S, model.tau_ha_s + model.tau_hb_s)
+    lead = VelocityLead(share, rest_s, most_mps, period_s, model.climb_max_mps, height_s)
     return ArduCopter(*who, lead) if family == "arducopter" else Px4Copter(*who, lead)
 
 

@@ -152,6 +152,14 @@ class Controller(ABC):
         self._height.schedule(mixed[2], bandwidth[2])
         return self._forward.output(mixed[0]), self._right.output(mixed[1]), self._height.output(mixed[2])
 
+    def _closes_fast(self, model: AutopilotModel) -> bool:
+        """Return whether the height error shrinks at a rate near the vehicle's climb limit.
+
+        On a long climb the limit sustains the error; an integral gathered then would only be lost by overshooting.
+        """
+        most = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
+        return abs(self._height.rate) > most and self._height.rate * self.mixed[2] < 0.0
+
     @abstractmethod
     def decide(self, pair: Pair, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
@@ -333,14 +341,6 @@ class FollowerController(Controller):
         if error_m > 0.0:
             return min(faster_mps, most_mps + max(most_mps - flown_mps, 0.0))
         return max(faster_mps, -most_mps - max(most_mps + flown_mps, 0.0))
-
-    def _closes_fast(self, model: AutopilotModel) -> bool:
-        """Return whether the height error shrinks at a rate near the vehicle's climb limit.
-
-        On a long climb the limit sustains the error; an integral gathered then would only be lost by overshooting.
-        """
-        most = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
-        return abs(self._height.rate) > most and self._height.rate * self.mixed[2] < 0.0
 
     def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
         """Return the rate of change of the filtered drift (follower's wind minus leader's), along and across, m/s².

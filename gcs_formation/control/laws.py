@@ -23,7 +23,9 @@ from gcs_formation.guidance.leader_guidance import LeaderCommand
 STANDS_MPS: Final = 0.02
 """Commanded speed below which its course is the leader's heading."""
 LEAST_CORRECTION_MPS: Final = 0.5
-"""Speed correction that is allowed at any distance."""
+"""Speed correction, horizontal or vertical, that is allowed at any distance."""
+CLIMB_ACCEL_MPS2: Final = 1.0
+"""Vertical acceleration of multirotors: ArduCopter's WPNAV_ACCEL_Z; PX4's MPC_ACC_DOWN_MAX is larger."""
 
 
 class VelocityController(Controller):
@@ -59,14 +61,26 @@ class VelocityController(Controller):
         along_mps, across_mps = forward[0] + share * output[0], forward[1] + share * output[1]
         share = _share(along_mps, across_mps, model.speed_max_mps)
         along_mps, across_mps = share * along_mps, share * across_mps
-        reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
-        height_m = within(forward[2] + output[2], pair.state.height_m - reach_m, pair.state.height_m + reach_m)
+        height_m = self._limited_height(pair, forward[2] + output[2])
         if not (pair.replaced[0] or pair.replaced[1]):
             self._forward.integrate(mixed[0], along_mps - forward[0] - output[0], dt_s)
             self._right.integrate(mixed[1], across_mps - forward[1] - output[1], dt_s)
-        if not pair.replaced[2]:
+        if not pair.replaced[2] and not self._closes_fast(model):
             self._height.integrate(mixed[2], height_m - forward[2] - output[2], dt_s)
         return along_mps, across_mps, height_m
+
+    def _limited_height(self, pair: Pair, wanted_m: float) -> float:
+        """Return a height setpoint with which it climbs no faster, beside its slot, than it can brake from.
+
+        By (7) a setpoint that is (tau_ha + tau_hb) c above the vehicle is a climb at c.
+        """
+        model, state, lags_s = pair.model, pair.state, pair.model.tau_ha_s + pair.model.tau_hb_s
+        slot_mps = pair.leader.state.climb_mps + pair.slot.up_mps - state.updraught_mps
+        most_mps = LEAST_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * CLIMB_ACCEL_MPS2 * abs(self.error_m[2]))
+        beside_m = state.height_m + lags_s * slot_mps
+        height_m = within(wanted_m, beside_m - lags_s * most_mps, beside_m + lags_s * most_mps)
+        reach_m = model.climb_max_mps * lags_s
+        return within(height_m, state.height_m - reach_m, state.height_m + reach_m)
 
 
 def _feed_forward(pair: Pair) -> Triple:

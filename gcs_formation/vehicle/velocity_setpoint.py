@@ -1,7 +1,7 @@
 """Setpoints of all multirotors: velocity over ground and yaw.
 
 For them the law's airspeed and heading are ground speed and course. The station holds their heights: the vertical
-velocity is the height error divided by `HEIGHT_S`, because a height setpoint in this message requires a position too.
+velocity is the height error divided by `height_s`, because a height setpoint in this message requires a position too.
 
 Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as observed in ArduCopter's and PX4's simulators.
 
@@ -33,7 +33,7 @@ MULTIROTOR_TYPES: Final = frozenset(
     }
 )
 HEIGHT_S: Final = 1.5
-"""Time constant of height errors: the sum of the two height lags of (7)."""
+"""Least time constant of height errors: the sum of the two height lags of (7), in models of multirotors."""
 TURNS_FROM_MPS: Final = 1.0
 """Ground speed from which the nose turns to the course; below it, and in hover, the heading is kept."""
 NO_POSITION: Final = (
@@ -106,11 +106,16 @@ class VelocityLead:
         most_mps: float = math.inf,
         period_s: float = 1.0,
         climb_max_mps: float = math.inf,
+        height_s: float = HEIGHT_S,
     ) -> None:
-        """Start at the present velocity; one within the limits is commanded every `period_s`."""
+        """Start at the present velocity; one within the limits is commanded every `period_s`.
+
+        `height_s`: time constant of height errors, by which the vehicle has the model's height lags.
+        """
         self._north, self._east = (_Integrator(prompt_share, rest_s, period_s) for _ in range(2))
         self._most_mps, self._begun = most_mps, False
         self.climb_max_mps = climb_max_mps
+        self.height_s = height_s
 
     def forget(self) -> None:
         """Restart from the present velocity: others have commanded the vehicle meanwhile."""
@@ -151,7 +156,7 @@ def velocity_setpoint(
         setpoint.speed_mps * math.sin(setpoint.heading_rad),
     )
     north_mps, east_mps = lead.lead(velocity_mps, where.ground_mps())
-    sink_mps = (where.height_m - setpoint.height_m) / HEIGHT_S
+    sink_mps = (where.height_m - setpoint.height_m) / lead.height_s
     return SetPositionTargetLocalNed(
         0.0,
         system,

@@ -267,3 +267,29 @@ def test_another_leads_only_when_a_turn_on_the_spot_is_over():
     assert orders.take("leader 3", world.clock.now()).accepted
     world.run(3.0)
     assert world.worst_m() < 0.7
+
+
+@pytest.mark.parametrize(
+    ("model", "delay_ms"),
+    [
+        (FAMILY, 0),
+        ({"hovers": True, "speed_min_mps": 0, "speed_max_mps": 12, "tau_v_s": 0.8, "accel_max_mps2": 3}, 300),
+    ],
+)
+@pytest.mark.parametrize("above_m", [2.0, 8.0])
+def test_heights_settle_from_any_start_although_they_climb_with_1_mps2_only(
+    model: str | dict[str, object], delay_ms: float, above_m: float, tmp_path: Path
+) -> None:
+    """They swung by 1.2 m for good, and by 7 m with height lags that aren't the shipped models'."""
+    keys = {
+        "start": {"in_air": True, "run_in_s": 6, "offset_m": [0, 0, above_m], "tolerance_m": 20},
+        "duration_s": 45,
+        "finish": {"loiter_s": 0},
+        "vehicles": {"count": 2, "model": model},
+        "path": {"speed_mps": 4, "waypoints_m": [[0, 0, 40], [2000, 0, 40]]},
+        "formation": {"shape": "follower", "spacing_m": 15},
+        "links": {"default": {"delay_ms": delay_ms}},
+        "expect": [{"metric": "error_z_m.max", "from_s": 35, "below": 0.1}],
+    }
+    flown = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    assert [(each["value"], each["held"]) for each in flown["expect"] if not each["held"]] == []
