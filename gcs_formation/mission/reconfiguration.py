@@ -32,6 +32,8 @@ from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 TRY_AGAIN_S: Final = 1.0
 """Interval between attempts at a change that can't be flown from the formation's present position."""
+GATHERS_LATE_S: Final = 30.0
+"""Time without ways to the slots after which that is reported."""
 AMID: Final = 2.0
 """Vehicles within this multiple of the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
@@ -56,6 +58,8 @@ class Reconfiguration:
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
         """Reason for the postponement, in words."""
+        self._gathers_late_at: Instant | None = None
+        """When to report that vehicles still can't gather; None while they aren't about to."""
         self._planned_for = [False] * len(self._names)
         """Whether the present transition was planned with each vehicle, (C,)."""
         self._planned_for[controller.plan.leader] = True
@@ -140,14 +144,24 @@ class Reconfiguration:
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
             way = plan_gathering(self._scenario, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
-        except NotFlyableError:
+        except NotFlyableError as error:
+            self._gathers_late(str(error), now)
             return
+        self._gathers_late_at = None
         if way is not None or plan.beside.any():
             plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
         self._planned_for = present.tolist()
         if way is not None:
             text = "gathers clear of each other's ways"
             self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
+
+    def _gathers_late(self, why: str, now: Instant) -> None:
+        """Report, once in `GATHERS_LATE_S`, why vehicles still fly beside the leader: the path doesn't begin so."""
+        if self._gathers_late_at is None:
+            self._gathers_late_at = after(now, GATHERS_LATE_S)
+        elif now >= self._gathers_late_at:
+            self._gathers_late_at = after(now, GATHERS_LATE_S)
+            self._note(now, "postponed", f"no ways to the slots yet; they are tried again every second: {why}")
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.

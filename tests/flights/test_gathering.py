@@ -12,6 +12,8 @@ import yaml
 from scipy.spatial.distance import pdist
 
 import gcs_formation
+from formation_scenario.transition_plan import NotFlyableError
+from gcs_formation.mission import reconfiguration
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import TRUTH, read_parquet
 
@@ -101,3 +103,21 @@ def test_who_is_heard_late_behind_a_turning_leader_is_in_its_slot_when_the_leade
     assert "unassembled" not in {each["kind"] for each in events}
     phases = {each["text"]: each["t_s"] for each in events if each["kind"] == "phase"}
     assert phases["flying"] - phases["assembling"] < 320.0
+
+
+def test_that_no_ways_to_the_slots_are_found_is_told_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Thirty aircraft flew laps beside their leader until `start.timeout_s`, and nothing said why."""
+
+    def refuses(*_: object) -> None:
+        raise NotFlyableError("vehicle 2 and vehicle 3 would come within 5 m on the way", "8 m or more", 0.0)
+
+    monkeypatch.setattr(reconfiguration, "plan_gathering", refuses)
+    keys = PLANES | {"schema": 1, "duration_s": 1, "finish": {"loiter_s": 0}, "vehicles": {"count": 3}}
+    gcs_formation.run(
+        keys | {"start": {"in_air": True, "run_in_s": 40, "timeout_s": 30}}, clock="virtual", out=tmp_path
+    )
+    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    (told,) = [each["text"] for each in events if each["kind"] == "postponed"]
+    assert told.endswith(": vehicle 2 and vehicle 3 would come within 5 m on the way; allowed: 8 m or more")
