@@ -9,10 +9,10 @@ import numpy as np
 
 from airlink.clock import Instant, seconds_between
 from flight_model.arrays import Array, Indices, Mask, within, wrap
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel, FlightState, respond
 from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
 from flight_model.slot import HEIGHT
-from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Height, HeightSteps, lift_m
+from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Fence
@@ -23,12 +23,13 @@ HELD_M: Final = 10.0
 TURN_RAD: Final = np.pi / 2
 """Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
 STEP_M: Final = 1.0
-SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
-"""Points, as shares of the way until a height setpoint is reached, at which the ground is checked."""
 HELD_LAGS: Final = 0.5
 """Time, in lags of height, for which a height setpoint is assumed to be held before the fastest climb follows."""
-LAGS: Final = np.array([0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0])
+LAGS: Final = [0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
 """Times, in lags of height, at which the ground below that climb is checked."""
+LAGS_AHEAD: Final = np.array(LAGS)
+SHARES: Final = [(LAGS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
+"""Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
 ROOM_M: Final = 0.25
 """Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick."""
 AROUND_M: Final = 500.0
@@ -193,21 +194,26 @@ class HeightFloor:
 
     def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel) -> float:
         """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays clear of the ground."""
-        lag_s = _lag_s(model)
-        floor_m, most_m = self._floor_m(state, lag_s * SHARES), state.height_m + lag_s * model.climb_max_mps
-        needed_m = state.height_m + (floor_m - state.height_m) / SHARES
-        least_m = max(height_m, min(float(needed_m.max()), float(floor_m.max()), most_m))
+        floors_m, most_m = self._floors_m(state, model), state.height_m + _lag_s(model) * model.climb_max_mps
+        highest_m = needed_m = -math.inf
+        for index, share in SHARES:
+            highest_m = max(highest_m, floors_m[index])
+            needed_m = max(needed_m, state.height_m + (floors_m[index] - state.height_m) / share)
+        least_m = max(height_m, min(needed_m, highest_m, most_m))
         if least_m >= most_m:
             return least_m
-        lowest_m, highest_m = _climbs(state, np.array((least_m, most_m)), model)
-        short_m = self._floor_m(state, lag_s * LAGS) + self._room_m - lowest_m
-        return least_m + (most_m - least_m) * float(within((short_m / (highest_m - lowest_m)).max(), 0.0, 1.0))
+        low_m, high_m = _climbs(state, least_m, model), _climbs(state, most_m, model)
+        share = 0.0
+        for index, floor_m in enumerate(floors_m):
+            share = max(share, (floor_m + self._room_m - low_m[index]) / (high_m[index] - low_m[index]))
+        return least_m + (most_m - least_m) * min(share, 1.0)
 
-    def _floor_m(self, state: FlightState, over_s: Array) -> Array:
-        """Return the lowest clear heights along a vehicle's straight track; -inf where the ground isn't known."""
-        north_mps, east_mps = state.ground_mps()
+    def _floors_m(self, state: FlightState, model: AutopilotModel) -> list[float]:
+        """Return the lowest clear heights at `LAGS` along a vehicle's straight track; -inf over unknown ground."""
+        (north_mps, east_mps), over_s = state.ground_mps(), _lag_s(model) * LAGS_AHEAD
         ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
-        return np.nan_to_num(ground_m + self._clearance_m, nan=-math.inf)
+        found: list[float] = ground_m.tolist()
+        return [-math.inf if math.isnan(each) else each + self._clearance_m for each in found]
 
     def _begin(self, tick: Tick, column: int, least_m: float) -> None:
         if self._held.begins(("held above the ground", column), tick.now):
@@ -215,18 +221,15 @@ class HeightFloor:
             tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
 
 
-def _climbs(state: FlightState, told_m: Array, model: AutopilotModel) -> Array:
-    """Return the heights (M, L) at `LAGS` if each of M setpoints is held first and the fastest climb follows."""
-    count = told_m.size
-    models, state_of = AutopilotModels.from_each([model] * count), FlightStates.from_each([state] * count)
-    steps = HeightSteps.of(models, _lag_s(model) * np.diff(LAGS, prepend=0.0)[:, None])
-    lifted_m, climb_m = lift_m(state_of, models), _lag_s(model) * model.climb_max_mps
-    height, heights = Height(state_of.height_m, state_of.climb_mps), list[Array]()
-    for step, instant in enumerate(LAGS):
-        aim_m = told_m if instant <= HELD_LAGS else height.height_m + climb_m
-        height = steps.after(step, height, aim_m + lifted_m)
-        heights.append(height.height_m)
-    return np.array(heights).T
+def _climbs(state: FlightState, told_m: float, model: AutopilotModel) -> list[float]:
+    """Return the heights at `LAGS` if a setpoint is held first and the fastest climb follows."""
+    flown, begun, heights_m, climb_m = state.copy(), 0.0, list[float](), _lag_s(model) * model.climb_max_mps
+    for lags in LAGS:
+        aim_m = told_m if lags <= HELD_LAGS else flown.height_m + climb_m
+        respond(flown, model, math.nan, math.nan, aim_m, _lag_s(model) * (lags - begun))
+        heights_m.append(flown.height_m)
+        begun = lags
+    return heights_m
 
 
 def _lag_s(model: AutopilotModel) -> float:
