@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from math import atan2, cos, hypot, sin
 from typing import Any, NamedTuple
 
@@ -127,16 +127,41 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
 
 def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> tuple[Any, Array]:
     """Return rows and limits of `rows @ (control points, shortfalls) <= limits`; `slope` is that mid-step."""
-    count, sparse = slope.size + 3, _sparse()
-    lifted = _values_at(needed, count)
-    rise = sparse.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(count - 1, count))
-    bend = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
+    count, each = slope.size + 3, np.arange(needed.size)
+    first = np.minimum(needed // SAMPLES, count - 4)
+    weights = _sample_weights()[needed - first * SAMPLES]
+    values, rows, columns = _differences(count)
     own = np.pad(slope, 1, mode="edge")
     up, down = np.maximum(bounds.slope - own, 0.0) * STEP_M, np.maximum(bounds.slope + own, 0.0) * STEP_M
     curved = np.full(count - 2, bounds.curvature_1pm * STEP_M**2)
     limits = np.concatenate((-needed_m[needed], *_begun(begun_m, up, down, curved)))
-    rows = sparse.vstack((-lifted, rise, -rise, bend, -bend))
-    return sparse.hstack((rows, -sparse.eye_array(limits.size, needed.size))), limits
+    values = np.concatenate((-weights.ravel(), values, -np.ones(needed.size)))
+    rows = np.concatenate((np.repeat(each, 4), needed.size + rows, each))
+    columns = np.concatenate(((first[:, None] + np.arange(4)).ravel(), columns, count + each))
+    return _sparse().csr_array((values, (rows, columns)), (limits.size, count + needed.size)), limits
+
+
+@cache
+def _sample_weights() -> Array:
+    """Return what each of a step's four control points counts at its samples, both ends included: (SAMPLES + 1, 4)."""
+    shares = np.arange(SAMPLES + 1, dtype=np.float64) / SAMPLES
+    ones: list[list[float]] = np.eye(4).tolist()
+    return np.array([blend([np.full_like(shares, each) for each in unit], shares)[0] for unit in ones]).T
+
+
+@lru_cache(maxsize=4)
+def _differences(count: int) -> tuple[Array, Indices, Indices]:
+    """Return the entries of rises, falls and both signs of bends between control points: values, rows, columns."""
+    values, rows, columns = list[Array](), list[Indices](), list[Indices]()
+    begin = 0
+    for weights in ((-1.0, 1.0), (1.0, -1.0), (1.0, -2.0, 1.0), (-1.0, 2.0, -1.0)):
+        each = np.arange(count + 1 - len(weights))
+        for ahead, weight in enumerate(weights):
+            values.append(np.full(each.size, weight))
+            rows.append(begin + each)
+            columns.append(each + ahead)
+        begin += each.size
+    return np.concatenate(values), np.concatenate(rows), np.concatenate(columns)
 
 
 def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
@@ -167,18 +192,6 @@ def _with_depth(rows: Any, count: int) -> Any:  # noqa: ANN401 - see `_sparse`
     one, none = sparse.eye_array(count), sparse.csr_array
     points = sparse.hstack((-one, none((count, rows.shape[1] - count)), -one))
     return sparse.vstack((sparse.hstack((rows, none((rows.shape[0], count)))), points))
-
-
-def _values_at(samples: Indices, count: int) -> Any:  # noqa: ANN401 - see `_sparse`
-    """Return the matrix (samples, control points) of the spline's values at samples."""
-    first = np.minimum(samples // SAMPLES, count - 4)
-    share: Array = (samples - first * SAMPLES) / SAMPLES
-    one, zero = np.ones_like(share), np.zeros_like(share)
-    units = [[one if i == j else zero for j in range(4)] for i in range(4)]
-    weights = np.stack([blend(unit, share)[0] for unit in units], axis=1)
-    rows = np.repeat(np.arange(samples.size), 4)
-    columns: Any = (first[:, None] + np.arange(4)).ravel()
-    return _sparse().csr_array((weights.ravel(), (rows, columns)), (samples.size, count))
 
 
 def minimum_jerk(u: T) -> tuple[T, T, T]:
