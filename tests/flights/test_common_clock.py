@@ -151,7 +151,7 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
 
 def jump(world: World, number: int, seconds: float) -> None:
     """Let a vehicle's UTC jump, but not its time since boot: ArduPilot doesn't do this in flight, others may."""
-    world.vehicle(number)._clock._ahead_ns += round(seconds * NANOSECONDS)
+    world.vehicle(number).clock._ahead_ns += round(seconds * NANOSECONDS)
 
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
