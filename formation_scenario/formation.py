@@ -33,7 +33,7 @@ Graph = Annotated[
     Literal["star", "path", "ring", "complete"] | GraphWeights,
     Allowed("star, path, ring, complete, or a square list of weights >= 0", ("star", "path", "ring", "complete")),
 ]
-RuleRow = Annotated[tuple[Fraction, ...], Field(min_length=5, max_length=5)]
+RuleRow = Annotated[tuple[Fraction, ...], Field(min_length=5, max_length=5), Allowed("5 numbers from 0 to 1")]
 RuleTable = Annotated[
     tuple[RuleRow, ...],
     Field(min_length=5, max_length=5),
