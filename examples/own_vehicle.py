@@ -1,7 +1,8 @@
 """A vehicle of one's own: what the ground station asks of an ArduPlane, by pymavlink. See own_vehicle.yaml.
 
 It answers TIMESYNC, parameters and commands, sends what it is asked for at the intervals it is told, and flies three
-setpoints in GUIDED: speed, altitude and heading. Put your own dynamics into `fly`, or your own autopilot in its place.
+setpoints in GUIDED: speed, altitude and heading, by the machine's own clock, as a real autopilot does. Put your own
+dynamics into `fly`, or your own autopilot in its place.
 """
 
 import math
