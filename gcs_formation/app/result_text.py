@@ -13,6 +13,7 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array
 from flight_model.slot import UNKNOWN
 from gcs_formation.link.link_health import LinkState
+from gcs_formation.record.expectations import FAILINGS
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -102,10 +103,10 @@ def result_line(summary: Summary) -> str:
     verdicts, figures = [verdict.held for verdict in summary.verdicts], summary.to_dict()
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
     said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
-    undone = f"; {len(figures['undone'])} not done as planned" if figures["undone"] else ""
+    more = [f"{len(figures[key])} {words}" for key, words in FAILINGS.items() if figures[key]]
     if figures["assembled"] is False:
-        undone += "; not everyone was in its slot when the path began"
-    outcome = f"expectations: {said}; safety: {figures['safety']['violations']} violations{undone}"
+        more.append("not everyone was in its slot when the path began")
+    outcome = "; ".join((f"expectations: {said}", f"safety: {figures['safety']['violations']} violations", *more))
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 
 

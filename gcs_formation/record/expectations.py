@@ -12,7 +12,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array
-from formation_scenario import Scenario
+from formation_scenario import Scenario, Vehicle
 from formation_scenario.expectation import (
     FOLLOWER_METRICS,
     LINK_METRICS,
@@ -26,6 +26,8 @@ from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import RecordedFlight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
+FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
+"""Lists of summary.json that make the exit status 1 if they aren't empty, in words."""
 SECTIONS = ("safety", "control", "stability")
 ABSENT_S = 1.0
 """Shorter absences of a follower from the formation aren't mentioned."""
@@ -173,10 +175,15 @@ def judge(
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
                 verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
                 end_s = min(each.to_s, flown_s)
-                out = [step.downlink.outage for step in scenario.link_steps(planned) if step.at_s <= end_s][-1]
+                out = is_out(scenario, planned, end_s)
                 yield _link_verdict(verdict, links[planned.vehicle_id], end_s, out=out)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
+
+
+def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float) -> bool:
+    """Return whether the scenario has an outage of a vehicle's downlink at a mission time."""
+    return [step.downlink.outage for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1]
 
 
 def _of_followers(

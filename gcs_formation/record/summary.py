@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +12,9 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
+from formation_scenario import Scenario
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, judge
+from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.timeseries import PHASES
 
@@ -68,6 +70,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "safety": safety,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
+        "unsafe": [*_lost(scenario, flight, outcome.links), *outcome.unsafe],
         "failure": outcome.failure,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
@@ -80,8 +83,19 @@ def summarise(outcome: RunOutcome) -> Summary:
         for wanted in (scenario.expect, outcome.measure)
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
-    unsafe = (f"safety broken: {text}" for text in outcome.unsafe)
+    unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
     return Summary(parts, verdicts, (*breaches, *unsafe, *outcome.undone), measured=measured)
+
+
+def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, LinkFigures]) -> Iterator[str]:
+    """Yield in words which vehicles were lost in the air: silent to the end, by no fault or outage of the scenario."""
+    for planned in scenario.vehicles:
+        identity, link = planned.vehicle_id, links[planned.vehicle_id]
+        if not math.isfinite(link.heard_to_s) or math.isfinite(link.due_to_s):
+            continue
+        flew = flight.airborne(identity)[flight.mission_time_s <= link.heard_to_s][-1:].any()
+        if flew and not is_out(scenario, planned, float(flight.mission_time_s[-1])):
+            yield f"vehicle {identity} was lost in the air: not heard from {link.heard_to_s:.1f} s to the end"
 
 
 def _begun_s(flight: RecordedFlight) -> float | None:

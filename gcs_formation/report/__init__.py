@@ -94,7 +94,7 @@ SUMMARY_SHAPE: Shape = {
             **dict.fromkeys(("from_s", "to_s", "below", "above"), Maybe(NUMBER)),
         }
     ),
-    "undone": Maybe(Each(TEXT)),
+    **dict.fromkeys(("undone", "unsafe"), Maybe(Each(TEXT))),
 }
 """What a report reads from summary.json (docs/summary.schema.json)."""
 

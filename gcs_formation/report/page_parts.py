@@ -15,7 +15,7 @@ import yaml
 
 from formation_scenario.expectation import CHANNEL_UNITS
 from formation_scenario.surroundings import StepDisturbance
-from gcs_formation.record.expectations import WORDS
+from gcs_formation.record.expectations import FAILINGS, WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts
 
@@ -98,7 +98,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
     broken, violations = verdicts.count(False), summary["safety"]["violations"]
     words = [f"{broken} of {len(verdicts)} expectations broken"] if broken else []
     words += [f"{violations} safety violation{'s' * (violations != 1)}"] if violations else []
-    words += [f"{len(undone)} not done as planned"] if (undone := summary.get("undone")) else []
+    words += [f"{len(summary[key])} {said}" for key, said in FAILINGS.items() if summary.get(key)]
     if words:
         return badge(False, ", ".join(words))
     if not verdicts:

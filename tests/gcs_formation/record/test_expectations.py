@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import LinkFigures, Verdict, judge
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.summary import _link
+from gcs_formation.record.summary import _link, _lost
 from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, THIRD, flown
 
 FLOWN_S = 10.0
@@ -252,3 +253,31 @@ def test_a_follower_that_was_away_and_came_back_is_said_to_have_been(away_s: flo
     flight = RecordedFlight({**whole.vehicles, FOLLOWER: own}, truth=True)
     (found,) = judge(scenario, flight, PARTS, {}, False)
     assert (found.held, found.reason) == (True, said)
+
+
+@pytest.mark.parametrize(
+    ("link", "keys", "lost"),
+    [
+        ({"heard_to_s": 3.0}, {}, True),
+        ({}, {}, False),
+        ({"heard_to_s": 5.0}, {}, False),
+        ({"heard_to_s": 3.0, "due_to_s": 3.0}, {}, False),
+        ({"heard_to_s": 3.0}, {"links": {"changes": [{"at_s": 3, "downlink": {"outage": True}}]}}, False),
+        (
+            {"heard_to_s": 3.0},
+            {"links": {"changes": [{"at_s": 3, "outage": True}, {"at_s": 6, "outage": False}]}},
+            True,
+        ),
+    ],
+    ids=["silent", "heard", "had come down", "planned fault", "planned outage", "silent after an outage"],
+)
+def test_a_vehicle_that_falls_silent_in_the_air_for_good_is_lost(
+    link: dict[str, Any], keys: dict[str, Any], lost: bool
+) -> None:
+    """It had no fault of the scenario's. It comes down at 4.1 s, so that one last heard later was on the ground."""
+    scenario = load_scenario(KEYS | {"duration_s": FLOWN_S} | keys)
+    heard = LinkFigures(np.zeros((1, 3)), np.zeros(1), 0.0, 9, 9, 0)
+    own = replace(heard, **link)
+    links = {each.vehicle_id: heard for each in scenario.vehicles} | {FOLLOWER: own}
+    words = ["vehicle 2 was lost in the air: not heard from 3.0 s to the end"]
+    assert list(_lost(scenario, flown(FOLLOWER), links)) == (words if lost else [])

@@ -142,6 +142,7 @@ def test_one_broken_expectation_breaks_the_run(make_run):
     assert "none broken, 1 not judged" in verdict({**summary, "expect": unbroken})
     assert "all held" in verdict({**summary, "expect": unbroken[:1]})
     assert "2 safety violations" in verdict({**summary, "safety": {"violations": 2}})
+    assert "1 left unsafe" in verdict({**summary, "expect": unbroken, "unsafe": ["vehicle 3 was lost in the air"]})
 
 
 def test_the_papers_figures_stand_beside_ours_only_after_its_own_disturbance(make_run):
