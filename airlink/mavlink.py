@@ -40,6 +40,11 @@ def name_of(enum: str, value: int) -> str:
     return next((name.removeprefix(f"{enum}_") for name, its in _ENUMS[enum].items() if its == value), str(value))
 
 
+def flags_of(enum: str, bits: int) -> list[str]:
+    """Return the names of those flags of a bitmask enum that are set in `bits`."""
+    return [name for name, flag in _ENUMS[enum].items() if bits & flag]
+
+
 MAVLINK_MSG_ID_CURRENT_MODE = 436
 LATER = {"CURRENT_MODE": (MAVLINK_MSG_ID_CURRENT_MODE, 193)}
 """Messages of MAVLink's common set that the dialect lacks: id and CRC_EXTRA."""

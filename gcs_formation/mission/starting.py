@@ -263,15 +263,16 @@ def _wrong_family(vehicle: Vehicle) -> str:
 
 
 def _lacks(vehicle: Vehicle, now: Instant) -> str:
-    """Return in brackets which telemetry is missing after a request, or why it can't be used."""
+    """Return in brackets what a step waits for: readiness, or telemetry, which is missing or can't be used."""
     if not vehicle.start_up.asks_for_telemetry:
-        return ""
+        lacking = vehicle.start_up.lacks(vehicle.telemetry)
+        return f" ({lacking})" if lacking else ""
     seen, acknowledged = vehicle.telemetry, vehicle.commands.outcome is Outcome.ACCEPTED
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
-    lacking = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
-    return f" (it has told no {' and no '.join(lacking)})" if lacking else ""
+    untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
+    return f" (it has told no {' and no '.join(untold)})" if untold else ""
 
 
 def _result(vehicle: Vehicle) -> str:

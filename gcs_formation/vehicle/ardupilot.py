@@ -104,7 +104,7 @@ class ArduPilot(Autopilot, ABC):
             StartUpStep(
                 "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
             ),
-            StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            self._ready_step(),
         )
 
     def _guided_step(self) -> StartUpStep:
@@ -113,10 +113,10 @@ class ArduPilot(Autopilot, ABC):
             "set mode GUIDED", lambda seen: seen.custom_mode == guided, lambda _: (self.set_mode(guided),)
         )
 
-    def _is_ready(self, seen: Telemetry) -> bool:
-        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
-        on_ground = seen.heartbeat is not None and seen.ekf_flags & EKF_READY == EKF_READY and healthy
-        return on_ground or self.is_airborne(seen)
+    def _lacks_to_arm(self, seen: Telemetry) -> str:
+        flags = m.flags_of("EKF_STATUS_FLAGS", EKF_READY & ~seen.ekf_flags)
+        estimates = f"EKF_STATUS_REPORT: no {', '.join(flags)}" if seen.ekf_flags else "no EKF_STATUS_REPORT"
+        return "; ".join(filter(None, (estimates if flags else "", super()._lacks_to_arm(seen))))
 
 
 class ArduPlane(ArduPilot):

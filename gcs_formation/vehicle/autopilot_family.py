@@ -66,6 +66,8 @@ class StartUpStep:
     """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
     takes_off: bool = False
     """Whether its commands make the vehicle leave the ground."""
+    lacks: Callable[[Telemetry], str] = lambda _: ""
+    """Returns what `done` waits for, in words, if that isn't plain from the name."""
 
     def acts(self, seen: Telemetry) -> bool:
         """Return whether its commands change what the vehicle does, not only which messages it sends."""
@@ -173,6 +175,20 @@ class Autopilot(ABC):
             arm = bool(command.param1)
             return Effect("arming" if arm else "disarming", _armed, arm)
         return None
+
+    def _ready_step(self) -> StartUpStep:
+        """Return the step that waits until it would arm, or flies."""
+
+        def done(seen: Telemetry) -> bool:
+            return self.is_airborne(seen) or not self._lacks_to_arm(seen)
+
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=90.0, lacks=self._lacks_to_arm)
+
+    def _lacks_to_arm(self, seen: Telemetry) -> str:
+        """Return in words what it lacks to be armed, "" if nothing."""
+        if seen.heartbeat is None:
+            return "no heartbeat"
+        return "" if seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK else "SYS_STATUS: PREARM_CHECK not passed"
 
     def mode_asked(self, command: Command) -> int | None:
         """Return the mode, numbered as in heartbeats, that a command sets; None if it sets none."""

@@ -132,7 +132,7 @@ class Px4(Autopilot, ABC):
             StartUpStep(
                 "asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True
             ),
-            StartUpStep("waited for it to be ready to arm", self._is_ready, timeout_s=90.0),
+            self._ready_step(),
             *self._waits(),
             StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
             StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
@@ -178,10 +178,10 @@ class Px4(Autopilot, ABC):
         motion = seen.motion
         return math.nan if motion is None else motion.height_m - motion.above_home_m + self.origin.alt_m
 
-    def _is_ready(self, seen: Telemetry) -> bool:
-        standby = seen.heartbeat is not None and seen.heartbeat.system_status == m.MAV_STATE_STANDBY
-        healthy = bool(seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK)
-        return (standby and healthy) or self.is_airborne(seen)
+    def _lacks_to_arm(self, seen: Telemetry) -> str:
+        status = m.MAV_STATE_STANDBY if seen.heartbeat is None else seen.heartbeat.system_status
+        said = "" if status == m.MAV_STATE_STANDBY else f"its heartbeats say {m.name_of('MAV_STATE', status)}"
+        return "; ".join(filter(None, (said, super()._lacks_to_arm(seen))))
 
     def _has_climbed(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF

@@ -96,6 +96,10 @@ class StartUp:
         """Whether the current step makes the vehicle leave the ground."""
         return 0 <= self.index < len(self.steps) and self.steps[self.index].takes_off
 
+    def lacks(self, telemetry: Telemetry) -> str:
+        """Return what the current step waits for, in words, if that isn't plain from its name."""
+        return self.steps[self.index].lacks(telemetry) if 0 <= self.index < len(self.steps) else ""
+
     @property
     def asks_for_telemetry(self) -> bool:
         """Whether the current step requests telemetry."""

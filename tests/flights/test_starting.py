@@ -88,7 +88,7 @@ def ignores_in_the_air(world: World) -> None:
             nothing,
             ("mode", "MANUAL"),
             90,
-            "we waited for it to be ready to arm",
+            "we waited for it to be ready to arm (no EKF_STATUS_REPORT)",
             marks=pytest.mark.slow,
         ),
         (Between, ignores, ("disobeys", "mode TAKEOFF"), 18, "we set mode TAKEOFF"),

@@ -81,10 +81,13 @@ def test_a_plane_that_isnt_ready_is_neither_moved_to_take_off_nor_armed(
 ):
     tell(m.PLANE_MODE_MANUAL)
     telemetry.sensors_healthy = 0
+    telemetry.ekf_flags &= ~m.EKF_POS_HORIZ_ABS
     assert {command for command, _ in walk.go()} == {INTERVAL}
     assert walk.failure() is None
     walk.now = after(START, 91.0)
     assert walk.failure() == "not done within 90 s after we waited for it to be ready to arm"
+    lacking = "EKF_STATUS_REPORT: no EKF_POS_HORIZ_ABS; SYS_STATUS: PREARM_CHECK not passed"
+    assert walk.start_up.lacks(telemetry) == lacking
 
 
 def test_the_time_of_a_step_is_that_of_each_of_its_requests(walk: Walk):
