@@ -192,6 +192,16 @@ class FileError(Exception):
     """A file that a key names can't be used; the message says what was found, and where."""
 
 
+def distinct_texts(found: float, allowed: float) -> tuple[str, str]:
+    """Return both numbers as text, with three digits or as many as it takes to tell them apart."""
+    texts = (f"{found:.3g}", f"{allowed:.3g}")
+    for digits in range(4, 9):
+        if texts[0] != texts[1]:
+            break
+        texts = (f"{found:.{digits}g}", f"{allowed:.{digits}g}")
+    return texts
+
+
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return " (did you mean 'x'?)" for the choice nearest to a word, "" if none is near.
 

@@ -10,6 +10,7 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints, SplinePath
 from formation_scenario.begin_and_end import over_ground_mps, wind_mps
+from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
@@ -58,13 +59,20 @@ class SampledPath(NamedTuple):
 
 
 class _Demand(NamedTuple):
-    """Demand on one limit: shares of it (K, N), excessive above 1, the figures (K, N) and their unit."""
+    """Demand on one limit: figures (K, N) in a unit, and each vehicle's bound (N,), which they may not exceed."""
 
     limit: str
     unit: str
-    share: Array
     figure: Array
+    bound: Array
     step: SlotStep | None
+    least: bool = False
+    """Whether the bound is the lowest figure allowed."""
+
+    @property
+    def share(self) -> Array:
+        """(K, N) the share of the limit that is needed, excessive above 1."""
+        return self.bound / np.maximum(self.figure, TOLERANCE) if self.least else self.figure / self.bound
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
@@ -139,7 +147,8 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
         shape = None if worst.step is None else worst.step.shape
         whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
         more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
-        found = f"{whose} would need {worst.figure[index, column]:.3g} {worst.unit}{more}"
+        figure, bound = float(worst.figure[index, column]), float(worst.bound[column])
+        found = f"{whose} would need {distinct_texts(figure, bound)[0]} {worst.unit}{more}"
         yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.speed_mps))
 
 
@@ -151,7 +160,7 @@ def _leaders(
     models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
     most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
     turn = np.abs(scenario.path.speed_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
-    return _Demand("turn", "rad/s of turn", turn / most, turn, None)
+    return _Demand("turn", "rad/s of turn", turn, most, None)
 
 
 def _followers(
@@ -166,10 +175,10 @@ def _followers(
     slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
     turn_most = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
     accel_most = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])
-    yield _Demand("speed", "m/s", speed / fastest, speed, step)
-    yield _Demand("speed", "m/s", slowest / np.maximum(speed, TOLERANCE), speed, step)
-    yield _Demand("turn", "rad/s of turn", turn / turn_most, turn, step)
-    yield _Demand("accel", "m/s² of acceleration", accel / accel_most, accel, step)
+    yield _Demand("speed", "m/s", speed, fastest, step)
+    yield _Demand("speed", "m/s", speed, slowest, step, least=True)
+    yield _Demand("turn", "rad/s of turn", turn, turn_most, step)
+    yield _Demand("accel", "m/s² of acceleration", accel, accel_most, step)
 
 
 def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:

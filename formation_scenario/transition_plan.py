@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array, Mask
 from flight_model.lift_and_displacement import PEAK_RATE
+from formation_scenario.fields import distinct_texts
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, SlotNeeds, Transition, slot_needs
 from formation_scenario.vehicles import VehicleModel
@@ -167,16 +168,6 @@ def _refuse_beyond(
             figure = f"{conditions.names[who]}'s slot would need {needed} {unit} on the way"
             bound = "at least" if limit[who] < 0 else "up to"
             raise NotFlyableError(figure, f"{bound} {most} {unit}", float(moments_s[moment]))
-
-
-def distinct_texts(found: float, allowed: float) -> tuple[str, str]:
-    """Return both numbers as text, with three digits or as many as it takes to tell them apart."""
-    texts = (f"{found:.3g}", f"{allowed:.3g}")
-    for digits in range(4, 9):
-        if texts[0] != texts[1]:
-            break
-        texts = (f"{found:.{digits}g}", f"{allowed:.{digits}g}")
-    return texts
 
 
 def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:

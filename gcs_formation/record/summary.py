@@ -13,6 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
+from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
@@ -171,8 +172,8 @@ def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
     ):
         if (values < allowed).any():
             worst = int(np.nanargmin(values))
-            found = f"{name} was {values[worst]:.2f} m {_when(flight, worst)}"
-            breaches.append(f"safety broken: {found}; allowed: {allowed:g} m or more")
+            found, least = distinct_texts(float(values[worst]), allowed)
+            breaches.append(f"safety broken: {name} was {found} m {_when(flight, worst)}; allowed: {least} m or more")
     violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
     measured = {"min_separation_m": figures.least(separation), "min_clearance_m": figures.least(clearance)}
     gave_way_s = figures.gave_way_s(flight, whole, outcome.scenario.law.rate_hz)

@@ -17,6 +17,7 @@ from airlink.messages.command import CommandInt
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.fields import distinct_texts
 from gcs_formation.link.link_health import STALE_AFTER_S
 from gcs_formation.record import timeseries
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
@@ -104,10 +105,12 @@ def separation(flown: FlightRecord) -> Iterator[str]:
         near = np.where(flying, apart_m, np.inf)
         if near.min(initial=np.inf) < least_m:
             worst = int(near.argmin())
+            found, allowed = distinct_texts(float(near[worst]), least_m)
+            flown_s, phase = ours["mission_time_s"][worst], timeseries.PHASES[int(ours["phase"][worst])]
+            when = "before the path" if np.isnan(flown_s) else f"at {flown_s:.1f} s"
             yield (
-                f"separation: vehicles {one.vehicle_id} and {other.vehicle_id} were {near[worst]:.2f} m apart at "
-                f"{ours['mission_time_s'][worst]:.1f} s ({timeseries.PHASES[int(ours['phase'][worst])]}); "
-                f"allowed: {least_m:g} m or more"
+                f"separation: vehicles {one.vehicle_id} and {other.vehicle_id} were {found} m apart {when} ({phase}); "
+                f"allowed: {allowed} m or more"
             )
 
 

@@ -11,6 +11,7 @@ from scipy.spatial.distance import pdist, squareform
 from flight_model.lift_and_displacement import DisplacedPath, Rise
 from flight_model.path import SplinePath
 from formation_scenario import load_scenario
+from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import (
     ACCELERATION_SHARE,
     TURN_SHARE,
@@ -22,7 +23,7 @@ from formation_scenario.formation_changes import (
 )
 from formation_scenario.slot_assignment import assigned, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition, slot_needs
-from formation_scenario.transition_plan import NotFlyableError, distinct_texts, segment_distances_m
+from formation_scenario.transition_plan import NotFlyableError, segment_distances_m
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPEED = 22.0

@@ -71,7 +71,7 @@ def test_a_sound_record_breaks_nothing(sound: FlightRecord) -> None:
 @pytest.mark.parametrize(
     ("tamper", "said"),
     [
-        (collided, "separation: vehicles 1 and 2 were 0.00 m apart"),
+        (collided, "separation: vehicles 1 and 2 were 0 m apart before the path (connecting)"),
         (too_fast, "was sent 28.100 m/s; allowed: 16 to 28"),
         (lambda flown: with_column(flown, "setpoint_heading_rad", -1, np.nan), "setpoint_heading_rad isn't a number"),
         (lambda flown: with_column(flown, "true_north_m", 5, np.inf), "true_north_m isn't a number in 1 rows"),
