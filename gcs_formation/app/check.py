@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flight_model.energy import GRAVITY_MPS2
 from flight_model.frequency_response import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
@@ -34,6 +35,8 @@ from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, misma
 
 MOST_HZ = 1000.0
 """Largest allowed law.rate_hz."""
+STEEP_DEG = 65.0
+"""Steepest bank that raises no doubt: the highest FW_R_LIM that PX4 takes; ArduPlane's ROLL_LIMIT_DEG is 45."""
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
@@ -149,6 +152,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_law.of_different_instants,
         check_law.slow_answer,
         long_silences,
+        steep_turns,
         slots_of_no_shape,
         check_links.bursts_of_nothing,
         check_links.too_old,
@@ -189,6 +193,22 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
         if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
             stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
             yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
+
+
+def steep_turns(scenario: Scenario) -> str | None:
+    """Return a warning of a fixed wing's turn rate that takes too steep a bank, as degrees given as radians do.
+
+    In a coordinated turn the bank is atan(speed * turn rate / g). None if nobody's is too steep.
+    """
+    speed_mps = scenario.path.speed_mps
+    for vehicle in (each for each in scenario.vehicles if not each.model.hovers):
+        turn_rps = vehicle.model.turn_rate_max_rps
+        bank = math.degrees(math.atan(speed_mps * turn_rps / GRAVITY_MPS2))
+        if bank > STEEP_DEG:
+            most_rps = GRAVITY_MPS2 * math.tan(math.radians(STEEP_DEG)) / speed_mps
+            found = f"vehicle {vehicle.vehicle_id}'s model.turn_rate_max_rps: found {turn_rps:g} rad/s"
+            return f"{found}, a bank of {bank:.0f}° at {speed_mps:g} m/s; {STEEP_DEG:g}° are {most_rps:.2g} rad/s"
+    return None
 
 
 def slots_of_no_shape(scenario: Scenario) -> str | None:

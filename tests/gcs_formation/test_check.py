@@ -205,6 +205,17 @@ def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path)
         assert any("found no elevation at north 5" in text for text in check_report(planned)["warnings"]) == told
 
 
+@pytest.mark.parametrize(("turn_rps", "told"), [(0.95, False), (0.96, True), (14.0, True)])
+def test_a_turn_rate_that_takes_more_bank_than_any_autopilot_allows_is_told(turn_rps: float, told: bool) -> None:
+    """At 22 m/s a bank of 65 degrees turns by 9.80665 tan(65 degrees) / 22 = 0.956 rad/s."""
+    model = {"turn_rate_max_rps": turn_rps}
+    planned = load_scenario(flight(vehicles={"count": 3, "model": model}))
+    found = [text for text in check_report(planned)["warnings"] if "a bank of" in text]
+    assert bool(found) == told
+    assert not told or f"found {turn_rps:g} rad/s" in found[0]
+    assert not told or found[0].endswith("at 22 m/s; 65° are 0.96 rad/s")
+
+
 @pytest.mark.parametrize(("spacing_m", "told"), [(5.0, True), (5.99, True), (6.0, False)])
 def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bool) -> None:
     """Slots 5 m apart may be flown, but an error of a millimetre breaks a separation of 5 m."""
