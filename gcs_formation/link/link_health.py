@@ -17,6 +17,8 @@ ANY: Final = -1
 """Sequence number not known yet, or not to be checked."""
 LATE: Final = MODULUS // 2
 """A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
+SKIPPED: Final = 8
+"""A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss."""
 SHARE: Final = 1 / 16
 """Weight of each new difference in the running mean."""
 STALE_AFTER_S: Final = 1.5
@@ -64,7 +66,8 @@ class Silence:
         """Return the number of frames lost if the vehicle sent for `seconds`.
 
         It is the count that agrees with the sequence numbers and is nearest to what the vehicle would have sent, with
-        or without answers. If the numbers have barely advanced and no count fits, the vehicle hung and sent nothing.
+        or without answers; if both fit, without. If the numbers have barely advanced and no count fits, the vehicle
+        hung and sent nothing.
         """
         if seconds < 0.0:  # it has restarted
             return 0
@@ -72,7 +75,7 @@ class Silence:
         own, every = share * self.own, share * (self.own + self.answers)
         missed, off = self._nearest(own)
         other, other_off = self._nearest(every)
-        if other_off < off:
+        if other_off < off and off > RATE_SHARE * own:  # most outages are of both ways
             missed, off = other, other_off
         return self.gap if self.gap <= self.run and off > RATE_SHARE * every else missed
 
@@ -112,6 +115,9 @@ class SequenceTracker:
         """The number of the next frame if none is missing."""
         self._missing: set[int] = set()
         """Numbers counted as lost that may still arrive."""
+        self._jump: i64 = 0
+        self._jumped: i64 = 0
+        """Frames counted as lost at the last gap, and how many had been received by then."""
 
     def observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
         """Take the sequence number of a frame that arrived now; the previous frame arrived at `heard`.
@@ -138,6 +144,8 @@ class SequenceTracker:
         self.received += 1
         self.lost += gap
         self._newest = sequence
+        if gap:
+            self._jump, self._jumped = gap, self.received
         if gap or self._missing:
             self._missing.update(int((newest + ahead) % MODULUS) for ahead in range(1, gap + 1))
             self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
@@ -148,9 +156,12 @@ class SequenceTracker:
         self._expected = ANY if self._missing or self._newest == ANY else (self._newest + 1) % MODULUS
 
     def restart(self) -> None:
-        """Forget the last number: the sender has restarted."""
+        """Forget the last number: the sender has restarted. What its new numbers seemed to skip wasn't lost."""
+        self.sent_for(-1.0)
+        if self._jump > SKIPPED and self.received - self._jumped <= LATE:
+            self.lost -= self._jump
+            self._jump = 0
         self._newest = self._expected = ANY
-        self.silence = None
         self._missing.clear()
 
     @property
@@ -221,6 +232,7 @@ class SequenceTracker:
             self._missing.remove(sequence)
             self.received += 1
             self.lost -= 1
+            self._jump = max(self._jump - 1, 0)
             self._expect()
         else:
             self.repeated += 1

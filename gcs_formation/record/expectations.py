@@ -29,6 +29,8 @@ WORDS = {True: "held", False: "broken", None: "not judged"}
 FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
 """Lists of summary.json that make the exit status 1 if they aren't empty, in words."""
 SECTIONS = ("safety", "control", "stability")
+UNANSWERED_S = 10.0
+"""A longer time without answers at a window's end is a time without measured delays."""
 ABSENT_S = 1.0
 """Shorter absences of a follower from the formation aren't mentioned."""
 
@@ -55,6 +57,11 @@ class LinkFigures:
     """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
     heard_to_s: float = math.inf
     """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
+
+    def answered_to_s(self, end_s: float) -> float:
+        """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""
+        last_s = float(np.max(self.delay_times_s, where=self.delay_times_s <= end_s, initial=-math.inf))
+        return last_s if end_s - last_s > UNANSWERED_S else math.inf
 
     @property
     def each_way_s(self) -> Array:
@@ -175,15 +182,16 @@ def judge(
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
                 verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
                 end_s = min(each.to_s, flown_s)
-                out = is_out(scenario, planned, end_s)
+                out = is_out(scenario, planned, end_s, either=True)
                 yield _link_verdict(verdict, links[planned.vehicle_id], end_s, out=out)
         else:
             yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
 
 
-def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float) -> bool:
-    """Return whether the scenario has an outage of a vehicle's downlink at a mission time."""
-    return [step.downlink.outage for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1]
+def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
+    """Return whether the scenario has an outage of a vehicle's downlink, or of `either` way, at a mission time."""
+    step = [each for each in scenario.link_steps(vehicle) if each.at_s <= at_s][-1]
+    return step.downlink.outage or (either and step.uplink.outage)
 
 
 def _of_followers(
@@ -227,20 +235,20 @@ def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: boo
 
     If a planned fault or outage silenced it, it isn't judged, unless its link had already broken a bound. If it fell
     silent by itself, metrics of a window are broken, as there are no measurements; those of the whole flight include
-    the silence. `out`: the scenario has an outage of the link at the window's end.
+    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request. `out`: the scenario has an
+    outage of the link at the window's end.
     """
-    silent_s = min(link.due_to_s, link.heard_to_s)
+    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
+    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if windowed else math.inf)
     if verdict.held is None or silent_s >= end_s:
         return verdict
-    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
     if fault or (out and windowed):
         at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
         reason = f"silenced at {at_s:.1f} s by the scenario's {whose}"
         known = verdict.value is not None and verdict.held is False
         return replace(verdict, reached=False, judged=known, reason=f"before it was {reason}" if known else reason)
-    return replace(
-        verdict, reached=verdict.reached and not windowed, reason=f"not heard from {link.heard_to_s:.1f} s on"
-    )
+    why = "not heard" if link.heard_to_s < end_s else "no answer"
+    return replace(verdict, reached=verdict.reached and not windowed, reason=f"{why} from {silent_s:.1f} s on")
 
 
 def _absence(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> str:

@@ -63,6 +63,35 @@ def test_a_restart_loses_nothing():
     assert tracker.loss == pytest.approx(0.25)
 
 
+def test_what_a_restarted_vehicle_s_numbers_seem_to_skip_was_not_lost():
+    """Its clock tells of the restart some frames after its numbers began again at 0, here 100 numbers ahead."""
+    tracker = tracked([154, 155, 0, 1, 2])
+    assert tracker.lost == 100
+    tracker.restart()
+    for number in (3, 4, 6):
+        tracker.observe(number, *AT_ONCE)
+    assert (tracker.received, tracker.lost) == (8, 1)
+
+
+def test_a_silence_that_a_restart_ends_lost_nothing():
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    tracker.observe(50, after(heard, 15.0), heard)
+    assert tracker.missed > 0
+    tracker.restart()
+    assert tracker.missed == 0
+
+
+@pytest.mark.parametrize("every", [False, True])
+def test_after_an_outage_that_both_counts_fit_nobody_is_thought_to_have_answered(every):
+    """In 15 s: 640 unasked frames; with 256 answers the numbers would be the same."""
+    tracker = SequenceTracker()
+    heard = heard_for(tracker, 20)
+    tracker.asked += 256
+    tracker.observe((20 * 64 + 640 + (256 if every else 0)) % MODULUS, after(heard, 15.0), heard)
+    assert tracker.missed == 640
+
+
 def test_nothing_heard_is_no_loss():
     assert SequenceTracker().loss == 0.0
 

@@ -196,7 +196,8 @@ def test_a_link_that_nothing_came_over_meets_no_bound(metric: str, frames: int) 
 def link_verdict(metric: str, changes: Any = (), **link: Any) -> Verdict:
     """Return the verdict on a bound of 0.9 on a figure of the second vehicle's link, which is 0 or 0.5 to the end."""
     delays_s = np.full((11, 3), 5e-4)
-    figures = LinkFigures(delays_s, np.arange(11.0), link.pop("loss", 0.0), 9, 9, 0, **link)
+    times_s = np.arange(11.0) - link.pop("ago_s", 0.0)
+    figures = LinkFigures(delays_s, times_s, link.pop("loss", 0.0), 9, 9, 0, **link)
     expect = [{"metric": metric, "followers": [2], "below": 0.9}]
     scenario = load_scenario(KEYS | {"expect": expect, "duration_s": FLOWN_S, "links": {"changes": [*changes]}})
     identity = scenario.vehicles[1].vehicle_id
@@ -237,6 +238,17 @@ def test_what_is_measured_of_a_link_is_not_judged_after_an_outage_that_is_planne
     assert found.reason == said
     over = [out, {"at_s": 4.5, "downlink": {"outage": False}}]
     assert link_verdict("measured_delay_ms.p99", over, heard_to_s=4.0).held is False
+
+
+@pytest.mark.parametrize("planned", [True, False])
+def test_delays_are_not_known_of_a_vehicle_that_answers_nothing_any_more(planned: bool) -> None:
+    """It is heard to the end; the last answer came 10.5 s before it."""
+    out = [{"at_s": 0, "uplink": {"outage": True}}] if planned else []
+    found = link_verdict("measured_delay_ms.p99", out, ago_s=10.5)
+    assert found.held is (None if planned else False)
+    assert found.reason == ("silenced at -0.5 s by the scenario's links" if planned else "no answer from -0.5 s on")
+    assert link_verdict("measured_delay_ms.p99", ago_s=9.5).held is True
+    assert link_verdict("measured_loss", out, ago_s=10.5).held is True
 
 
 @pytest.mark.parametrize(("away_s", "said"), [(0.5, ""), (3.0, "out of the formation for 3.0 s of 10.1 s")])
