@@ -96,17 +96,20 @@ OVER: Final = (Phase.ENDING, Phase.LOITERING)
 
 @dataclass
 class Flight:
-    """The phase of a run, its beginning, and the instant of t = 0."""
+    """The phase of a run, its beginning, the instant of t = 0, and when the flight along the path ended."""
 
     phase: Phase = Phase.CONNECTING
     since: Instant = Instant(0)
     path_began: Instant | None = None
+    path_ended: Instant | None = None
 
     def move(self, cause: Cause, now: Instant) -> bool:
         """Apply the table; return whether there is such a transition."""
         following = TRANSITIONS.get((self.phase, cause))
         if following is None:
             return False
+        if self.phase is Phase.FLYING:
+            self.path_ended = now
         self.phase, self.since = following, now
         if cause is Cause.PATH_BEGUN and self.path_began is None:
             self.path_began = now

@@ -44,12 +44,13 @@ class Orders:
 
     @property
     def undone(self) -> list[str]:
-        """Planned orders and changes of the formation that weren't carried out, with the reasons.
+        """Planned orders and changes of the formation that weren't carried out to their end, with the reasons.
 
-        Those planned for after an end by order or `--until` aren't counted.
+        What an end by order or `--until` prevented isn't counted.
         """
         late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
-        missed = [] if self._course.cut_short else late + self._reconfiguration.left
+        late += self._reconfiguration.left + self._reconfiguration.under_way(self._flight.path_ended)
+        missed = [] if self._course.cut_short else late
         return self._refused + self._reconfiguration.unflown + missed
 
     def resume(self, mission_s: float) -> None:

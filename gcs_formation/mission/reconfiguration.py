@@ -58,6 +58,8 @@ class Reconfiguration:
         self._postponed: Arrangement | None = None
         self._postponed_for = ""
         """Reason for the postponement, in words."""
+        self._changing = ""
+        """The last change of the arrangement, in words; "" once vehicles return to it after its end."""
         self._gathers_late_at: Instant | None = None
         """When to report that vehicles still can't gather; None while they aren't about to."""
         self._planned_for = [False] * len(self._names)
@@ -82,6 +84,11 @@ class Reconfiguration:
         """The scenario's changes that haven't begun, in words."""
         over = "wasn't flown: the flight was over"
         return [f"the change of the formation at {each.at_s:g} s {over}" for each in self._controller.plan.scheduled]
+
+    def under_way(self, ended: Instant | None) -> list[str]:
+        """The change whose slots hadn't come to rest at an instant, in words; empty if there was none."""
+        still = ended is not None and self._changing and not self._controller.plan.at_rest(ended / NANOSECONDS)
+        return [f"the change to {self._changing} was under way when the flight was over"] if still else []
 
     def resume(self, resumed: Resumption) -> None:
         """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""
@@ -170,7 +177,7 @@ class Reconfiguration:
             NotFlyableError: it can't be flown from here; nothing has changed.
         """
         controller, plan = self._controller, self._controller.plan
-        present, now_s = self._present(), now / NANOSECONDS
+        present, now_s, changes = self._present(), now / NANOSECONDS, wanted != plan.arrangement
         taken_over: tuple[DisplacedPath | None, float, float] | None = None
         route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
         if wanted.leader != plan.leader:
@@ -189,6 +196,10 @@ class Reconfiguration:
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
         if taken_over is not None:
             self._hand_over(wanted.leader, *taken_over, now)
+        if changes:
+            self._changing = self._in_words(wanted)
+        elif plan.at_rest(now_s):
+            self._changing = ""
         plan.adopt(wanted, way)
         self._wanted, self._planned_for = None, present.tolist()
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})

@@ -214,3 +214,28 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
     assert [text.split(":")[0] for text in summary["undone"]] == [f"order at {at_s} s" for at_s in (9, 10, 14, 19, 44)]
     assert summary["safety"]["min_separation_m"] > 10.0  # on the way home
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5
+
+
+@pytest.mark.parametrize(("duration_s", "under_way"), [(12, True), (30, False)])
+def test_a_change_that_the_flight_s_end_cuts_is_not_done(fly: Fly, duration_s: float, under_way: bool) -> None:
+    """The change from diamond to line takes 14.7 s; until it is over the slots move, and errors say nothing of it."""
+    summary = fly(
+        duration_s=duration_s,
+        path=STRAIGHT,
+        formation={"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]},
+        finish={"loiter_s": 3},
+    )
+    said = ["the change to line, 30 m, behind vehicle 1 was under way when the flight was over"]
+    assert summary.to_dict()["undone"] == (said if under_way else [])
+    assert summary.held is not under_way
+
+
+def test_a_change_that_an_order_to_end_cuts_is_not_judged(fly: Fly) -> None:
+    summary = fly(
+        duration_s=40,
+        path=STRAIGHT,
+        formation={"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]},
+        orders=[{"at_s": 10, "order": "loiter"}],
+        finish={"loiter_s": 3},
+    )
+    assert summary.to_dict()["undone"] == []
