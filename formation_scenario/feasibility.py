@@ -9,6 +9,7 @@ import numpy as np
 
 from flight_model.lift_and_displacement import Rise
 from flight_model.path import Route, SplinePath
+from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
@@ -191,7 +192,7 @@ def _near(
             leader = step.arrangement.leader
             pair = " and ".join("the leader" if each == leader else everyone[each] for each in (one, other))
             key = "slots_m" if step.shape == "custom" else "spacing_m"
-            yield (*path, key), f"found slots of {pair} {nearest:.3g} m apart in {step.shape}"
+            yield (*path, key), f"found slots of {pair} {distinct_texts(nearest, least_m)[0]} m apart in {step.shape}"
 
 
 def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]) -> Iterator[Finding]:

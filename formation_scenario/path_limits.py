@@ -196,5 +196,6 @@ def _speeds(model: VehicleModel) -> str:
 
 
 def place_of(points: PathPoints, index: int) -> str:
-    """Return a point of the path in words."""
-    return f"north {points.north_m[index]:.0f}, east {points.east_m[index]:.0f}, height {points.height_m[index]:.0f}"
+    """Return a point of the path in words, its height to a decimetre."""
+    north_m, east_m, height_m = points.north_m[index], points.east_m[index], round(points.height_m[index], 1)
+    return f"north {north_m:.0f}, east {east_m:.0f}, height {height_m:g}"

@@ -253,6 +253,7 @@ class Session:
                 assembled=self.station.course.assembled,
                 undone=tuple(self.station.orders.undone),
                 unsafe=tuple(self.station.course.unsafe),
+                flying_on=dict(self.station.course.flying_on),
                 failure=self.station.course.failure,
                 measure=self.options.measure,
             )

@@ -146,6 +146,8 @@ class Course:
         """Whether every follower was in its slot when the path began; None before that."""
         self.unsafe: list[str] = []
         """Vehicles that may circle at the same height after the run."""
+        self.flying_on = dict[VehicleId, str]()
+        """Vehicles that are still in their guided mode after the run, without setpoints, in words."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
@@ -261,6 +263,9 @@ class Course:
             for vehicle in pending:
                 text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
                 self._note(now, "unacknowledged", text, vehicle)
+                if vehicle.flies_on:
+                    mode = vehicle.autopilot.mode_name(vehicle.telemetry)
+                    self.flying_on[vehicle.identity] = f"vehicle {vehicle.identity} flies on in {mode}: it {text}"
             self.unsafe = ending.at_one_height()
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
 SECTIONS = ("safety", "control", "stability")
 UNANSWERED_S = 10.0
 """A longer time without answers at a window's end is a time without measured delays."""
+LEADERLESS_S = 5.0
+"""Time without a leader that isn't a loss: it takes 3.1 s until another takes over."""
 ABSENT_S = 1.0
 """Shorter absences of a follower from the formation aren't mentioned."""
 
@@ -97,6 +99,8 @@ class RunOutcome:
     """What the scenario planned and the flight didn't carry out, in words."""
     unsafe: tuple[str, ...] = ()
     """What the run left unsafe at its end, in words."""
+    flying_on: Mapping[VehicleId, str] = field(default_factory=dict)
+    """Vehicles that were left without setpoints and fly on, in words."""
     failure: str | None = None
     """Why the run failed after the flight."""
     measure: tuple[Expectation, ...] = ()
@@ -118,7 +122,7 @@ class Verdict:
     reason: str = ""
     """Why the window wasn't reached or isn't judged, in words."""
     lost: bool = False
-    """Whether this follower was lost before the window's or the flight's end."""
+    """Whether this follower was lost, or its link silent, before the window's or the flight's end."""
 
     @property
     def held(self) -> bool | None:
@@ -189,9 +193,10 @@ def judge(
 
 
 def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
-    """Return whether the scenario has an outage of a vehicle's downlink, or of `either` way, at a mission time."""
+    """Return whether by the scenario nothing comes down a vehicle's link, or passes `either` way, at a mission time."""
     step = [each for each in scenario.link_steps(vehicle) if each.at_s <= at_s][-1]
-    return step.downlink.outage or (either and step.uplink.outage)
+    ways = (step.downlink, step.uplink) if either else (step.downlink,)
+    return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)
 
 
 def _of_followers(
@@ -200,7 +205,8 @@ def _of_followers(
     """Yield a verdict for each chosen follower from the window's; `down`: no vehicle flies at the window's end."""
     wanted = plain.expectation
     chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
-    lost = {vehicle: _lost_at_s(wanted, flight, vehicle) for vehicle in flight.followers(scenario)}
+    rate_hz = scenario.law.rate_hz
+    lost = {vehicle: _lost_at_s(wanted, flight, vehicle, rate_hz) for vehicle in flight.followers(scenario)}
     for vehicle, lost_s in lost.items():
         if vehicle not in chosen:
             continue
@@ -215,7 +221,7 @@ def _of_followers(
             if crash_s is not None:
                 verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
         elif not plain.reason:
-            verdict = replace(verdict, reason=_absence(wanted, flight, vehicle, scenario.law.rate_hz))
+            verdict = replace(verdict, reason=_absence(wanted, flight, vehicle, rate_hz))
         yield verdict
 
 
@@ -239,16 +245,20 @@ def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: boo
     outage of the link at the window's end.
     """
     windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
-    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if windowed else math.inf)
+    needs_answers = verdict.expectation.metric.startswith("measured_delay")
+    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if needs_answers else math.inf)
     if verdict.held is None or silent_s >= end_s:
         return verdict
+    state = "silenced" if min(link.due_to_s, link.heard_to_s) < end_s else "cut off"
     if fault or (out and windowed):
         at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
-        reason = f"silenced at {at_s:.1f} s by the scenario's {whose}"
+        reason = f"{state} at {at_s:.1f} s by the scenario's {whose}"
         known = verdict.value is not None and verdict.held is False
-        return replace(verdict, reached=False, judged=known, reason=f"before it was {reason}" if known else reason)
-    why = "not heard" if link.heard_to_s < end_s else "no answer"
-    return replace(verdict, reached=verdict.reached and not windowed, reason=f"{why} from {silent_s:.1f} s on")
+        said = f"before it was {reason}" if known else reason
+        return replace(verdict, reached=False, judged=known, reason=said, lost=True)
+    why = "not heard" if state == "silenced" else "no answer"
+    reached, said = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
+    return replace(verdict, reached=reached, reason=said, lost=windowed)
 
 
 def _absence(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> str:
@@ -274,12 +284,16 @@ def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: Vehi
     return bool(leads.size and leads.all())
 
 
-def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> float | None:
+def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> float | None:
     """Return since when a follower was down or leaderless until the end of the window; None if it wasn't.
 
-    If another vehicle has succeeded the leader meanwhile, the time begins with the follower's own loss.
+    A follower in flight is leaderless from `LEADERLESS_S` on: until then another may take over. If another vehicle has
+    succeeded the leader meanwhile, the time begins with the follower's own loss.
     """
-    if flight.missed(vehicle, flight.window(wanted.from_s, wanted.to_s)) <= 1:
+    within = flight.window(wanted.from_s, wanted.to_s)
+    missed = flight.missed(vehicle, within)
+    flies = flight.airborne(vehicle)[within][-1:].any()
+    if missed <= 1 or (flies and flight.missed(vehicle, flight.window(0.0, wanted.to_s)) <= LEADERLESS_S * rate_hz):
         return None
     window = flight.window(0.0, wanted.to_s)
     missed = flight.missed(vehicle, window)

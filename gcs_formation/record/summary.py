@@ -71,7 +71,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "safety": safety,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
-        "unsafe": [*_lost(scenario, flight, outcome.links), *outcome.unsafe],
+        "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *outcome.unsafe],
         "failure": outcome.failure,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
@@ -97,6 +97,17 @@ def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, 
         flew = flight.airborne(identity)[flight.mission_time_s <= link.heard_to_s][-1:].any()
         if flew and not is_out(scenario, planned, float(flight.mission_time_s[-1])):
             yield f"vehicle {identity} was lost in the air: not heard from {link.heard_to_s:.1f} s to the end"
+
+
+def _flying_on(outcome: RunOutcome) -> Iterator[str]:
+    """Yield in words who flies on after the run, but not by a fault or an outage of the scenario at its end."""
+    scenario, end_s = outcome.scenario, float(outcome.flight.mission_time_s[-1])
+    for planned in scenario.vehicles:
+        text = outcome.flying_on.get(planned.vehicle_id)
+        faults = (each for each in scenario.faults if planned in scenario.selected(each.vehicles))
+        hindered = any(each.at_s <= end_s < (each.until_s or math.inf) for each in faults)
+        if text is not None and not hindered and not is_out(scenario, planned, end_s, either=True):
+            yield text
 
 
 def _begun_s(flight: RecordedFlight) -> float | None:

@@ -125,19 +125,23 @@ def worst(metric: str, each: Sequence[Any]) -> float | None:
 
 
 def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:
+    """Return a flight's figure; None if it has none, or if somebody was lost, by no fault or outage of the scenario.
+
+    A loss counts in `in_slot_share` itself.
+    """
     if metric == INVARIANTS:
         return float(len(wrong))
+    own = [each for each in summary.measured if each.expectation.metric == metric]
+    if metric != "in_slot_share" and any(each.lost and each.judged for each in own):
+        return None
     if not task.study.windowed:
         return figure(summary.figures, metric)
-    own = [each for each in summary.measured if each.expectation.metric == metric]
     found = [each.value for each in own if each.reached or each.lost]
     return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
 
 
 def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
-    """Return the metrics as expectations, if they are measured over a part of the flight."""
-    if not task.study.windowed:
-        return ()
+    """Return the metrics as expectations over the part of the flight over which they are measured."""
     from_s, to_s = task.study.from_s or 0.0, task.study.to_s or task.study.until_s or scenario.duration_s
     named = (metric for metric in task.study.measured if metric != INVARIANTS)
     return tuple(Expectation(metric=metric, from_s=from_s, to_s=to_s) for metric in named)

@@ -22,7 +22,7 @@ from gcs_formation.app.operator import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import fly, run
 from gcs_formation.phases import COMMANDED
-from gcs_formation.record.expectations import unflown
+from gcs_formation.record.expectations import FAILINGS, unflown
 from gcs_formation.record.flight import RecordedFlight, split
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
@@ -108,6 +108,7 @@ class FlownFlight:
         reached_s = self.figures["duration_s"]
         within = from_s <= end_s <= reached_s + 1.0 / self.scenario.law.rate_hz
         self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
+        self._require_as_planned()
         worst = [each for vehicle in chosen for each in self._worst(vehicle.vehicle_id, axes, from_s, end_s)]
         self._require(bool(worst), f"none of these followed anybody {window}", [each.vehicle_id for each in chosen])
         beyond = (each for each in worst if not each[0] <= limit_m)
@@ -126,6 +127,7 @@ class FlownFlight:
             for who, at_s in times.items()
             if at_s is None or not at_s < before_s
         ]
+        self._require_as_planned()
         self._require(bool(times), f"nobody followed who could settle before {before_s:g} s")
         self._require(not late, f"not settled before {before_s:g} s", late)
         return self
@@ -139,6 +141,7 @@ class FlownFlight:
         end_s = self.figures["duration_s"]
         missing = unflown(self._flight, 0.0, end_s, end_s)
         self._require(not missing, f"not {least_m:g} m apart all through the flight: {missing}")
+        self._require_as_planned()
         nearest_m = self.figures["safety"]["min_separation_m"]
         seen = nearest_m is not None
         self._require(seen and nearest_m >= least_m, f"vehicles {nearest_m} m apart; expected: {least_m:g} m or more")
@@ -205,6 +208,12 @@ class FlownFlight:
             allowed = ", ".join(str(each.vehicle_id) for each in among)
             raise ValueError(f"found vehicle {missing[0]}; allowed: {allowed}")
         return [known[name] for name in wanted]
+
+    def _require_as_planned(self) -> None:
+        """Require that what the scenario planned was done, and that nobody was lost or left unsafe."""
+        __tracebackhide__ = True
+        failings = [text for key in FAILINGS for text in self.figures[key]]
+        self._require(not failings, "not flown as planned", failings)
 
     def _require(self, holds: bool, claim: str, broken: Sequence[object] = ()) -> None:
         __tracebackhide__ = True

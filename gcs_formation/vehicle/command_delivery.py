@@ -260,6 +260,8 @@ class SetpointChannel:
 
     def forget(self) -> None:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
+        if self._refused != NEVER:
+            self._waiting = NEVER  # a refusal was an answer
         self._known, self._refused = None, NEVER
 
     def refused(self, result: int, heartbeats: int, now: Instant) -> None:

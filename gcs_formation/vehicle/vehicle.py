@@ -176,6 +176,13 @@ class Vehicle:
         """Time from its newest answer to its last frame, s."""
         return self.round_trips.unanswered_s(self.connection.last_heard)
 
+    @property
+    def flies_on(self) -> bool:
+        """Whether it flies in its guided mode, which isn't the mode in which it loiters."""
+        autopilot = self.autopilot
+        guided = self.telemetry.custom_mode == autopilot.guided_mode != autopilot.loiter_mode
+        return self.airborne and guided
+
     def left_alone(self, now: Instant) -> None:
         """Record that setpoints, heartbeats or the link are missing, on which its failsafe may act."""
         self.alone_at = now

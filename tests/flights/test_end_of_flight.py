@@ -246,6 +246,15 @@ def test_a_run_that_leaves_vehicles_at_one_height_exits_with_1_and_names_them(
     assert f"safety broken: {text}" in result.stderr
 
 
+def test_one_that_acknowledges_loiter_and_stays_in_guided_is_known_to_fly_on() -> None:
+    world = World(duration_s=4, vehicles={"count": 2}, finish={"loiter_s": 3})
+    world.fly_to(2.0)
+    world.inject(2, "ignore")
+    world.run()
+    (text,) = world.station.course.flying_on.values()
+    assert text.startswith("vehicle 2 flies on in GUIDED: it has not acknowledged that it loiters")
+
+
 def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:
     """It used to fly straight on with its last setpoint."""
     world = World(Deaf, duration_s=60, finish={"loiter_s": 5})

@@ -86,7 +86,7 @@ def test_a_climb_is_held_against_the_vehicle_that_climbs_least(refusal, load):
 def test_a_leg_too_steep_is_not_called_too_low(refusal, ground):
     """The spline swings 450 m below the ground before a leg of 150 m in height over 100 m."""
     (line,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2100, 0, 250], [4000, 0, 100]]", ground)
-    assert line.startswith("path.waypoints_m.1: path at 2047 m (north 2047, east 0, height 171): climbs 33.4 m/s;")
+    assert line.startswith("path.waypoints_m.1: path at 2047 m (north 2047, east 0, height 171.3): climbs 33.4 m/s;")
 
 
 def test_the_speed_of_the_path_must_suit_the_leader(refusal):

@@ -34,6 +34,9 @@ class Formation:
         formation: Any = self
         self.orders = Orders(load_scenario(keys), formation, formation, self.notes)
 
+    def under_way(self, ended: Instant | None) -> list[str]:
+        return ["a change is under way"] if ended is not None else []
+
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         return self._do(speed_mps)
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.record.expectations import LinkFigures, Verdict, judge
+from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.summary import _link, _lost
+from gcs_formation.record.summary import _flying_on, _link, _lost
 from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, THIRD, flown
 
 FLOWN_S = 10.0
@@ -102,9 +103,20 @@ def test_a_follower_that_is_lost_before_its_window_ends_breaks_what_is_expected_
         found = verdict(crashed=crashed, to_s=FLOWN_S, **each)
         assert (found.held, found.judged, found.reached) == (False, True, False)
         assert found.reason == "lost at 4.1 s"
-    assert verdict(crashed=crashed, from_s=6, to_s=9).reason == "lost at 4.1 s", "also before the window"
+    assert verdict(crashed=crashed, from_s=6, to_s=9.5).reason == "lost at 4.1 s", "also before the window"
     assert verdict(crashed=crashed, to_s=CRASH_S).held is True
     assert verdict(cut_short=True, crashed=crashed, to_s=90).held is False
+
+
+@pytest.mark.parametrize(("to_s", "lost"), [(9.0, False), (9.1, True)])
+def test_followers_whose_leader_has_just_crashed_are_not_lost_while_another_may_take_over(
+    to_s: float, lost: bool
+) -> None:
+    """It crashes at 4.1 s. Those in flight behind it have no errors; one that is down is lost at once."""
+    found = verdict(crashed=[LEADER], from_s=2, to_s=to_s)
+    assert (found.lost, found.reached) == (lost, not lost)
+    assert lost or found.reason.startswith("out of the formation for")
+    assert verdict(crashed=[FOLLOWER], to_s=5.0).lost
 
 
 def test_what_the_scenario_s_own_faults_crash_is_not_judged():
@@ -246,9 +258,40 @@ def test_delays_are_not_known_of_a_vehicle_that_answers_nothing_any_more(planned
     out = [{"at_s": 0, "uplink": {"outage": True}}] if planned else []
     found = link_verdict("measured_delay_ms.p99", out, ago_s=10.5)
     assert found.held is (None if planned else False)
-    assert found.reason == ("silenced at -0.5 s by the scenario's links" if planned else "no answer from -0.5 s on")
+    assert found.reason == ("cut off at -0.5 s by the scenario's links" if planned else "no answer from -0.5 s on")
     assert link_verdict("measured_delay_ms.p99", ago_s=9.5).held is True
     assert link_verdict("measured_loss", out, ago_s=10.5).held is True
+    assert found.lost
+
+
+@pytest.mark.parametrize("way", ["uplink", "downlink"])
+@pytest.mark.parametrize("cut", [{"outage": True}, {"loss": 1}, {"delay_ms": 600_000}])
+def test_a_link_over_which_nothing_comes_is_out_however_that_is_written(way: str, cut: dict[str, Any]) -> None:
+    changes = [
+        {"at_s": 4, way: cut},
+        {"at_s": 8, way: dict.fromkeys(cut, 0) if "outage" not in cut else {"outage": False}},
+    ]
+    scenario = load_scenario(KEYS | {"duration_s": FLOWN_S, "links": {"changes": changes}})
+    own = scenario.vehicles[1]
+    assert [is_out(scenario, own, at_s, either=True) for at_s in (3.9, 4.0, 7.9, 8.0)] == [False, True, True, False]
+    assert is_out(scenario, own, 5.0) is (way == "downlink")
+
+
+@pytest.mark.parametrize(
+    ("keys", "unsafe"),
+    [
+        ({}, True),
+        ({"faults": [{"at_s": 5, "vehicles": [2], "kind": "ignore"}]}, False),
+        ({"faults": [{"at_s": 5, "until_s": 8, "vehicles": [2], "kind": "ignore"}]}, True),
+        ({"links": {"changes": [{"at_s": 5, "uplink": {"outage": True}}]}}, False),
+    ],
+)
+def test_one_that_flies_on_after_the_flight_is_unsafe_unless_the_scenario_has_it_do_so(
+    keys: dict[str, Any], unsafe: bool
+) -> None:
+    scenario, text = load_scenario(KEYS | {"duration_s": FLOWN_S} | keys), "vehicle 2 flies on in GUIDED"
+    outcome = SimpleNamespace(scenario=scenario, flight=flown(), flying_on={FOLLOWER: text})
+    assert list(_flying_on(cast("RunOutcome", outcome))) == ([text] if unsafe else [])
 
 
 @pytest.mark.parametrize(("away_s", "said"), [(0.5, ""), (3.0, "out of the formation for 3.0 s of 10.1 s")])

@@ -133,6 +133,19 @@ def test_metrics_count_in_their_window_of_time(tmp_path):
     assert max(within) < max(map(abs, filter(np.isfinite, rows["error_x_m"])))
 
 
+@pytest.mark.parametrize("window", [{}, {"from_s": 0.0}])
+def test_a_flight_that_lost_its_formation_has_no_figure_of_its_errors(window):
+    """The leader crashes at 2 s of 12 s, and nobody takes over: errors were 0 while there were any."""
+    base = SCENARIO | {"duration_s": 12, "faults": [{"at_s": 2, "vehicles": [1], "kind": "crash"}]}
+    metrics = ("error_x_m.max", "in_slot_share", "min_separation_m")
+    for succession, known in (("none", False), ("nearest", True)):
+        keys = base | {"vehicles": {"count": 3}, "formation": {"succession": succession}}
+        found = fly(Task(Planned(0, 1, {}), Study(metrics=metrics, record="none", **window), keys))
+        assert (found["error_x_m.max"] is not None) is known
+        assert (found["in_slot_share"] > 0.5) is known
+        assert found["min_separation_m"] > 10.0
+
+
 def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst():
     planned = study(parameters={DELAY: [0, 100]}, seeds={"count": 3}, metrics=["error_x_m.max", "min_separation_m"])
     rows = [

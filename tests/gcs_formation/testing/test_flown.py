@@ -43,7 +43,28 @@ def flown(directory: Path, leads_from_10_s: int = 1, /, **errors: np.ndarray) ->
     if leads_from_10_s != 1:
         followers["1"] = {"settled_at_s": 20.0}
     figures = {"duration_s": 30.0, "truth": True, "followers": followers, "safety": {"min_separation_m": 12.5}}
+    figures |= {"undone": [], "unsafe": []}
     return FlownFlight(scenario, Summary(figures, (), ("clearance was 1 m",)), directory, "gcs-formation run a.yaml")
+
+
+@pytest.mark.parametrize("key", ["undone", "unsafe"])
+@pytest.mark.parametrize(
+    "claim",
+    [
+        lambda each: each.stays_within(1.0),
+        lambda each: each.settles(before_s=9.0, followers=2),
+        lambda each: each.keeps_apart(5.0),
+    ],
+    ids=["stays within", "settles", "keeps apart"],
+)
+def test_a_flight_that_was_not_flown_as_planned_shows_nothing(tmp_path, key, claim):
+    """Followers are in their slots all the time, of another formation than the one that was ordered."""
+    flight = flown(tmp_path)
+    claim(flight)
+    words = "order at 5 s: shape line 900: refused"
+    refused = replace(flight, summary=replace(flight.summary, figures={**flight.figures, key: [words]}))
+    with pytest.raises(AssertionError, match=f"not flown as planned\n  {words}"):
+        claim(refused)
 
 
 def bump(size_m: float, at_s: float) -> np.ndarray:
