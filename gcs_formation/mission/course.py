@@ -263,15 +263,16 @@ class Course:
             for vehicle in pending:
                 text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
                 self._note(now, "unacknowledged", text, vehicle)
+            heard = [each for each in self._vehicles.values() if each.connection.talks]
+            elsewhere = [each for each in heard if each.effects.missing is not None]
+            for vehicle in dict.fromkeys((*pending, *elsewhere)):
                 if vehicle.flies_on:
                     mode = vehicle.autopilot.mode_name(vehicle.telemetry)
-                    self.flying_on[vehicle.identity] = f"vehicle {vehicle.identity} flies on in {mode}: it {text}"
+                    self.flying_on[vehicle.identity] = f"vehicle {vehicle.identity} flies on in {mode}"
             self.unsafe = ending.at_one_height()
             if self.failure:
                 self.move(Cause.GIVEN_UP, now)
             else:
-                heard = [each for each in self._vehicles.values() if each.connection.talks]
-                elsewhere = any(each.effects.missing is not None for each in heard)
                 self.move((NOT_ALL_ENDED if pending or elsewhere else ALL_ENDED)[ending.manner], now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:

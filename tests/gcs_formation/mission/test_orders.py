@@ -35,7 +35,7 @@ class Formation:
         self.orders = Orders(load_scenario(keys), formation, formation, self.notes)
 
     def under_way(self, ended: Instant | None) -> list[str]:
-        return ["a change is under way"] if ended is not None else []
+        return ["a change is under way"] if ended else []
 
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         return self._do(speed_mps)
@@ -122,7 +122,7 @@ def test_an_order_that_the_flights_end_leaves_no_time_for_is_left_undone_unless_
     formation.flight.move(Cause.PATH_ENDED, after(START, 8.0))
     formation.orders.advance(after(START, 10.0))
     refused = "order at 9 s: shape line: refused: the run is ending; allowed: assembling, flying"
-    assert formation.orders.undone == [refused, "order at 90 s: land: the flight was over"]
+    assert formation.orders.undone == [refused, "order at 90 s: land: the flight was over", "a change is under way"]
     formation.cut_short = True
     assert formation.orders.undone == [refused]
 
