@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.record.timeseries import flying
-from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, least_gust_error_m, response_s
 from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.testing.flight_plan import Formation, Plan
 
@@ -59,6 +60,18 @@ def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, 
         for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
             worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
             assert worst_m <= allowed_gust_error_m(0.6, round_trip_s, most_mps2)
+
+
+def test_a_gust_north_and_east_moves_followers_along_their_course_alone_if_that_is_north_east(plan):
+    """What is 0.6 m/s along and across on a course north is 0.85 m/s along and none across on one of 45 degrees."""
+    north_east = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 2000, 100]]}
+    flown = plan(duration_s=8, disturbances=GUST, path=north_east).with_link(delay_ms=100).fly()
+    gust_mps, round_trip_s = 0.6 * math.sqrt(2.0), loop_delay_s(0.1, 0.1, 10.0, 10.0)
+    least_m = float(least_gust_error_m(gust_mps, round_trip_s - 0.1, 1.5))
+    for follower in (2, 3):
+        x_m, y_m = (np.nanmax(np.abs(flown.series(follower)[f"error_{axis}_m"])) for axis in "xy")
+        assert least_m < x_m <= allowed_gust_error_m(gust_mps, round_trip_s, 1.5)
+        assert y_m < 0.03
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """The report compares errors after a gust on followers only with the least possible under any law."""
 
+import math
 import re
 
 import numpy as np
@@ -19,7 +20,11 @@ BRAKED_M = {"x": 0.36 / (2 * 1.5), "y": 0.36 / (2 * 22 * 0.25)}
 
 
 def straight_north(disturbances, vehicles=None):
-    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    return straight([4000, 0, 100], disturbances, vehicles)
+
+
+def straight(end_m, disturbances, vehicles=None):
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], end_m]}
     keys = {"vehicles": vehicles or {"count": 3}, "duration_s": 60, "path": path, "disturbances": disturbances}
     return load_scenario(keys)
 
@@ -42,6 +47,15 @@ def test_the_bound_is_of_the_records_round_trip_and_the_models_limits(run):
         assert error.allowed_m == pytest.approx(1.5 * error.least_m + 0.05)
         worst_m = max(np.abs(run.flown.error(vehicle)[window, column]).max() for vehicle in run.followers)
         assert error.found_m == pytest.approx(worst_m)
+
+
+def test_a_gust_north_and_east_is_along_and_across_by_the_course_it_is_met_on(make_run):
+    """On a course of 30 degrees 0.6 m/s each way are 0.82 m/s along and 0.22 m/s across."""
+    each_way = GUST | {"velocity_mps": [0.6, 0.6, 0.0]}
+    x, y = gusts(load_run(make_run(straight([2000 * math.sqrt(3), 2000, 100], [each_way]))))
+    along_mps, across_mps = 0.3 * (math.sqrt(3) + 1), 0.3 * (math.sqrt(3) - 1)
+    assert x.least_m == pytest.approx(along_mps * x.round_trip_s + along_mps**2 / (2 * 1.5), abs=1e-3)
+    assert y.least_m == pytest.approx(across_mps * y.round_trip_s + across_mps**2 / (2 * 22 * 0.25), abs=1e-3)
 
 
 def test_it_is_drawn_from_the_gust_on_and_stands_in_the_table(run):
