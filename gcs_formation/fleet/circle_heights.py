@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
 from formation_scenario import Scenario
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
@@ -16,10 +17,6 @@ STACK_M = 15.0
 """Vertical separation of circles that may meet."""
 CIRCLES_MEET_M = 400.0
 """Distance between starting positions from which circles don't meet: twice the diameter of a 100 m radius circle."""
-OPENING_LIMIT_S = 30.0
-"""Least time limit for vehicles to reach their heights before they circle."""
-OPENING_RESERVE_S = 15.0
-"""Time added to the climb to the highest level in that limit."""
 AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle's points from the commanded position."""
 SAMPLE_M = 10.0
@@ -42,10 +39,7 @@ class GroundFloor:
         """Keep the terrain's clearance; without terrain there is no lower limit."""
         self._ground = scenario.ground if scenario.terrain else None
         self._clearance_m = scenario.terrain.clearance_m if scenario.terrain else 0.0
-        across = np.arange(-AROUND_M, AROUND_M + SAMPLE_M, SAMPLE_M)
-        north, east = (each.ravel() for each in np.meshgrid(across, across))
-        within = np.hypot(north, east) <= AROUND_M
-        self._north_m, self._east_m = north[within], east[within]
+        self._north_m, self._east_m = _disc(AROUND_M)
 
     def top(self, north_m: float, east_m: float) -> HighestGround:
         """Return the lowest height of a circle that starts at a position."""
@@ -82,10 +76,8 @@ class GroundFloor:
         """Return the highest ground within `around_m` of a position, m; -inf without terrain."""
         if self._ground is None:
             return -math.inf
-        across = np.arange(-around_m, around_m + SAMPLE_M, SAMPLE_M)
-        north, east = np.meshgrid(across, across)
-        height_m = self._ground.height(north_m + north, east_m + east)[np.hypot(north, east) <= around_m]
-        return float(np.nan_to_num(height_m, nan=-math.inf).max())
+        north, east = _disc(around_m)
+        return float(np.nan_to_num(self._ground.height(north_m + north, east_m + east), nan=-math.inf).max())
 
     def over_way(self, begin_m: tuple[float, float], end_m: tuple[float, float]) -> float:
         """Return the lowest height for flying straight between two positions and circling at the second, m."""
@@ -94,6 +86,14 @@ class GroundFloor:
         (north_m, east_m), north_by_m, east_by_m = begin_m, end_m[0] - begin_m[0], end_m[1] - begin_m[1]
         steps = np.linspace(0.0, 1.0, 2 + int(math.hypot(north_by_m, east_by_m) / AROUND_M)).tolist()
         return self.highest((north_m + north_by_m * step, east_m + east_by_m * step) for step in steps).height_m
+
+
+def _disc(radius_m: float) -> tuple[Array, Array]:
+    """Return points (N,) north and east, `SAMPLE_M` apart, that cover a disc around the origin."""
+    across = np.arange(-radius_m, radius_m + SAMPLE_M, SAMPLE_M)
+    north, east = (each.ravel() for each in np.meshgrid(across, across))
+    within = np.hypot(north, east) <= radius_m
+    return north[within], east[within]
 
 
 def loiter_heights(
@@ -114,11 +114,6 @@ def loiter_heights(
         near = [(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
         heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
     return heights
-
-
-def opening_limit_s(climb_m: float, climb_mps: float) -> float:
-    """Return the time limit for a climb of `climb_m` to the highest level before vehicles circle, s."""
-    return max(OPENING_LIMIT_S, climb_m / climb_mps + OPENING_RESERVE_S)
 
 
 def may_meet(one: ReportedMotion, other: ReportedMotion) -> bool:

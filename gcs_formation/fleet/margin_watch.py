@@ -36,7 +36,6 @@ KEPT: Final = 0.7
 """Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
-"""Channel index of each axis."""
 EVERY_PLACE: Final = list(range(len(CHANNELS)))
 UNDESIGNED_S: Final = 0.05
 """Excess of the links' delay over the design delay from which gains are redesigned."""
@@ -93,14 +92,9 @@ class DesignWatch:
         return {"design_delay_s": delay_s, "disturbance_observer_radps": wind, **gains}
 
 
-class WatchedAxis:
-    """The loops of one vehicle along an axis, which share one bandwidth."""
-
-    def __init__(self, name: str, usage: Usage) -> None:
-        """Take the axis, and what computes the share of the margin in use."""
-        self.name, self.usage = name, usage
-        self.channels = PLACES.get(name, EVERY_PLACE)
-        """One channel, or all for the consensus law."""
+def channels_of(axis: str) -> list[int]:
+    """Return the indices of the channels whose bandwidth an axis' loops share: one, or all under the consensus law."""
+    return PLACES.get(axis, EVERY_PLACE)
 
 
 class WatchedVehicle:
@@ -108,7 +102,9 @@ class WatchedVehicle:
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start without a check."""
-        self.vehicle, self.axes, self._scatters_s = vehicle, list[WatchedAxis](), list[float]()
+        self.vehicle, self._scatters_s = vehicle, list[float]()
+        self.axes = dict[str, Usage]()
+        """By axis, what computes the share of the margin that its loops use; they share one bandwidth."""
 
     def least_scatter_s(self) -> float:
         """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
@@ -155,10 +151,9 @@ class MarginWatch:
         self._each = []
         for identity, of_axes in law_loops(scenario, succession=True).items():
             each = self._watched[identity]
-            each.axes = [
-                WatchedAxis(axis, shared.setdefault(loops, Usage(loops, predicted=predicted)))
-                for axis, loops in of_axes.items()
-            ]
+            each.axes = {
+                axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
+            }
             self._each.append(each)
 
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
@@ -180,8 +175,8 @@ class MarginWatch:
         if self._degrades:
             self._set_bandwidth(now, each, delay)
         by_delay, bandwidth = math.nan, self.bandwidth[column]  # NaN while the delay is unknown
-        for axis in each.axes:
-            used = axis.usage.of(delay, bandwidth[axis.channels[0]])
+        for axis, usage in each.axes.items():
+            used = usage.of(delay, bandwidth[channels_of(axis)[0]])
             by_delay = by_delay if by_delay >= used else used
         by_lags, channel = self._by_lags(column, delay, each.axes)
         used = by_delay + by_lags
@@ -195,13 +190,13 @@ class MarginWatch:
         elif not by_delay >= NEAR:
             self.beyond.discard(vehicle.identity)
 
-    def _by_lags(self, column: int, delay: LoopDelay, axes: list[WatchedAxis]) -> tuple[float, int]:
+    def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong lags that a loop uses, and the channel of these lags."""
         most, whose = 0.0, 0
-        for axis in axes:
-            for channel in axis.channels:
+        for axis, usage in axes.items():
+            for channel in channels_of(axis):
                 off = self._lags_off[channel][column]
-                used = axis.usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
+                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
                 if used > most:
                     most, whose = used, channel
         return most, whose
@@ -226,17 +221,17 @@ class MarginWatch:
     def _set_bandwidth(self, now: Instant, each: WatchedVehicle, delay: LoopDelay) -> None:
         """Change the bandwidth of axes that use too much of the margin, or little with reduced gains."""
         vehicle, bandwidth, changed = each.vehicle, self.bandwidth[each.vehicle.column], False
-        for axis in each.axes:
-            before = bandwidth[axis.channels[0]]
-            used, which = axis.usage.of(delay, before), (vehicle.identity, axis.name)
+        for axis, usage in each.axes.items():
+            before = bandwidth[channels_of(axis)[0]]
+            used, which = usage.of(delay, before), (vehicle.identity, axis)
             self._calm[which] = self._calm[which] + 1 if used < RESTORE else 0
             if used >= DEGRADE or (before < 1.0 and self._calm[which] >= CALM_LOOKS):
-                after = axis.usage.bandwidth(delay, KEPT)
-                for channel in axis.channels:
+                after = usage.bandwidth(delay, KEPT)
+                for channel in channels_of(axis):
                     bandwidth[channel] = after
                 changed |= after != before
         if changed:
-            used = max(axis.usage.of(delay, bandwidth[axis.channels[0]]) for axis in each.axes)
+            used = max(usage.of(delay, bandwidth[channels_of(axis)[0]]) for axis, usage in each.axes.items())
             self._say_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:

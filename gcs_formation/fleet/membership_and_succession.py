@@ -37,41 +37,43 @@ UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
 """Memberships of vehicles that haven't been commanded to loiter."""
 
 
-class MembershipInputs(NamedTuple):
-    """What a vehicle's membership depends on, at one tick."""
-
-    started: bool
-    """Whether its start-up is finished and its autopilot isn't booting."""
-    guided: bool
-    """Whether it's in the mode in which it follows setpoints."""
-    loiters: bool
-    """Whether it's in its loiter mode."""
-    fresh: bool
-    """Whether its telemetry is recent enough for prediction and there is a leader to follow."""
-    loiter_may_be_commanded: bool = True
-    """Whether it is heard, or has been silent for so long that the others no longer keep clear of it."""
-    order_may_come: bool = False
-    """Whether a recently sent command to loiter may still reach it."""
-
-
-def next_membership(member: Member, inputs: MembershipInputs) -> Member:
+def next_membership(
+    member: Member,
+    *,
+    started: bool,
+    guided: bool,
+    loiters: bool,
+    fresh: bool,
+    loiter_may_be_commanded: bool,
+    order_may_come: bool,
+) -> Member:
     """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
 
-    A silent vehicle isn't commanded at first. Whether or not it hears, it then continues by its last command, and the
-    others keep clear of that way.
+    A silent vehicle isn't commanded to loiter at first: it may not hear that, and flies on by its last setpoint, which
+    the others keep clear of.
+
+    Args:
+        member: the present membership.
+        started: whether the start-up is finished and the autopilot isn't booting.
+        guided: whether it's in the mode in which it follows setpoints.
+        loiters: whether it's in its loiter mode.
+        fresh: whether its telemetry is recent enough for prediction and there is a leader to follow.
+        loiter_may_be_commanded: whether it is heard, or has been silent for so long that the others no longer keep
+            clear of it.
+        order_may_come: whether a recently sent command to loiter may still reach it.
     """
-    if not inputs.started:
+    if not started:
         return Member.STARTING
     if member is Member.STARTING:
         return Member.FLYING
-    if member is Member.PARTED or not (inputs.guided or inputs.loiters):
-        return Member.FLYING if inputs.guided else Member.PARTED  # our commands lead to no other mode
-    if not inputs.fresh:
-        uncommanded = member in UNCOMMANDED and not inputs.loiter_may_be_commanded
+    if member is Member.PARTED or not (guided or loiters):
+        return Member.FLYING if guided else Member.PARTED  # our commands lead to no other mode
+    if not fresh:
+        uncommanded = member in UNCOMMANDED and not loiter_may_be_commanded
         return Member.UNHEARD if uncommanded else Member.HOLDING
-    if member in UNCOMMANDED and not inputs.order_may_come:
-        return Member.FLYING if inputs.guided else Member.PARTED
-    return Member.FLYING if inputs.guided else Member.RETURNING
+    if member in UNCOMMANDED and not order_may_come:
+        return Member.FLYING if guided else Member.PARTED
+    return Member.FLYING if guided else Member.RETURNING
 
 
 class Membership:
@@ -163,18 +165,20 @@ class Membership:
         vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
             self._commanded_to_loiter[vehicle.identity] = now
-        member = next_membership(vehicle.member, self._inputs(vehicle, estimator, now, fresh=fresh))
+        member = self._next(vehicle, estimator, now, fresh=fresh)
         if member is not vehicle.member:
             revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
             vehicle.member = member
             self._note(now, "member", self._words(vehicle, now), vehicle)
             self._command(vehicle, now, revokes=revokes)
 
-    def _inputs(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> MembershipInputs:
+    def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:
+        """Return a vehicle's next membership by what is known of it now."""
         link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
-        return MembershipInputs(
+        return next_membership(
+            vehicle.member,
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,

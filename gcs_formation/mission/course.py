@@ -99,16 +99,17 @@ class ProgressToStart:
         """Start without a route."""
         self._route: Route | None = None
         self._farthest_m, self._since = 0.0, Instant(0)
-        self.gained_m, self.gets_on = 0.0, True
-        """Distance gained since the last sufficient progress, m; whether progress is sufficient."""
 
-    def watch(self, guidance: LeaderGuidance, now: Instant) -> None:
-        """Update with the leader's position; one that is to hover needn't move."""
-        self.gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
-        enough = speed_mps == 0.0 or self.gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
+    def too_little_m(self, guidance: LeaderGuidance, now: Instant) -> float | None:
+        """Return the distance gained in the last `GETS_ON_S`, m, if that is too little; None otherwise.
+
+        A leader that is to hover needn't move.
+        """
+        gained_m, speed_mps = guidance.distance_m - self._farthest_m, guidance.speed_mps
+        enough = speed_mps == 0.0 or gained_m >= GETS_ON_SHARE * GETS_ON_S * speed_mps
         if enough or guidance.route is not self._route:
             self._route, self._farthest_m, self._since = guidance.route, guidance.distance_m, now
-        self.gets_on = seconds_between(self._since, now) <= GETS_ON_S
+        return gained_m if seconds_between(self._since, now) > GETS_ON_S else None
 
 
 class Course:
@@ -185,9 +186,9 @@ class Course:
             old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {most_s:g}" if age_s > most_s else ""
             self.fail(f"the leader was not there to follow within {limit_s:g} s{old}", now)
         elif late:
-            self._way.watch(self._controller.guidance, now)
-            if not self._way.gets_on:
-                self._fail_to_start(now)
+            gained_m = self._way.too_little_m(self._controller.guidance, now)
+            if gained_m is not None:
+                self._fail_to_start(gained_m, now)
         return late
 
     def _judge_assembly(self, now: Instant) -> None:
@@ -199,8 +200,7 @@ class Course:
         if not self.assembled:
             self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
 
-    def _fail_to_start(self, now: Instant) -> None:
-        gained_m = self._way.gained_m
+    def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
         told = f"told to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
         self.fail(f"the leader does not get to the start of its path: {told}", now)

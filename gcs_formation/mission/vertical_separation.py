@@ -12,15 +12,7 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.circle_heights import (
-    OPENING_LIMIT_S,
-    STACK_M,
-    Band,
-    GroundFloor,
-    loiter_heights,
-    may_meet,
-    opening_limit_s,
-)
+from gcs_formation.fleet.circle_heights import STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -28,8 +20,10 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its height if its height setpoint is within this distance of it, m."""
-MOST_S = 300.0
-"""Longest separation phase if heights have to be reassigned."""
+LEAST_S, MOST_S = 30.0, 300.0
+"""Least time limit of the separation, and the greatest if heights have to be reassigned."""
+RESERVE_S = 15.0
+"""Time added in that limit to the climb to the highest level."""
 UNMOVED_S = 5.0
 """Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts."""
 STANDS_MPS = 0.5
@@ -190,7 +184,10 @@ def stacked(
     climb_mps: float,
     homes: Mapping[VehicleId, tuple[float, float]] = NOWHERE,
 ) -> float:
-    """Raise a stack clear of the ground reached during the climb to it; return the time limit of the climb, s.
+    """Raise a stack clear of the ground that vehicles reach until they circle; return the time limit of the climb, s.
+
+    The formation flies on while it climbs. A higher stack takes longer to reach, and so leads over more ground: that is
+    repeated until the ground ahead raises the stack no further.
 
     Args:
         places: the vehicles' positions.
@@ -203,12 +200,17 @@ def stacked(
     """
     seen, each = 0, [(place, homes.get(identity)) for identity, place in places.items()]
     while True:
-        limit_s = opening_limit_s(stack.climb_m(places), climb_mps)
-        way, leaves = ahead(limit_s), len(ahead(limit_s - OPENING_LIMIT_S)) - 1  # earliest departure for home
+        limit_s = limit_of_climb_s(stack.climb_m(places), climb_mps)
+        way, leaves = ahead(limit_s), len(ahead(limit_s - LEAST_S)) - 1  # earliest departure for home
         floor_m = _floor_m(each, way[seen:leaves], "loiter", ground)
         if not stack.lift(max(floor_m, _floor_m(each, way[max(seen, leaves) :], manner, ground))):
             return limit_s
         seen = len(way)
+
+
+def limit_of_climb_s(climb_m: float, climb_mps: float) -> float:
+    """Return the time limit, s, of a separation in which a vehicle has to climb by `climb_m`."""
+    return max(LEAST_S, climb_m / climb_mps + RESERVE_S)
 
 
 def _floor_m(
@@ -266,7 +268,7 @@ class Opening:
     def _allow_for_climb(self, now: Instant) -> None:
         given_m, steered = self._stack.heights_m, ((i, each) for i, each in self._fliers.items() if each.steered)
         climb_m = max((given_m[identity] - each.place.height_m for identity, each in steered), default=0.0)
-        needed_s = seconds_between(self._since, now) + opening_limit_s(climb_m, self._climb_mps)
+        needed_s = seconds_between(self._since, now) + limit_of_climb_s(climb_m, self._climb_mps)
         self._limit_s = max(self._limit_s, min(needed_s, MOST_S))
 
     def over(self, now: Instant) -> bool:

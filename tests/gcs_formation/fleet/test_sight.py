@@ -2,55 +2,56 @@
 
 import pytest
 
-from gcs_formation.fleet.membership_and_succession import MembershipInputs, next_membership
+from gcs_formation.fleet.membership_and_succession import next_membership
 from gcs_formation.vehicle.vehicle import Member
 
-GUIDED = MembershipInputs(started=True, guided=True, loiters=False, fresh=True)
-LOITERS = MembershipInputs(started=True, guided=False, loiters=True, fresh=True)
-ELSEWHERE = MembershipInputs(started=True, guided=False, loiters=False, fresh=True)
-SILENT = MembershipInputs(started=True, guided=True, loiters=False, fresh=False)
-STARTS_ANEW = MembershipInputs(started=False, guided=True, loiters=True, fresh=True)
+HEARD = {"started": True, "fresh": True, "loiter_may_be_commanded": True, "order_may_come": False}
+GUIDED = HEARD | {"guided": True, "loiters": False}
+LOITERS = HEARD | {"guided": False, "loiters": True}
+ELSEWHERE = HEARD | {"guided": False, "loiters": False}
+SILENT = GUIDED | {"fresh": False}
+STARTS_ANEW = HEARD | {"started": False, "guided": True, "loiters": True}
 
 
 @pytest.mark.parametrize("member", list(Member))
 def test_a_restart_leads_to_starting_from_everywhere(member: Member) -> None:
-    assert next_membership(member, STARTS_ANEW) is Member.STARTING
+    assert next_membership(member, **STARTS_ANEW) is Member.STARTING
 
 
 def test_silence_leads_to_loitering_and_back() -> None:
-    told = next_membership(Member.FLYING, SILENT)
+    told = next_membership(Member.FLYING, **SILENT)
     assert told is Member.HOLDING
-    assert next_membership(told, LOITERS) is Member.RETURNING
-    assert next_membership(Member.RETURNING, LOITERS) is Member.RETURNING
-    assert next_membership(Member.RETURNING, GUIDED) is Member.FLYING
+    assert next_membership(told, **LOITERS) is Member.RETURNING
+    assert next_membership(Member.RETURNING, **LOITERS) is Member.RETURNING
+    assert next_membership(Member.RETURNING, **GUIDED) is Member.FLYING
 
 
 def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
-    unseen = SILENT._replace(loiter_may_be_commanded=False)
-    unheard = next_membership(Member.FLYING, unseen)
-    assert unheard is next_membership(unheard, unseen) is Member.UNHEARD
-    assert next_membership(unheard, SILENT) is Member.HOLDING
-    assert next_membership(unheard, GUIDED) is Member.FLYING
-    assert next_membership(Member.RETURNING, unseen) is Member.HOLDING
+    unseen = SILENT | {"loiter_may_be_commanded": False}
+    unheard = next_membership(Member.FLYING, **unseen)
+    assert unheard is next_membership(unheard, **unseen) is Member.UNHEARD
+    assert next_membership(unheard, **SILENT) is Member.HOLDING
+    assert next_membership(unheard, **GUIDED) is Member.FLYING
+    assert next_membership(Member.RETURNING, **unseen) is Member.HOLDING
 
 
 def test_an_outage_too_short_for_the_order_to_arrive_ends_at_once() -> None:
-    assert next_membership(Member.HOLDING, GUIDED) is Member.FLYING
+    assert next_membership(Member.HOLDING, **GUIDED) is Member.FLYING
 
 
 @pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
 def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Member) -> None:
-    parted = next_membership(member, ELSEWHERE)
+    parted = next_membership(member, **ELSEWHERE)
     assert parted is Member.PARTED
-    assert next_membership(parted, ELSEWHERE) is Member.PARTED
-    assert next_membership(parted, LOITERS) is Member.PARTED
-    assert next_membership(parted, GUIDED) is Member.FLYING
+    assert next_membership(parted, **ELSEWHERE) is Member.PARTED
+    assert next_membership(parted, **LOITERS) is Member.PARTED
+    assert next_membership(parted, **GUIDED) is Member.FLYING
 
 
 def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
     """After an outage the vehicle flies in formation again before the command sent meanwhile reaches it."""
-    late = LOITERS._replace(order_may_come=True)
+    late = LOITERS | {"order_may_come": True}
     for member in (Member.FLYING, Member.UNHEARD):
-        assert next_membership(member, late) is Member.RETURNING
-        assert next_membership(member, LOITERS) is Member.PARTED
-        assert next_membership(member, ELSEWHERE._replace(order_may_come=True)) is Member.PARTED
+        assert next_membership(member, **late) is Member.RETURNING
+        assert next_membership(member, **LOITERS) is Member.PARTED
+        assert next_membership(member, **ELSEWHERE | {"order_may_come": True}) is Member.PARTED
