@@ -19,7 +19,7 @@ from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
 from gcs_formation.app import check_law, check_links, check_room
-from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold, longest_round_trip_s
+from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
@@ -142,7 +142,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)
-    yield from check_room.no_room_to_stop(scenario, longest_round_trip_s(scenario))
+    yield from check_room.no_room_to_stop(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in near if found)

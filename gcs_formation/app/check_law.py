@@ -26,8 +26,8 @@ from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.surroundings import DrydenTurbulence
-from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ, ways_s
-from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age
+from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
+from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since, ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
@@ -65,14 +65,14 @@ def held_by_links(scenario: Scenario) -> str | None:
     if not near:
         return None
     found = max(near, key=lambda each: each.used)
-    since = f" from {found.at_s:g} s on" if found.at_s else ""
+    onwards = since(found.at_s)
     share = f"{found.used:.0%} of what loop {found.loop} stands" if math.isfinite(found.used) else "more than any delay"
     who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be told to loiter"
     if scenario.law.delay_compensation:
-        used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{since}, {share} about {found.delay_s:.2f} s"
+        used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"
         enough = f"{1e3 * found.margin_s / DEVIATIONS:.0f} ms or less is enough; law.on_delay: warn flies on"
     else:
-        used = f"the loop's delay is {found.delay_s:.3f} s{since}, {share}"
+        used = f"the loop's delay is {found.delay_s:.3f} s{onwards}, {share}"
         enough = f"{found.margin_s:.3f} s or less is enough; law.delay_compensation predicts over it"
     when = "again and again" if found.used >= 1.0 else "now and then"
     return f"law.on_delay: found hold; {used}: {who} {when}, among the others; {enough}"
@@ -112,10 +112,9 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     least_m, most_m = speed_mps * down_s, speed_mps * (down_s + between_s)
     if most_m < LEAST_M:
         return None
-    since = f" from {at_s:g} s on" if at_s else ""
     lossy = any(step.downlink.loss for step in scenario.link_steps(vehicle))
     why = f"the delay down its link and up to 1/telemetry.rate_hz{', longer after a loss' if lossy else ''}"
-    age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since} ({why})"
+    age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since(at_s)} ({why})"
     ahead = f"{least_m:.2g} to {most_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
     return (
         "law.delay_compensation: found false, with a virtual leader, whose place is of now; that of vehicle "

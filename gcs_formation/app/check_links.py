@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,8 @@ from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
-from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from formation_scenario.links import LinkStep
+from gcs_formation.app.loop_delays import since, ways_s
 from gcs_formation.assembly import ASSEMBLED_S
 from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
 from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S
@@ -55,7 +55,7 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
             yield (
                 f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{leaders} leave a "
                 f"constant error of {abs(error_m):.2f} m along the path ({'behind' if error_m > 0 else 'ahead of'} its "
-                f"slot{f', from {at_s:g} s on' if at_s else ''}): round trips don't tell how a delay is split, "
+                f"slot{since(at_s, ',')}): round trips don't tell how a delay is split, "
                 f"{_what_does(scenario, vehicle)}"
             )
 
@@ -88,9 +88,8 @@ def narrow_links(scenario: Scenario) -> Iterator[str]:
             rates = [(rate, step.at_s) for step in each if (rate := getattr(step, way).rate_kbps)]
             rate_kbps, at_s = min(rates, default=(math.inf, 0.0))
             if rate_kbps < needed_kbps:
-                since = f" from {at_s:g} s on" if at_s else ""
                 yield (
-                    f"vehicle {vehicle.vehicle_id}: its {way} carries {rate_kbps:g} kbit/s{since}, and up to "
+                    f"vehicle {vehicle.vehicle_id}: its {way} carries {rate_kbps:g} kbit/s{since(at_s)}, and up to "
                     f"{needed_kbps:.1f} go over it: messages wait for each other, and are lost where they wait too long"
                 )
 
@@ -128,16 +127,6 @@ def _early_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> float:
         return 0.0
     up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
     return (up_s - down_s) / 2
-
-
-def ways_s(step: LinkStep) -> tuple[float, float]:
-    """Return the mean delays up and down, s; recorded delays are added to the constant one."""
-
-    def mean_s(way: Impairment) -> float:
-        recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
-        return (way.delay_ms + recorded_ms) / 1e3
-
-    return mean_s(step.uplink), mean_s(step.downlink)
 
 
 def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
@@ -298,7 +287,7 @@ def too_old(scenario: Scenario) -> str | None:
     never = any(at_s == 0.0 and scenario.leader in (None, vehicle) for _, at_s, vehicle in old)
     return (
         f"law.max_age_s: found {most_s:g}; telemetry of vehicle {who} gets {oldest_s:.4g} s old (the delay down its "
-        f"link, and 1/telemetry.rate_hz){f' from {from_s:g} s on' if from_s else ''}: beyond that it isn't flown in "
+        f"link, and 1/telemetry.rate_hz){since(from_s)}: beyond that it isn't flown in "
         f"the formation{', which may never set out' if never else ''}"
     )
 

@@ -30,6 +30,7 @@ from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence
+from gcs_formation.app.loop_delays import ways_s
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.guidance.leader_guidance import way_ahead
@@ -73,7 +74,7 @@ def little_left(scenario: Scenario) -> Iterator[str]:
                 yield f"{key}: found {speed:g}; {found}: {left}, {wanted_mps:.2g} should be to hold it against gusts"
 
 
-def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
+def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     """Yield where multirotors fly too close behind each other for one to stop behind another that stops unasked.
 
     The follower flies on at its speed until it is commanded, then brakes as hard as the other. Evading sideways or
@@ -84,7 +85,8 @@ def no_room_to_stop(scenario: Scenario, round_trip_s: float) -> Iterator[str]:
         return
     told_mps = [parse_order(each.order).speed_mps or 0.0 for each in scenario.orders]
     speed_mps, first = max(scenario.path.speed_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
-    enough_m = least_m + speed_mps * (round_trip_s + SEEN_S)
+    round_trips_s = (sum(ways_s(step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
+    enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
         forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
         behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)

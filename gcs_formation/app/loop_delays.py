@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.links import Impairment, LinkStep, read_trace_ms
 from formation_scenario.slot_assignment import planned_slots
-from gcs_formation.app.check_links import ways_s
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.membership_and_succession import SUCCESSION_S
 from gcs_formation.fleet.routing import HEARTBEAT_S, PROBE_S
@@ -19,6 +21,21 @@ BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
 """Values of law.rate_hz that are tried where bursts of losses last too long."""
 NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
+
+
+def ways_s(step: LinkStep) -> tuple[float, float]:
+    """Return the mean delays up and down, s; recorded delays are added to the constant one."""
+
+    def mean_s(way: Impairment) -> float:
+        recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
+        return (way.delay_ms + recorded_ms) / 1e3
+
+    return mean_s(step.uplink), mean_s(step.downlink)
+
+
+def since(at_s: float, comma: str = "") -> str:
+    """Return in words from when on a link's step counts, after `comma`; "" from the beginning."""
+    return f"{comma} from {at_s:g} s on" if at_s else ""
 
 
 def message_age(way: Impairment) -> tuple[float, float]:
@@ -86,12 +103,6 @@ def commanded_steps(scenario: Scenario) -> list[LinkStep]:
     following = {} if mutual else planned_slots(scenario)
     flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
     return [step for vehicle in flown for step in scenario.link_steps(vehicle)]
-
-
-def longest_round_trip_s(scenario: Scenario) -> float:
-    """Return the longest delay of a link up and down, s, at any time of the run."""
-    steps = (step for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
-    return max((sum(ways_s(step)) for step in steps), default=0.0)
 
 
 def _mean_ages(step: LinkStep) -> tuple[float, float]:
