@@ -18,8 +18,8 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.fit import AIRFRAME_KEYS, CHANNELS, LAGS, Fit, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.output_error import INDEPENDENT_AFTER_S
+from gcs_formation.identify.fit import AIRFRAME_KEYS, LAGS, QUANTITIES, Fit, fit, fit_airframe, flown_by_lags, lags_of
+from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
@@ -185,7 +185,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
         "residual_rms": fitted.residual_rms,
         "explained": fitted.explained,
-        "flown_rms": {name: dict(zip(CHANNELS, rms.tolist(), strict=True)) for name, rms in errors.items()},
+        "flown_rms": {name: dict(zip(QUANTITIES, rms.tolist(), strict=True)) for name, rms in errors.items()},
         "model": model.model_dump(exclude_none=True),
     }
 
@@ -227,7 +227,7 @@ def report(found: Mapping[str, Any]) -> str:
         unit = "" if name == "prompt_share" else "s"
         lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
     lines.append("errors of its predictions, and what they explain of the change:")
-    for name, unit in zip(CHANNELS, UNITS, strict=True):
+    for name, unit in zip(QUANTITIES, UNITS, strict=True):
         lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
     lines.append("errors of a whole flight by the setpoints alone, RMS:")
     for name, rms in found["flown_rms"].items():
@@ -259,13 +259,11 @@ def is_nearer(errors: Array, others: Array, more: int) -> bool:
 
 
 def _independent(errors: Array) -> Array:
-    """Return the number of independent errors among (3, K) in each channel, at least 1: by Bartlett's window."""
+    """Return the number of independent errors among (3, K) in each channel, at least 1."""
     points = errors.shape[1]
-    lags = min(round(INDEPENDENT_AFTER_S / STEP_S), points - 1)
-    power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
-    alike = np.fft.irfft(power, 2 * points)[:, 1 : lags + 1] * (1.0 - np.arange(1, lags + 1) / (lags + 1))
-    square = np.maximum(np.sum(errors**2, axis=1), LEAST_ERROR**2)
-    return np.clip(points / np.maximum(1.0 + 2.0 * alike.sum(axis=1) / square, 1.0), 1.0, None)
+    alike = autocovariance(errors, points * STEP_S)
+    together = 1.0 + 2.0 * alike[:, 1:].sum(axis=1) / np.maximum(alike[:, 0], LEAST_ERROR**2 / points)
+    return np.clip(points / np.maximum(together, 1.0), 1.0, None)
 
 
 def measured(value: float, sigma: float) -> str:
@@ -300,7 +298,7 @@ def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, errors: M
     figures = {f"{name}_sigma": each.sigma for name, each in fitted.estimates.items()}
     figures |= {f"predicted_{name}": value for name, value in fitted.residual_rms.items()}
     flown = errors[AIRFRAME if model.airframe is not None else EQUATION].tolist()
-    figures |= {f"flown_{name}": value for name, value in zip(CHANNELS, flown, strict=True)}
+    figures |= {f"flown_{name}": value for name, value in zip(QUANTITIES, flown, strict=True)}
     written = {
         "schema": 1,
         "name": file.stem[:80],

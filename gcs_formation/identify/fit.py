@@ -40,7 +40,7 @@ UNKNOWN = 0.5
 """Prior standard deviation of a lag's logarithm."""
 LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """Least change of each setpoint from which its channel can be identified."""
-CHANNELS = ("airspeed_mps", "heading_rad", "height_m")
+QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 REST = ("prompt_share", "rest_s")
@@ -105,14 +105,14 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     windows = [_Windows.of(_with_rest(each, begin, lags)) for each in recordings]
     errors = np.concatenate([each.errors(lags[:4], begin) for each in windows], axis=2)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
-    rms = dict[str, float](zip(CHANNELS, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
+    rms = dict[str, float](zip(QUANTITIES, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
     sigmas = np.sqrt(np.diag(covariance)) * lags
     estimates = {
         name: Estimate(*each) for name, *each in zip(names_fitted, lags.tolist(), sigmas.tolist(), strict=True)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
-    return Fit(model, estimates, rms, dict[str, float](zip(CHANNELS, explained.tolist(), strict=True)))
+    return Fit(model, estimates, rms, dict[str, float](zip(QUANTITIES, explained.tolist(), strict=True)))
 
 
 def _gentle(recording: Recording) -> Recording:

@@ -54,18 +54,22 @@ Flown = Callable[[Array], tuple[Sequence[Array], AutopilotModels]]
 
 
 class Point(NamedTuple):
-    """One recording at a set of parameters: M errors in standard deviations, as one row."""
+    """One recording's errors at a set of parameters, and their derivatives.
+
+    Errors are innovations: the parts that the noise model doesn't predict from earlier errors, in standard deviations,
+    times their robust weights. The three channels follow each other in one row of M.
+    """
 
     error: Array
-    """(M,) weighted, what earlier errors don't predict, without what the start and the offsets explain."""
+    """(M,) the errors, less their projection on `begin`: whatever the start and the offsets are, that part remains."""
     slopes: Array
-    """(P, M) derivatives by the parameters, likewise."""
+    """(P, M) derivatives by the parameters, with the same projection taken off."""
     begin: Array
-    """(7, M) derivatives by the start and the offsets, weighted."""
+    """(7, M) derivatives by the state at the start (4) and by the channels' offsets (3)."""
     full: Array
-    """(M,) weighted errors with what the start and the offsets explain."""
+    """(M,) the errors, nothing taken off."""
     full_slopes: Array
-    """(P, M)."""
+    """(P, M) derivatives by the parameters, nothing taken off."""
 
 
 class Search:
@@ -276,9 +280,8 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
     return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]
 
 
-def _autocovariance(point: Point, duration_s: float) -> Array:
-    """Return the autocovariance of each channel's errors, (3, L), with Bartlett's window."""
-    errors = point.error.reshape(CHANNELS, -1)
+def autocovariance(errors: Array, duration_s: float) -> Array:
+    """Return the autocovariance (3, L) of errors (3, K), up to `INDEPENDENT_AFTER_S`, with Bartlett's window."""
     points = errors.shape[1]
     lags = min(round(INDEPENDENT_AFTER_S / duration_s * points), points - 1)
     power = np.abs(np.fft.rfft(errors, 2 * points)) ** 2
@@ -287,13 +290,14 @@ def _autocovariance(point: Point, duration_s: float) -> Array:
 
 def _long_run_variance(point: Point, duration_s: float) -> float:
     """Return the long-run variance of one recording's errors (spectral density at 0), summed over them."""
-    alike = _autocovariance(point, duration_s)
+    alike = autocovariance(point.error.reshape(CHANNELS, -1), duration_s)
     return float((2.0 * alike.sum(axis=1) - alike[:, 0]).sum()) * point.error.size / CHANNELS
 
 
 def _score_covariance(point: Point, duration_s: float) -> Array:
     """Return the covariance (P, P) of one recording's score, by the spectrum of each channel's errors."""
-    slopes, alike = point.slopes.reshape(len(point.slopes), CHANNELS, -1), _autocovariance(point, duration_s)
+    slopes = point.slopes.reshape(len(point.slopes), CHANNELS, -1)
+    alike = autocovariance(point.error.reshape(CHANNELS, -1), duration_s)
     size, lags, found = 2 * slopes.shape[2], alike.shape[1] - 1, np.zeros((len(point.slopes), len(point.slopes)))
     for channel, each in enumerate(alike):
         spectrum = np.fft.rfft(np.concatenate((each, np.zeros(size - 2 * lags - 1), each[:0:-1]))).real
