@@ -214,11 +214,12 @@ def _of_followers(
         if _leads_throughout(wanted, flight, vehicle):
             verdict = replace(verdict, judged=False, reason="led all the time")
         elif lost_s is not None:
-            crash_s = None if down else _crashes_at_s(scenario, vehicle, lost_s)
-            broken = crash_s is not None and plain.judged and _broken_before(crash_s, wanted, flight, vehicle, parts)
+            crash_s = math.inf if down else crash_planned_s(scenario, vehicle)
+            crashed = crash_s <= lost_s
+            broken = crashed and plain.judged and _broken_before(crash_s, wanted, flight, vehicle, parts)
             said = plain.reason if down else f"lost at {lost_s:.1f} s"
             verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
-            if crash_s is not None:
+            if crashed:
                 verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
         elif not plain.reason:
             verdict = replace(verdict, reason=_absence(wanted, flight, vehicle, rate_hz))
@@ -301,13 +302,11 @@ def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, 
     return float(flight.mission_time_s[window][-missed:][led.argmax()])
 
 
-def _crashes_at_s(scenario: Scenario, vehicle: VehicleId, by_s: float) -> float | None:
-    """Return when the scenario's faults crash a vehicle, None if not by the mission time `by_s`."""
-    due = (fault for fault in scenario.faults if fault.kind == "crash" and fault.at_s <= by_s)
-    crashes_s = (
-        fault.at_s for fault in due if vehicle in {each.vehicle_id for each in scenario.selected(fault.vehicles)}
-    )
-    return min(crashes_s, default=None)
+def crash_planned_s(scenario: Scenario, vehicle: VehicleId) -> float:
+    """Return the mission time at which the scenario's faults crash a vehicle; infinity if they don't."""
+    crashes = (fault for fault in scenario.faults if fault.kind == "crash")
+    hits = ((each.at_s, scenario.selected(each.vehicles)) for each in crashes)
+    return min((at_s for at_s, hit in hits if vehicle in {each.vehicle_id for each in hit}), default=math.inf)
 
 
 def _follower_value(

@@ -123,7 +123,7 @@ def separation_m(flight: RecordedFlight, window: Mask) -> Array:
     _, vehicles, ticks = places.shape
     steps, at_once = np.zeros(places.shape), max(1, ROWS_AT_ONCE // vehicles)
     if ticks > 1:
-        time_s = next(iter(flight.vehicles.values()))["t_s"][window]
+        time_s = flight.common["t_s"][window]
         steps[..., :-1] = np.where(np.diff(time_s) <= STRAIGHT_ON_S, np.diff(places), 0.0)
     begins = range(0, max(1, ticks), at_once)
     return np.concatenate([_nearest_m(*(each[..., at : at + at_once] for each in (places, steps))) for at in begins])

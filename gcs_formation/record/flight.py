@@ -50,14 +50,19 @@ class RecordedFlight:
     """Whether errors are from ground truth instead of telemetry."""
 
     @property
+    def common(self) -> Columns:
+        """The first vehicle's columns; `t_s`, `mission_time_s` and `phase` are the same for all."""
+        return next(iter(self.vehicles.values()))
+
+    @property
     def mission_time_s(self) -> Array:
         """(T,) seconds since the leader started along its path, NaN before."""
-        return next(iter(self.vehicles.values()))["mission_time_s"]
+        return self.common["mission_time_s"]
 
     def window(self, from_s: float, to_s: float) -> Mask:
         """Return a (T,) mask of the ticks in a window of mission time, ends included, before the end of the flight."""
         time_s = self.mission_time_s
-        return flying(next(iter(self.vehicles.values()))) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        return flying(self.common) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
 
     def gap(self, from_s: float, to_s: float) -> tuple[float, float] | None:
         """Return begin and end of the longest unrecorded time in a window of mission time.
@@ -130,16 +135,17 @@ class RecordedFlight:
         return self.mission_time_s[seen], self.error(vehicle, seen)
 
     def missed(self, vehicle: VehicleId, window: Mask) -> int:
-        """Return the number of ticks at the end of a (T,) window at which a vehicle neither has errors nor leads.
-
-        It is then lost: down, or without a leader.
-        """
-        seen = (self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0))[window]
-        return int(seen[::-1].argmax()) if seen.any() else seen.size
+        """Return the number of ticks at the end of a (T,) window from which on a vehicle is lost."""
+        flies = self._takes_part(vehicle)[window]
+        return int(flies[::-1].argmax()) if flies.any() else flies.size
 
     def absent(self, vehicle: VehicleId, window: Mask) -> int:
-        """Return the number of ticks of a (T,) window at which a vehicle neither has errors nor leads."""
-        return int((window & ~self._known(vehicle) & ~(self.vehicles[vehicle]["leads"] > 0)).sum())
+        """Return the number of ticks of a (T,) window at which a vehicle is lost, whether or not it comes back."""
+        return int((window & ~self._takes_part(vehicle)).sum())
+
+    def _takes_part(self, vehicle: VehicleId) -> Mask:
+        """Return (T,) whether a vehicle has errors or leads; otherwise it is lost: down, or without a leader."""
+        return self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0)
 
     def _known(self, vehicle: VehicleId) -> Mask:
         x_m, y_m, z_m = (np.isfinite(self.vehicles[vehicle][name]) for name in ERROR)

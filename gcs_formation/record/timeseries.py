@@ -148,11 +148,10 @@ class Spool:
         self.ticks = sum(part.ticks for part in self._parts)
         """Total number of ticks."""
 
-    def blocks(self, rows: int = ROWS_AT_ONCE) -> Iterator[dict[str, Array]]:
-        """Yield columns, in blocks of at most `rows` rows but at least a tick; a row for each vehicle and tick."""
-        some = [part for part in self._parts if part.ticks] or self._parts[:1]
-        for part in some:
-            yield from part.blocks(rows)
+    def blocks(self) -> Iterator[dict[str, Array]]:
+        """Yield columns, a row for each vehicle and tick, in blocks of at most `ROWS_AT_ONCE` rows or one tick."""
+        for part in [part for part in self._parts if part.ticks] or self._parts[:1]:
+            yield from part.blocks()
 
     def read(self) -> dict[str, Array]:
         """Return the columns of all rows."""
@@ -178,10 +177,10 @@ class _Part:
         self._vehicles = np.array(named["vehicles"], dtype=np.int32).reshape(-1, 2)
         self.ticks = count // max(1, len(self._vehicles))
 
-    def blocks(self, rows: int) -> Iterator[dict[str, Array]]:
-        """Yield columns in blocks of at most `rows` rows but at least a tick; at least one block."""
+    def blocks(self) -> Iterator[dict[str, Array]]:
+        """Yield the columns in blocks, at least one."""
         vehicles = len(self._vehicles)
-        at_once = max(1, rows // max(1, vehicles))
+        at_once = max(1, ROWS_AT_ONCE // max(1, vehicles))
         for begin in range(0, max(1, self.ticks), at_once):
             ticks = min(at_once, self.ticks - begin)
             network, system = np.tile(self._vehicles, (ticks, 1)).T

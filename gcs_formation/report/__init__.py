@@ -125,7 +125,7 @@ class RunData:
     @property
     def time_s(self) -> Array:
         """(K,) mission times of the flown ticks."""
-        return next(iter(self.flown.vehicles.values()))["t_s"] - self.zero_s
+        return self.flown.common["t_s"] - self.zero_s
 
     @property
     def scenario_in_force(self) -> Scenario:
@@ -258,9 +258,8 @@ def _parsed(text: str, path: Path, line: int = 0) -> Any:  # noqa: ANN401 - what
 def _run_data(
     scenario: Scenario, summary: Mapping[str, Any], events: Events, whole: RecordedFlight, missing: tuple[str, ...]
 ) -> RunData:
-    any_vehicle = next(iter(whole.vehicles.values()))
-    mission_s, clock_s = any_vehicle["mission_time_s"], any_vehicle["t_s"]
-    known = np.flatnonzero(flying(any_vehicle) & np.isfinite(mission_s))
+    mission_s, clock_s = whole.mission_time_s, whole.common["t_s"]
+    known = np.flatnonzero(flying(whole.common) & np.isfinite(mission_s))
     first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
     flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in whole.vehicles.items()}
     zero_s = float(clock_s[first] - (mission_s[first] if known.size else 0.0))
@@ -317,7 +316,7 @@ def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenar
 
 
 def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
-    t_s = next(iter(flight.vehicles.values()))["t_s"]
+    t_s = flight.common["t_s"]
     return RunOutcome(
         scenario=scenario,
         clock="unknown",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -180,16 +180,17 @@ class StudyOutcome:
 
         Empty for a search too, which flies beyond its bound on purpose.
         """
-        return () if self.verdicts or "bisect" in self.figures else self._ended(lambda status: status == 1)
+        return () if self.verdicts or "bisect" in self.figures else self._ended(1)
 
     @property
     def unflown(self) -> Sequence[Row]:
         """Flights that couldn't be flown, or not to their end."""
-        return self._ended(lambda status: status > 1)
+        return self._ended(2, 3)
 
-    def _ended(self, how: Callable[[int], bool]) -> Sequence[Row]:
+    def _ended(self, *statuses: int) -> Sequence[Row]:
+        """Return the flights that ended with one of these exit statuses."""
         rows: Sequence[Row] = self.table.select(["flight", "exit", "words"]).to_pylist()
-        return [row for row in rows if how(row["exit"])]
+        return [row for row in rows if row["exit"] in statuses]
 
     @property
     def uncrossed(self) -> int:

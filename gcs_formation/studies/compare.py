@@ -10,8 +10,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from airlink.cli import Status, interruptible, refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
@@ -21,7 +19,8 @@ from gcs_formation.app.result_text import WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
-from gcs_formation.record.figures_of_merit import axis_figures, effort, least, separation_m
+from gcs_formation.record.expectations import figure_of as figure_in
+from gcs_formation.record.figures_of_merit import least, of_follower, separation_m
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import ERROR
 from gcs_formation.report import RunData, load_run
@@ -165,29 +164,22 @@ def _none() -> dict[str, Any]:
 
 def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
     within, stability, scenario = run.flown.window(*window_s), run.summary["stability"], run.scenario
-    efforts = [effort(run.flown.vehicles[vehicle], within) for vehicle in run.followers]
+    settled_s = figure_of(run.summary, "settled_at_s")  # the last one's: no steady figure unless all have settled
+    found = [of_follower(run.flown, vehicle, within, settled_s) for vehicle in run.followers]
+
+    def worst_of(metric: str) -> float | None:
+        return worst(metric, [figure_in(each, metric) for each in found])
+
     return {
-        "settled_at_s": figure_of(run.summary, "settled_at_s"),
-        **{name: _axis(run, window_s, axis) for axis, name in enumerate(ERROR)},
-        "effort": {
-            channel: {name: worst(name, [each[channel][name] for each in efforts]) for name in EFFORTS}
-            for channel in CHANNELS
-        },
+        "settled_at_s": settled_s,
+        **{error: {name: worst_of(f"{error}.{name}") for name in HEADS} for error in ERROR},
+        "effort": {channel: {name: worst_of(f"effort.{channel}.{name}") for name in EFFORTS} for channel in CHANNELS},
         "min_separation_m": least(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
         "warnings": tuple(warnings(scenario, law_margins(scenario), lag_margins(scenario)[0])),
         "aborted": "",
     }
-
-
-def _axis(run: RunData, window_s: tuple[float, float], axis: int) -> dict[str, float | None]:
-    """Return the worst follower's figures on an axis; no steady figure unless all have settled."""
-    settled_s, found = figure_of(run.summary, "settled_at_s"), list[dict[str, float | None]]()
-    for error_m in (run.flown.error(vehicle)[:, axis] for vehicle in run.followers):
-        kept = run.flown.window(*window_s) & np.isfinite(error_m)
-        found.append(axis_figures(run.time_s[kept], error_m[kept], settled_s))
-    return {name: worst(name, [each[name] for each in found]) for name in HEADS}
 
 
 def _spans(comparison: Comparison) -> list[tuple[float, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -20,6 +21,7 @@ from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.fields import distinct_texts
 from gcs_formation.link.link_health import STALE_AFTER_S
 from gcs_formation.record import timeseries
+from gcs_formation.record.expectations import crash_planned_s
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
 from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
 from gcs_formation.record.tlog import read_tlog
@@ -42,8 +44,8 @@ class FlightRecord:
     events: tuple[Mapping[str, Any], ...]
     columns: Mapping[str, Array]
     """The time series."""
-    sent: tuple[tuple[int, CommandInt], ...]
-    """Guided commands of the ground station and the system each was for, as read back from the log."""
+    sent: tuple[CommandInt, ...]
+    """Guided commands of the ground station, as read back from the log."""
     frames: int
     """Number of frames in the log."""
 
@@ -69,10 +71,9 @@ class FlightRecord:
         apart_m = [self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])]
         return bool((np.linalg.norm(apart_m, axis=0) < NEAR_END_M).any())
 
-    def lost_at_s(self, vehicle: PlannedVehicle) -> float:
-        """Return when a vehicle crashed, infinity if it didn't."""
-        faults = (each for each in self.scenario.faults if each.kind == "crash")
-        return min((each.at_s for each in faults if vehicle in self.scenario.selected(each.vehicles)), default=np.inf)
+    def crashes(self, vehicle: PlannedVehicle) -> bool:
+        """Return whether the scenario's faults crash a vehicle."""
+        return math.isfinite(crash_planned_s(self.scenario, vehicle.vehicle_id))
 
 
 def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
@@ -85,7 +86,7 @@ def read_record(directory: Path, scenario: Scenario) -> FlightRecord:
         summary=json.loads((directory / SUMMARY).read_text(encoding="utf-8")),
         events=tuple(json.loads(line) for line in lines),
         columns=read_parquet(directory / TIMESERIES),
-        sent=tuple((each.target_system, each) for each in messages if isinstance(each, CommandInt)),
+        sent=tuple(each for each in messages if isinstance(each, CommandInt)),
         frames=len(raws),
     )
 
@@ -117,7 +118,8 @@ def separation(flown: FlightRecord) -> Iterator[str]:
 def envelope(flown: FlightRecord) -> Iterator[str]:
     """Every commanded speed is within the vehicle's limits; every heading and height is a number."""
     models = {vehicle.id: vehicle.model for vehicle in flown.scenario.vehicles}
-    for system, command in flown.sent:
+    for command in flown.sent:
+        system = command.target_system
         if not all(map(np.isfinite, (command.param1, command.param2, command.param3, command.z))):
             yield f"envelope: vehicle {system} was sent {command}, which isn't finite"
         elif command.command == m.MAV_CMD_GUIDED_CHANGE_SPEED:
@@ -144,7 +146,7 @@ def finite(flown: FlightRecord) -> Iterator[str]:
 
 def acknowledged(flown: FlightRecord) -> Iterator[str]:
     """The run came to its end, and every vehicle that still exists acknowledged that it loiters."""
-    lost = {str(v.vehicle_id) for v in flown.scenario.vehicles if np.isfinite(flown.lost_at_s(v))}
+    lost = {str(each.vehicle_id) for each in flown.scenario.vehicles if flown.crashes(each)}
     for event in flown.events:
         if event["kind"] == "failure" or (event["kind"] == "unacknowledged" and event.get("vehicle") not in lost):
             yield f"acknowledged: {event.get('vehicle', 'the run')}: {event['text']}"
@@ -173,7 +175,7 @@ def regained(flown: FlightRecord) -> Iterator[str]:
         rows = flown.rows(vehicle)
         late = (rows["mission_time_s"] > flown.ends_s - REGAINED_FOR_S) & (rows["leads"] == 0)
         late &= flying(rows)
-        if np.isfinite(flown.lost_at_s(vehicle)) or not late.any() or _held_up(flown, rows):
+        if flown.crashes(vehicle) or not late.any() or _held_up(flown, rows):
             continue
         worst_m = max(float(np.abs(rows[name][late]).max()) for name in ERROR)
         if not worst_m < REGAINED_M:

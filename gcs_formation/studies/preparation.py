@@ -18,11 +18,10 @@ from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies import DRAWN, LISTED, Bisection, Cases, Parameter, Range, Study, Value, Wanted, levels_of
+from gcs_formation.studies.dataset import ROW
 from gcs_formation.studies.flight import Task
 from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
 
-COLUMNS = ("flight", "seed", "exit", "wall_s", "cpu_s", "version", "words", "digest")
-"""Columns of a flight's row besides parameters and metrics."""
 MANY = 100_000
 """Number of flights beyond which a study needs --yes."""
 EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
@@ -94,7 +93,7 @@ def _impossible_bounds(study: Study, read: Source) -> Iterator[Problem]:
 
 def _conflicting_keys(study: Study, read: Source) -> Iterator[Problem]:
     """Yield keys that exclude each other."""
-    taken, search = {*COLUMNS, *study.measured}, study.bisect
+    taken, search = {*ROW, "digest", *study.measured}, study.bisect
     for name in study.parameters:
         if name in taken:
             allowed = "another name, as a flight's row has this one"

@@ -41,9 +41,8 @@ def collided(flown: FlightRecord) -> FlightRecord:
 
 
 def too_fast(flown: FlightRecord) -> FlightRecord:
-    index = next(i for i, (_, c) in enumerate(flown.sent) if c.command == m.MAV_CMD_GUIDED_CHANGE_SPEED)
-    system, command = flown.sent[index]
-    return replace(flown, sent=(*flown.sent[:index], (system, command.but(param2=28.1))))
+    index = next(i for i, c in enumerate(flown.sent) if c.command == m.MAV_CMD_GUIDED_CHANGE_SPEED)
+    return replace(flown, sent=(*flown.sent[:index], flown.sent[index].but(param2=28.1)))
 
 
 def without_a_tick(flown: FlightRecord) -> FlightRecord:
