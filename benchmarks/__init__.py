@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import gcs_formation
+from gcs_formation.record.run_directory import EVENTS
 
 if TYPE_CHECKING:
     from gcs_formation.app.operator import ClockName
@@ -28,6 +30,12 @@ def flown(
     """Fly a scenario with these keys changed; its record is deleted on exit."""
     with tempfile.TemporaryDirectory() as out:
         yield gcs_formation.run(scenario, clock=clock, out=Path(out) / "run", **keys)
+
+
+def events_of(summary: gcs_formation.Summary, kind: str) -> list[dict[str, Any]]:
+    """Return a run's events of a kind."""
+    events = map(json.loads, (summary.run_dir / EVENTS).read_text().splitlines())
+    return [event for event in events if event["kind"] == kind]
 
 
 def both_ways(delay_ms: float) -> dict[str, Any]:

@@ -7,13 +7,11 @@ of processor time for each flight, a minute for the one with 20 followers.
 
 from __future__ import annotations
 
-import json
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
-from benchmarks import PAPER, both_ways, flown, parser
+from benchmarks import PAPER, both_ways, events_of, flown, parser
 from benchmarks.gust_grid import FRAMES
-from gcs_formation.record.run_directory import EVENTS
 from gcs_formation.studies.dataset import markdown
 
 FIRST_S, APART_S = 10.0, 70.0
@@ -55,8 +53,7 @@ def fly(case: Case) -> list[list[str]]:
         disturbances=[],
         expect=[each for at_s in begins_s for each in expectations(at_s)],
     ) as summary:
-        events = map(json.loads, (summary.run_dir / EVENTS).read_text().splitlines())
-        ways_s = [float(event["duration_s"]) for event in events if event["kind"] == "formation"]
+        ways_s = [float(event["duration_s"]) for event in events_of(summary, "formation")]
     found: dict[tuple[float, str], float] = {}
     for verdict in summary.verdicts:
         key = verdict.expectation.from_s, verdict.expectation.metric

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-from benchmarks import flown
+from benchmarks import events_of, flown
+from gcs_formation.studies.dataset import markdown
 
 END_S, BEGINS_S, FOR_S = 10.0, 9.5, 10.0
 GEOMETRIES: dict[str, dict[str, Any]] = {
@@ -41,17 +41,14 @@ def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
 def ended(keys: dict[str, Any]) -> str:
     """Return the least separation, m, and the time, s, at which vehicles were told to loiter."""
     with flown(keys) as summary:
-        lines = (summary.run_dir / "events.jsonl").read_text().splitlines()
-    begins_s = {event["text"]: event["t_s"] for event in map(json.loads, lines) if event["kind"] == "phase"}
+        begins_s = {event["text"]: event["t_s"] for event in events_of(summary, "phase")}
     return f"{summary.to_dict()['safety']['min_separation_m']:.1f}, {begins_s['loitering'] - begins_s['ending']:.0f} s"
 
 
 def main() -> None:
     """Print the table."""
-    print("| formation |", *(f"{trouble} |" for trouble in TROUBLES))
-    print("| --- " * (1 + len(TROUBLES)) + "|")
-    for name, formation in GEOMETRIES.items():
-        print(f"| {name} |", *(f"{ended(scenario(formation, trouble))} |" for trouble in TROUBLES), flush=True)
+    rows = ([name, *(ended(scenario(keys, trouble)) for trouble in TROUBLES)] for name, keys in GEOMETRIES.items())
+    print(markdown(("formation", *TROUBLES), rows))
 
 
 if __name__ == "__main__":
