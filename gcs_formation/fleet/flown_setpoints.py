@@ -46,19 +46,20 @@ CONTINUES_S: Final = 1.5
 """Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
 (7) lacks the bank and throttle that must first return."""
 CLIMBS_SHARE: Final = 0.5
-"""A height setpoint above the vehicle by more than this share of what its climb limit can reach within its height lags
-is a command to climb."""
-SUNK_M: Final = 15.0
-"""A vehicle so commanded sinks if it loses more height than this, or, if greater, than its air motion explains."""
 AT_LIMIT_SHARE: Final = 0.9
-"""A height setpoint above the vehicle by this share of the same reach is a command to climb at the limit."""
+"""Shares of a vehicle's reach, which is how far it climbs at its limit within its height lags. A height setpoint above
+it by more than the first share is a command to climb; by more than the second, to climb at the limit."""
+SUNK_M: Final = 15.0
+"""A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains."""
 CLIMBS_LEAST_SHARE: Final = 0.25
 CHECKS_STUCK: Final = 20
-"""A vehicle is stuck if it climbs at less than `CLIMBS_LEAST_SHARE` of its limit during 8 s of such commands. Sinking
-air that could explain this keeps it from its height as well."""
+"""A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_LEAST_SHARE` of that for so
+many checks, 8 s. Sinking air could explain it too, and then keeps the vehicle from its height as well."""
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
+"""Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported."""
 CHECKS_MENDED: Final = 8
+"""Consecutive checks without a failure until it counts as following again."""
 LEAST_NORM: Final = 1e-9
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0
@@ -171,7 +172,11 @@ class FlownSetpoints:
         self.stamps.append(stamp)
 
     def _less_initial_motion(self, expected: Triple, flown: Triple) -> Triple:
-        """Return the changes flown, less the initial motion that it continues against the expected change."""
+        """Return the changes flown, without the part that an aircraft makes by continuing its motion at the start.
+
+        That part is taken off where it is opposite to the expected change: a turn or a change of speed that was under
+        way must first end before the commanded one can begin.
+        """
         before, after_s = self.past[0], max((self.stamps[1] - self.stamps[0]) / NANOSECONDS, CHECK_S)
         faster_mps, turned_rad, _ = _changes(before, before, self.past[1], hovers=False)[1]
         speed_mps = _less_if_opposite(expected[AIRSPEED], flown[AIRSPEED], CONTINUES_S * faster_mps / after_s)

@@ -202,7 +202,15 @@ def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = 
 def _of_followers(
     plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any], *, down: bool
 ) -> Iterator[Verdict]:
-    """Yield a verdict for each chosen follower from the window's; `down`: no vehicle flies at the window's end."""
+    """Yield a verdict for each follower that the expectation chooses.
+
+    Args:
+        plain: the expectation with what holds for all of them: whether its window was flown to its end, and is judged.
+        scenario: the scenario that was flown.
+        flight: the flight.
+        parts: the summary so far.
+        down: whether no vehicle flies any more at the window's end.
+    """
     wanted = plain.expectation
     chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
     rate_hz = scenario.law.rate_hz
@@ -238,12 +246,17 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
 
 
 def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
-    """Return the verdict on a link whose vehicle may have fallen silent within the flown part of a window.
+    """Return the verdict on a link, changed if its vehicle fell silent for good before `end_s`.
 
-    If a planned fault or outage silenced it, it isn't judged, unless its link had already broken a bound. If it fell
-    silent by itself, metrics of a window are broken, as there are no measurements; those of the whole flight include
-    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request. `out`: the scenario has an
-    outage of the link at the window's end.
+    If the scenario silenced it, the link isn't judged, unless it had broken a bound before. If it fell silent by
+    itself, a metric over a window is broken, as nothing was measured; one of the whole flight stands, because it counts
+    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request.
+
+    Args:
+        verdict: by the figures alone.
+        link: when the vehicle was silenced by a fault, and when it was last heard and last answered.
+        end_s: the end of the window, or of the flight if that came first.
+        out: whether the scenario has an outage of the link then.
     """
     windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
     needs_answers = verdict.expectation.metric.startswith("measured_delay")

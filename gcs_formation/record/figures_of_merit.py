@@ -79,6 +79,7 @@ def settled_at_s(time_s: Array, error_m: Array) -> float | None:
         error_m: (T, 3) errors at these; an unknown error (NaN) restarts the 10 s.
     """
     inside, places = _in_slot(error_m), np.arange(time_s.size)
+    # The tick after the last one outside: since then the vehicle has been in its slot.
     begins = np.maximum.accumulate(np.where(inside, 0, places + 1))
     stayed = inside & (time_s - time_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
     return float(time_s[begins[stayed.argmax()]]) if stayed.any() else None
@@ -130,11 +131,15 @@ def separation_m(flight: RecordedFlight, window: Mask) -> Array:
 
 
 def _nearest_m(places: Array, steps: Array) -> Array:
-    """Return (T,) the least distance of any two of (3, V, T) places on their way along `steps`; inf below two.
+    """Return (T,) the least distance, m, of any two vehicles until the next tick; infinite with fewer than two.
 
-    NaN places are absent vehicles. Vehicles are sorted along the axis of their greatest spread. Pairs of neighbours of
-    rising order are compared until their gaps along this axis, less the largest change by steps, exceed the least
-    distance found.
+    Not every pair is compared. Vehicles are sorted along the axis on which they are spread farthest: first each is
+    compared with the next, then with the one after that, and so on. It ends once even the smallest gap along this axis,
+    less what any two close in by until the next tick, is wider than the least distance found.
+
+    Args:
+        places: (3, V, T) positions at the ticks; NaN where a vehicle is absent.
+        steps: (3, V, T) displacements until the next tick.
     """
     spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
@@ -156,7 +161,10 @@ def _nearest_m(places: Array, steps: Array) -> Array:
 
 
 def _least_squared(gaps: list[Array], changes: list[Array]) -> Array:
-    """Return the least square of gaps (3 arrays) that change linearly by `changes`."""
+    """Return the least square of the distance over gaps (3 arrays, one for each axis) that change by `changes`.
+
+    Between two straight lines it is least at the share -gap.change/change.change of the way, or at one of its ends.
+    """
     along = sum(gap * change for gap, change in zip(gaps, changes, strict=True))
     length = sum(change * change for change in changes)
     share = np.clip(-along / np.maximum(length, np.finfo(float).tiny), 0.0, 1.0)

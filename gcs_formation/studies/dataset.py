@@ -248,21 +248,21 @@ class Flights(NamedTuple):
     levels: Mapping[str, Sequence[str]] = MappingProxyType({})
     """Values of parameters that aren't numbers, in words."""
     concerned: Mapping[int, Mask] = MappingProxyType({})
-    """(N,) which flights an expectation with `where` applies to, by the expectation's index in the study."""
-
+    """(N,) which flights an expectation with `where` applies to, by the expectation's index in the study; one without
+    applies to all, and isn't here."""
     alike: bool = False
     """Whether flights that differ in their seed only are all the same."""
 
     def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
         """Return the study's expectations of a figure that apply to exactly these flights, by default to all."""
 
-        def of_these(place: int) -> bool:
-            own = self.concerned.get(place)
-            if own is None or inside is None:
-                return inside is None and (own is None or bool(own.all()))
-            return np.array_equal(own, inside)
+        def applies(own: Mask | None) -> bool:
+            if inside is None:
+                return own is None or bool(own.all())
+            return own is not None and np.array_equal(own, inside)
 
-        return [each for i, each in enumerate(self.study.expect) if each.metric == metric and of_these(i)]
+        numbered = enumerate(self.study.expect)
+        return [each for i, each in numbered if each.metric == metric and applies(self.concerned.get(i))]
 
     @property
     def by_chance(self) -> bool:
