@@ -46,8 +46,11 @@ class RecordedFlight:
     """The time series by vehicle; each has a row for every tick, so that their columns are parallel."""
 
     vehicles: Mapping[VehicleId, Columns]
-    truth: bool
-    """Whether errors are from ground truth instead of telemetry."""
+
+    @property
+    def truth(self) -> bool:
+        """Whether there is ground truth, from which errors then are, instead of telemetry."""
+        return TRUTH[0] in self.common
 
     @property
     def common(self) -> Columns:
@@ -187,7 +190,7 @@ def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
     """Return the flight recorded in columns (T, V)."""
     identities = enumerate(each.vehicle_id for each in scenario.vehicles)
     vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
-    return RecordedFlight(vehicles, TRUTH[0] in columns)
+    return RecordedFlight(vehicles)
 
 
 class FlightBuilder:
@@ -233,10 +236,15 @@ def _injected(ways_s: Array) -> dict[str, Array]:
 
 
 def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
-    """Return x_c - x_rc, y_c - y_rc, z_c - z_rc, (T, V): from true positions if `seen`, else as computed by the law.
+    """Return the errors x_c - x_rc, y_c - y_rc and z_c - z_rc, (T, V), NaN for a leader and on the ground.
 
-    NaN on the ground, and behind a leader on the ground until another leads. A virtual leader's position is the
-    station's.
+    Those behind a leader that is on the ground are NaN too, until another leads.
+
+    Args:
+        columns: the time series, (T, V).
+        frame: whose heading the slots turn with.
+        seen: whether errors are computed from true positions, and from the station's for a virtual leader; else they
+            are those that the law computed.
     """
     airborne = columns[AIRBORNE] > 0
     if not seen:

@@ -17,7 +17,7 @@ from formation_scenario import Scenario, dump_scenario
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NOBODY_COMMANDED
 from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Maybe, Shape
-from gcs_formation.record.timeseries import TickSpool, spools
+from gcs_formation.record.timeseries import SpoolWriter, spools
 from gcs_formation.record.tlog import TlogWriter
 from gcs_formation.recorder import Event, Tick
 
@@ -86,7 +86,7 @@ class RunDirectory:
                 _clear(self.path)
                 (self.path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
             self._tlog = TlogWriter(self.path / TLOG, epoch_us) if frames else None
-            self._spool = TickSpool(self.path / SPOOL, columns)
+            self._spool = SpoolWriter(self.path / SPOOL, columns)
         except BlockingIOError as error:
             found = f"found another run that is recording into {path}; allowed: a directory of its own"
             raise RecordError(found) from error

@@ -75,7 +75,7 @@ VIRTUAL_LEADER = ("leader_north_m", "leader_east_m", "leader_height_m", "leader_
 """Further values with a virtual leader, which has no rows of its own."""
 
 
-class TickSpool:
+class SpoolWriter:
     """Appends ticks to a file that is readable up to its last complete tick, also after a crash.
 
     A line of JSON names the vehicles and the values. Little-endian 64-bit floats follow, tick by tick: for each vehicle

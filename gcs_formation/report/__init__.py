@@ -34,7 +34,7 @@ from gcs_formation.record.json_shape import (
 )
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
-from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, TRUTH, Spool, flying, read_parquet
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, Spool, flying, read_parquet
 from gcs_formation.stability import scenario_delay_margin
 
 Events = tuple[Mapping[str, Any], ...]
@@ -108,8 +108,6 @@ class RunData:
     events: Events
     whole: RecordedFlight
     flown: RecordedFlight
-    clock_s: Array
-    """(T,) times of all ticks on the run's clock."""
     zero_s: float
     """The clock's time at mission time 0; at the first tick if the path was never begun."""
     begun: bool
@@ -120,7 +118,7 @@ class RunData:
     @property
     def whole_time_s(self) -> Array:
         """(T,) mission times of all ticks, negative before the path."""
-        return self.clock_s - self.zero_s
+        return self.whole.common["t_s"] - self.zero_s
 
     @property
     def time_s(self) -> Array:
@@ -175,7 +173,7 @@ def load_run(directory: Path) -> RunData:
     if missing:
         found = f"found no column {missing[0]} in {directory / TIMESERIES}"
         raise RecordError(f"{found}; expected: a record of this version; fly it again: {directory / SCENARIO}")
-    whole = RecordedFlight(_vehicles(directory / TIMESERIES, scenario, columns), TRUTH[0] in columns)
+    whole = RecordedFlight(_vehicles(directory / TIMESERIES, scenario, columns))
     return _run_data(scenario, summary, events, whole, refused)
 
 
@@ -263,8 +261,7 @@ def _run_data(
     first, end = (int(known[0]), int(known[-1]) + 1) if known.size else (0, mission_s.size)
     flown = {v: {name: values[first:end] for name, values in own.items()} for v, own in whole.vehicles.items()}
     zero_s = float(clock_s[first] - (mission_s[first] if known.size else 0.0))
-    flight = RecordedFlight(flown, whole.truth)
-    return RunData(scenario, summary, events, whole, flight, clock_s, zero_s, bool(known.size), missing)
+    return RunData(scenario, summary, events, whole, RecordedFlight(flown), zero_s, bool(known.size), missing)
 
 
 def _vehicles(path: Path, scenario: Scenario, columns: Mapping[str, Array]) -> dict[VehicleId, Columns]:

@@ -124,7 +124,7 @@ def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
 
 def _tracks(run: RunData, group: Group) -> dict[str, Any]:
     points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (5 * len(group.vehicles)))
-    kept = evenly(run.clock_s.size, points)
+    kept = evenly(run.whole_time_s.size, points)
     return {
         "t": _rounded(run.whole_time_s[kept], TIME_DIGITS),
         "vehicles": [_track(run, vehicle, kept) for vehicle in group.vehicles],

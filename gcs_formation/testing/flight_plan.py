@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle, load_scenario
 from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.load import settings
@@ -164,19 +164,14 @@ class FlownFlight:
         return [each for each in self.scenario.vehicles if str(each.vehicle_id) in self.figures["followers"]]
 
     @cached_property
-    def _columns(self) -> Mapping[str, Array]:
-        return read_parquet(self.directory / TIMESERIES)
-
-    @property
     def _flight(self) -> RecordedFlight:
-        count = len(self.scenario.vehicles)
-        return split({name: each.reshape(-1, count) for name, each in self._columns.items()}, self.scenario)
+        columns, count = read_parquet(self.directory / TIMESERIES), len(self.scenario.vehicles)
+        return split({name: each.reshape(-1, count) for name, each in columns.items()}, self.scenario)
 
     def _series_of(self, vehicle: VehicleId) -> Mapping[str, Array]:
-        columns = self._columns
-        mine: Mask = (columns["network"] == vehicle.network) & (columns["vehicle"] == vehicle.system)
-        mine &= np.isin(columns["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
-        return {name: values[mine] for name, values in columns.items()}
+        own = self._flight.vehicles[vehicle]
+        commanded = np.isin(own["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
+        return {name: values[commanded] for name, values in own.items()}
 
     def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[tuple[float, str]]:
         """Yield the largest |error| along each axis with its words; NaN, which is worst, if one isn't known."""

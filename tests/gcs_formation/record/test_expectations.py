@@ -76,7 +76,7 @@ def test_a_window_of_which_a_part_was_not_recorded_is_broken(from_s: float, said
     parts = {vehicle: {name: values[known] for name, values in own.items()} for vehicle, own in whole.vehicles.items()}
     expect = {"metric": "error_x_m.max", "followers": [2], "below": 0.1, "from_s": from_s, "to_s": 9}
     scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [expect]})
-    (found,) = judge(scenario, RecordedFlight(parts, truth=True), PARTS, {}, True)
+    (found,) = judge(scenario, RecordedFlight(parts), PARTS, {}, True)
     assert (found.held, found.reason) == (not said, said)
 
 
@@ -305,7 +305,7 @@ def test_a_follower_that_was_away_and_came_back_is_said_to_have_been(away_s: flo
     }
     expect = {"metric": "error_x_m.max", "followers": [2], "below": 0.1, "to_s": FLOWN_S}
     scenario = load_scenario(KEYS | {"duration_s": 100, "expect": [expect]})
-    flight = RecordedFlight({**whole.vehicles, FOLLOWER: own}, truth=True)
+    flight = RecordedFlight({**whole.vehicles, FOLLOWER: own})
     (found,) = judge(scenario, flight, PARTS, {}, False)
     assert (found.held, found.reason) == (True, said)
 

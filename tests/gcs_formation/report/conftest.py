@@ -251,7 +251,7 @@ def summary_of(scenario: Scenario, columns: dict[str, np.ndarray], *, truth: boo
     """Return a summary whose follower and safety figures are those of the columns."""
     grid = {name: values.reshape(-1, len(scenario.vehicles)) for name, values in columns.items()}
     ids = [vehicle.vehicle_id for vehicle in scenario.vehicles]
-    flight = RecordedFlight({v: {n: g[:, i] for n, g in grid.items()} for i, v in enumerate(ids)}, truth)
+    flight = RecordedFlight({v: {n: g[:, i] for n, g in grid.items()} for i, v in enumerate(ids)})
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
     followers: dict[str, Any] = {}

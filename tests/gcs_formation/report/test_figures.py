@@ -99,7 +99,7 @@ def test_an_older_figure_that_is_left_out_now_is_removed(make_run, tmp_path, mon
 def with_column(run, vehicle, name, values):
     """Return the run with one column of the flown time replaced."""
     own = {**run.flown.vehicles, vehicle: {**run.flown.vehicles[vehicle], name: values}}
-    return replace(run, flown=RecordedFlight(own, run.flown.truth))
+    return replace(run, flown=RecordedFlight(own))
 
 
 @pytest.mark.parametrize("count", [6, 30])
@@ -215,7 +215,7 @@ def test_a_snapshot_is_of_those_that_fly_around_whoever_leads(make_run):
     own = {vehicle: dict(columns) for vehicle, columns in run.flown.vehicles.items()}
     own[lost] |= dict.fromkeys(("leads", "airborne"), np.zeros(run.time_s.size))
     own[heir]["leads"] = np.ones(run.time_s.size)
-    still = snapshot(replace(run, flown=RecordedFlight(own, run.flown.truth)), 150)
+    still = snapshot(replace(run, flown=RecordedFlight(own)), 150)
     places = dict(zip(own, still.places_m, strict=True))
     assert places[heir] == pytest.approx(0.0)
     assert np.isnan(places[lost]).all()
@@ -229,7 +229,7 @@ def test_a_leader_that_follows_another_later_on_has_errors_too(make_run):
     own = {vehicle: dict(columns) for vehicle, columns in run.flown.vehicles.items()}
     own[heir]["leads"] = (run.time_s > 10.0).astype(float)
     own[first] |= {"leads": 1.0 - own[heir]["leads"], "active": np.ones(run.time_s.size)}
-    passed_on = replace(run, flown=RecordedFlight(own, run.flown.truth))
+    passed_on = replace(run, flown=RecordedFlight(own))
     assert passed_on.followers == (*run.followers, first)
     assert sorted(everyone(passed_on).vehicles) == sorted(own)
     assert len(embedded(passed_on)["errors"]) == len(own)
@@ -241,7 +241,7 @@ def test_gains_are_of_a_follower_that_follows_to_the_end(make_run):
     run = load_run(make_run(flown_s=20.0))
     worst = run.worst_first()[0]
     led = {name: np.where(run.time_s > 10.0, np.nan, values) for name, values in run.flown.vehicles[worst].items()}
-    relieved = replace(run, flown=RecordedFlight({**run.flown.vehicles, worst: led}, run.flown.truth))
+    relieved = replace(run, flown=RecordedFlight({**run.flown.vehicles, worst: led}))
     assert relieved.worst_first()[0] == worst
     assert all(np.isfinite(line.get_ydata()).all() for axes in gains(relieved).axes for line in axes.get_lines()[:3])
 
