@@ -130,7 +130,7 @@ class MarginWatch:
         """Largest share so far; infinite if a loop is unstable without delay."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
-        self._scenario, self._mutual = scenario, law_kind(scenario).mutual
+        self._mutual = law_kind(scenario).mutual
         self._degrades = scenario.law.on_delay == "degrade"
         self._waits_for_all = self._mutual and not scenario.law.delay_compensation
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz

@@ -257,7 +257,7 @@ class LeaderGuidance:
         self._point = self.route.at(self.distance_m)
         return track(self._point, state, model, self.speed_mps)
 
-    def take_over(self, route: DisplacedPath | None, distance_m: float) -> None:
+    def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
 

@@ -12,7 +12,7 @@ from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Mask
 from flight_model.autopilot_model import FlightState
-from flight_model.lift_and_displacement import DisplacedPath
+from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
@@ -178,24 +178,23 @@ class Reconfiguration:
         """
         controller, plan = self._controller, self._controller.plan
         present, now_s, changes = self._present(), now / NANOSECONDS, wanted != plan.arrangement
-        taken_over: tuple[DisplacedPath | None, float, float] | None = None
+        passes_on = wanted.leader != plan.leader
         route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
-        if wanted.leader != plan.leader:
+        if passes_on:
             if not present[wanted.leader]:
                 found = f"{self._names[wanted.leader]} doesn't fly in the formation"
                 raise NotFlyableError(found, "a vehicle that does", 0.0)
             turn = controller.guidance.turn
             if turn is not None and not turn.over(now):
                 raise NotFlyableError("the formation turns on the spot", "another leader once it stands", 0.0)
-            taken_over = self._take_over(wanted.leader, now)
-            route, distance_m, swing_rad = taken_over
+            route, distance_m, swing_rad = self._take_over(wanted.leader, now)
         start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
         way = plan_change(self._scenario, start, wanted, now_s, course, present)
-        if taken_over is not None:
-            self._hand_over(wanted.leader, *taken_over, now)
+        if passes_on:
+            self._hand_over(wanted.leader, route, distance_m, swing_rad, now)
         if changes:
             self._changing = self._in_words(wanted)
         elif plan.at_rest(now_s):
@@ -285,10 +284,8 @@ class Reconfiguration:
     def _want(self, arrangement: Arrangement, now: Instant) -> None:
         self._wanted, self._next_try = arrangement, now
 
-    def _hand_over(
-        self, leader: int, route: DisplacedPath | None, distance_m: float, swing_rad: float, now: Instant
-    ) -> None:
-        """Make another column the leader, with the route of `_take_over`."""
+    def _hand_over(self, leader: int, route: Route | None, distance_m: float, swing_rad: float, now: Instant) -> None:
+        """Make another column the leader, with what `_take_over` returned for it."""
         controller = self._controller
         controller.guidance.take_over(route, distance_m)
         controller.hand_over(leader, swing_rad)
@@ -317,8 +314,12 @@ class Reconfiguration:
             return state.airspeed_mps, state.heading_rad
         return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
 
-    def _take_over(self, leader: int, now: Instant) -> tuple[DisplacedPath | None, float, float]:
-        """Return a successor's route onto the path, its distance along it, and its heading relative to the leader's."""
+    def _take_over(self, leader: int, now: Instant) -> tuple[Route | None, float, float]:
+        """Return how a column can lead from where it is: by a route onto the path, from a distance along that, m.
+
+        The route is None before the path has begun. Third: the column's heading relative to the present leader's, rad,
+        by which the slots swing.
+        """
         controller, guidance = self._controller, self._controller.guidance
         tick = controller.last_tick
         if tick is None:
@@ -331,12 +332,9 @@ class Reconfiguration:
         distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
         point = guidance.path.at(distance_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
-        model, commanded_m, abreast = (
-            controller.models[leader],
-            tick.setpoints[leader][2],
-            Abreast(point, right_m, up_m),
-        )
-        above, aside = abreast.rise(place, commanded_m, model, guidance.speed_mps), abreast.slope_aside(place)
+        abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
+        above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
+        aside = abreast.slope_aside(place)
         scenario, path, reach_m = self._scenario, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad

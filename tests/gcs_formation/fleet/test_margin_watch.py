@@ -42,7 +42,8 @@ class Formation:
         }
         self.leader, self.follower, *_ = self.vehicles.values()
         self.notes = Noted()
-        self.watch = MarginWatch(load_scenario(keys), self.vehicles, self.notes)
+        self.scenario = load_scenario(keys)
+        self.watch = MarginWatch(self.scenario, self.vehicles, self.notes)
         for each in self.vehicles.values():
             self.delay(each, 0.0)
 
@@ -66,7 +67,7 @@ class Formation:
     def full(self) -> tuple[float, float]:
         """Return the share used without delay, and its increase per second of delay each way, which is constant."""
         if not hasattr(self, "_full"):
-            fresh = MarginWatch(self.watch._scenario, self.vehicles, Noted())
+            fresh = MarginWatch(self.scenario, self.vehicles, Noted())
             used: list[float] = []
             for one_way_s in (0.0, 0.1):
                 self.delay(self.follower, one_way_s)
