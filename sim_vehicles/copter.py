@@ -177,7 +177,7 @@ class Copter(Vehicle):
     air_mode = CopterMode.GUIDED
     guided_mode = CopterMode.GUIDED
     by_hand = BY_HAND
-    known_commands = HANDLERS
+    handlers = HANDLERS
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"
     flier: CopterPilot
@@ -191,10 +191,6 @@ class Copter(Vehicle):
         """Return who flies a multirotor."""
         self.flier = CopterPilot(config, steering, self.parameters)
         return self.flier
-
-    def carry_out(self, given: GivenCommand) -> int:
-        """Carry out one of ArduCopter's commands; return the MAV_RESULT."""
-        return commands.carried_out(HANDLERS, self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""

@@ -171,7 +171,7 @@ class Plane(Vehicle):
     air_mode = Mode.GUIDED
     guided_mode = Mode.GUIDED
     by_hand = STRAIGHT_ON | {Mode.INITIALISING}
-    known_commands = HANDLERS
+    handlers = HANDLERS
     flier: PlanePilot
     """Its pilot, typed as such."""
 
@@ -190,10 +190,6 @@ class Plane(Vehicle):
         """Return who flies a fixed wing."""
         self.flier = PlanePilot(config, steering, self.parameters)
         return self.flier
-
-    def carry_out(self, given: GivenCommand) -> int:
-        """Carry out one of ArduPlane's commands; return the MAV_RESULT."""
-        return commands.carried_out(HANDLERS, self, given)
 
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its long failsafe."""

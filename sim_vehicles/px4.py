@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Collection, Mapping
-from typing import ClassVar, Final
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
@@ -110,7 +110,7 @@ HANDLERS: Final[CommandHandlers[Px4]] = {
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _change_altitude,
     m.MAV_CMD_MISSION_START: _start_mission,
 }
-"""All other commands are UNSUPPORTED."""
+"""What all PX4s take."""
 
 
 class Px4(Vehicle):
@@ -128,7 +128,7 @@ class Px4(Vehicle):
     by_hand = PX4_BY_STICKS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    known_commands: ClassVar[Collection[int]] = HANDLERS
+    handlers: ClassVar[CommandHandlers[Any]] = HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and for each the mode of ArduPilot that its pilot flies."""
     _mode: Px4Mode
@@ -155,10 +155,6 @@ class Px4(Vehicle):
     @abstractmethod
     def follow(self, message: Setpoint) -> None:
         """Fly a setpoint of OFFBOARD."""
-
-    def carry_out(self, given: GivenCommand) -> int:
-        """Carry out a command that all PX4s know; return the MAV_RESULT."""
-        return commands.carried_out(HANDLERS, self, given)
 
     @property
     def mode(self) -> Px4Mode:

@@ -13,7 +13,7 @@ from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Steering, Vector
 from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, place_of, velocity_of, yaw_rate_of
-from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, PX4_AS_PLANE, CopterMode, Mode, Px4Mode, Request
 from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.px4_services import CM
@@ -113,6 +113,24 @@ class Px4CopterPilot(CopterPilot):
         return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
 
 
+def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
+    """Change to ORBIT, and fly round a place, anticlockwise for a negative radius or speed.
+
+    Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
+    """
+    radius_m, speed_mps = (
+        told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
+    )
+    here, origin = vehicle.body.motion, vehicle.origin
+    centre_m = here.north_m, here.east_m
+    if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
+        north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
+        centre_m = north_m, east_m
+    height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
+    vehicle.orbit((*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps)))
+    return ACCEPTED
+
+
 class Px4Copter(Px4):
     """An emulated PX4 multirotor."""
 
@@ -122,7 +140,7 @@ class Px4Copter(Px4):
     boot_mode = PX4_AS_COPTER[Px4Mode.HOLD]
     ground_mode = PX4_AS_COPTER[Px4Mode.HOLD]
     air_mode = PX4_AS_COPTER[Px4Mode.HOLD]
-    known_commands = frozenset({*HANDLERS, m.MAV_CMD_DO_ORBIT})
+    handlers = HANDLERS | {m.MAV_CMD_DO_ORBIT: _orbit}
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 
@@ -130,10 +148,6 @@ class Px4Copter(Px4):
         """Return who flies a multirotor."""
         self.flier = Px4CopterPilot(config, steering, self.parameters)
         return self.flier
-
-    def carry_out(self, given: GivenCommand) -> int:
-        """Carry out a command; a multirotor also flies round places."""
-        return self._orbit(given) if given.command == m.MAV_CMD_DO_ORBIT else super().carry_out(given)
 
     def prepare(self, height_m: float) -> bool:
         """Change to TAKEOFF, to a height; armed or in flight it climbs. Return whether that was allowed."""
@@ -153,25 +167,11 @@ class Px4Copter(Px4):
         if self.pilot.airborne:
             self.flier.go_to((self.body.motion.north_m, self.body.motion.east_m, height_m), None)
 
-    def _orbit(self, given: GivenCommand) -> int:
-        """Change to ORBIT, and fly round a place, anticlockwise for a negative radius or speed.
-
-        Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
-        """
-        radius_m, speed_mps = (
-            told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
-        )
-        here, origin = self.body.motion, self.origin
-        centre_m = here.north_m, here.east_m
-        if math.isfinite(given.lat_rad) and math.isfinite(given.lon_rad):
-            north_m, east_m, _ = origin.to_ned(given.lat_rad, given.lon_rad, origin.alt_m)
-            centre_m = north_m, east_m
-        height_m = given.z - origin.alt_m if math.isfinite(given.z) else here.height_m
-        circle = (*centre_m, height_m, abs(radius_m), math.copysign(speed_mps, radius_m * speed_mps))
+    def orbit(self, circle: Circle) -> None:
+        """Change to ORBIT, and fly round a place."""
         self._intended, self._lost = Px4Mode.ORBIT, False
         self.enter(Px4Mode.ORBIT)
         self.flier.go_round(circle)
-        return ACCEPTED
 
     def lift_off(self, height_m: float) -> None:
         """Climb straight up."""

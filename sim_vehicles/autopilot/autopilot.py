@@ -7,8 +7,8 @@ What handles messages and commands, and what builds telemetry, knows a vehicle a
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
-from typing import ClassVar, Final
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Final
 
 from mypy_extensions import mypyc_attr
 
@@ -76,8 +76,8 @@ class Autopilot(ABC):
     """Messages that it sends without a request, and every how many ns."""
     builders: ClassVar[Builders[Autopilot]]
     """All that it can send."""
-    known_commands: ClassVar[Collection[int]]
-    """MAV_CMDs that `carry_out` takes."""
+    handlers: ClassVar[Mapping[int, Callable[[Any, GivenCommand], int]]]
+    """MAV_CMD -> what carries it out on this vehicle, and returns the MAV_RESULT; all others are UNSUPPORTED."""
     asks_time: ClassVar[bool] = True
     """Whether it asks others for their time (TIMESYNC)."""
     tells_time_at_once: ClassVar[bool] = False
@@ -118,7 +118,7 @@ class Autopilot(ABC):
         self.pilot = self.pilot_of(self.config, body.steering)
         self.link = Link(index, self.config, locks=self.locks)
         start, origin = self.config.start, self.origin
-        self.missions = Missions(lambda: home_of(start, origin), stored=self.stores_missions)
+        self.missions = Missions(home_of(start, origin), stored=self.stores_missions)
         self.sender: Address = self.config.endpoint.address
         """Sender of the last frame."""
         self.sticks = False
@@ -237,10 +237,6 @@ class Autopilot(ABC):
     @abstractmethod
     def failsafe_of(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
-
-    @abstractmethod
-    def carry_out(self, given: GivenCommand) -> int:
-        """Carry out a command; return the MAV_RESULT, UNSUPPORTED for one that it doesn't know."""
 
     @abstractmethod
     def mode_named(self, name: str) -> FlightMode:

@@ -70,12 +70,6 @@ def received(message: CommandInt | CommandLong) -> GivenCommand:
     return GivenCommand(message.command, frame, params, place[0], place[1], z, in_integers=False)
 
 
-def carried_out(handlers: CommandHandlers[V], vehicle: V, given: GivenCommand) -> int:
-    """Carry out a command by its handler, and return the MAV_RESULT: UNSUPPORTED without one."""
-    handler = handlers.get(given.command)
-    return UNSUPPORTED if handler is None else handler(vehicle, given)
-
-
 def height_of(vehicle: Autopilot, z: float, frame: float) -> float | None:
     """Return a height above the fleet's origin, None for a frame or height that isn't accepted."""
     if not abs(z) <= HIGHEST_M:

@@ -80,10 +80,13 @@ class MessageHandler:
 
     def _results_of(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; return each MAV_RESULT to acknowledge it with."""
-        vehicle, given = self._vehicle, commands.received(message)
-        if vehicle.ignores and given.command in vehicle.known_commands and given.command not in commands.REQUESTS:
+        vehicle = self._vehicle
+        handler = vehicle.handlers.get(message.command)
+        if handler is None:
+            return (commands.UNSUPPORTED,)
+        if vehicle.ignores and message.command not in commands.REQUESTS:
             return (commands.ACCEPTED,)
-        return (vehicle.carry_out(given),)
+        return (handler(vehicle, commands.received(message)),)
 
     def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
         """Change to a mode by SET_MODE; return whether that was allowed."""

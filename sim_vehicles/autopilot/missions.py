@@ -9,7 +9,6 @@ empty, as is an emulated PX4's mission, whose items would be numbered from the f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -75,17 +74,16 @@ def home_of(start: StartState, origin: GeodeticOrigin) -> Item:
 class Missions:
     """The stored items, the number of the current one, and the upload in progress, if any."""
 
-    def __init__(self, home: Callable[[], Item], *, stored: bool) -> None:
+    def __init__(self, home: Item, *, stored: bool) -> None:
         """Start with home only; `stored`: whether items can be written."""
-        self._stored = stored
-        self.items: list[Item] = [home()]
+        self._home, self._stored = home, stored
+        self.items: list[Item] = [home]
         self.current: int
         """Number of the current item, the last one after the mission's end; 0 before the mission has begun."""
         self.state: int
         """MISSION_STATE if there are items; an interrupted mission is NOT_STARTED."""
         self.in_mode: bool
         """Whether the vehicle's mode is the one that flies missions."""
-        self._home = home
         self.restart()
 
     def restart(self) -> None:
@@ -153,7 +151,7 @@ class Missions:
         if request.seq >= max(1, len(self.items)):
             refusal = _ack(sender, m.MAV_MISSION_INVALID_SEQUENCE)
             return [count, refusal] if integers else [refusal]
-        item = self.items[request.seq] if request.seq else self._home()
+        item = self.items[request.seq] if request.seq else self._home
         current = 0 < request.seq == self.current
         reported = to_message(item, request.seq, sender.system, sender.component, current=current)
         return [reported if integers else in_degrees(reported)]
