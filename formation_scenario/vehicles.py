@@ -230,7 +230,12 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 def family_of(vehicle: VehicleCommon) -> Family:
     """Return the autopilot family of a vehicle; an emulator's is its model's."""
-    return spoken(vehicle.autopilot, vehicle.model)
+    named, model = vehicle.autopilot, vehicle.model
+    if named == "px4" or (named == "emulator" and model.firmware == "px4"):
+        return "px4_copter" if model.hovers else "px4_plane"
+    if named == "emulator":
+        return "arducopter" if model.hovers else "arduplane"
+    return named
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
@@ -241,15 +246,6 @@ def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:
     model = vehicle.model
     real = vehicle.autopilot != "emulator" or model.firmware == "px4" or model.airframe is not None
     return real and not model.hovers
-
-
-def spoken(named: Autopilot, model: VehicleModel) -> Family:
-    """Return the family of an autopilot as named in the scenario, on a vehicle with this model."""
-    if named == "px4" or (named == "emulator" and model.firmware == "px4"):
-        return "px4_copter" if model.hovers else "px4_plane"
-    if named == "emulator":
-        return "arducopter" if model.hovers else "arduplane"
-    return named
 
 
 class VehicleGroup(VehicleCommon):

@@ -12,7 +12,7 @@ from formation_scenario.begin_and_end import StartState, start_states
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.surroundings import Disturbance, Fault
-from formation_scenario.vehicles import Family, VehicleModel, family_of, reads_equivalent_airspeed
+from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
 
 
 @dataclass(frozen=True)
@@ -42,15 +42,11 @@ class VehicleConfig:
     """The vehicle's own end: `udpout` to where a ground station listens, or `udpin`."""
     start: StartState
     model: VehicleModel = field(default_factory=VehicleModel)
-    family: Family | None = None
-    """The autopilot family that it emulates; None: by its model."""
+    family: Family = "arduplane"
+    """The autopilot family that it emulates."""
     pitot: Pitot | None = None
     """None: airspeeds in messages are true."""
-    clock_offset_s: float = 0.0
-    clock_drift: float = 0.0
-    """Rate of its clock relative to true time, minus 1."""
-    utc_error_s: float | None = 0.0
-    """Error of its receiver's UTC, s; None without a receiver."""
+    clock: VehicleClock = field(default_factory=VehicleClock)
     navigation: Navigation = field(default_factory=TrueNavigation)
     """Source of its telemetry, with all keys of the resolved scenario."""
 
@@ -93,9 +89,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             model=vehicle.true_model or vehicle.model,
             family=family_of(vehicle),
             pitot=_pitot(vehicle, scenario),
-            clock_offset_s=vehicle.clock.offset_s,
-            clock_drift=vehicle.clock.drift_ppm * 1e-6,
-            utc_error_s=vehicle.clock.utc_error_s if vehicle.clock.utc else None,
+            clock=vehicle.clock,
             navigation=vehicle.true_navigation or vehicle.navigation,
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from airlink.clock import Instant, after
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram, Engine
-from formation_scenario.vehicles import Family, spoken
+from formation_scenario.vehicles import Family
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
@@ -48,7 +48,7 @@ class Fleet(Engine):
         self._outbox: list[Datagram] = []
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
-            KINDS[each.family or spoken("emulator", each.model)](i, config, self.bodies[i], self.environment, now)
+            KINDS[each.family](i, config, self.bodies[i], self.environment, now)
             for i, each in enumerate(config.vehicles)
         ]
 

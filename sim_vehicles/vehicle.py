@@ -39,7 +39,7 @@ class Vehicle(Autopilot):
         """When its next cycle has something to do."""
         self._messages = self.message_handler()
         self._tells_time_at_once = self.tells_time_at_once
-        self._boot(now, self.config.clock_offset_s)
+        self._boot(now, self.config.clock.offset_s)
         if self.config.start.in_air:
             self._come_up(self.air_mode)
 
@@ -125,8 +125,9 @@ class Vehicle(Autopilot):
         self.now = now
         self._frozen = self.ignores = self.reboots = False
         self._lasting = list[Fault]()
-        config, at_0_us = self.config, self.fleet.utc_at_0_us
-        self.clock = BoardClock(now, clock_offset_s, config.clock_drift, at_0_us, config.utc_error_s)
+        keys, utc_at_0_us = self.config.clock, self.fleet.utc_at_0_us
+        error_s = keys.utc_error_s if keys.utc else None
+        self.clock = BoardClock(now, clock_offset_s, keys.drift_ppm * 1e-6, utc_at_0_us, error_s)
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER

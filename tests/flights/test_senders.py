@@ -11,6 +11,7 @@ from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, FrameWriter
 from airlink.messages.system import Heartbeat, Statustext
 from formation_scenario import load_scenario
+from formation_scenario.vehicles import VehicleClock
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
@@ -113,7 +114,7 @@ def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> Non
     world = World(Routing, duration_s=12)
     world.fly_to(3.0)
     assert isinstance(world.between, Routing)
-    world.between.other = world.another(2, clock_offset_s=500.0)
+    world.between.other = world.another(2, clock=VehicleClock(offset_s=500.0))
     begun_s = world.now_s
     world.run()
     (reported_s,) = world.times_s("duplicate", 2, "from the same address, its clock is another's")
@@ -156,7 +157,7 @@ def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
     world = World(duration_s=15)
     world.fly_to(3.0)
     world.inject(2, "freeze")
-    impostor = world.another(2, clock_offset_s=500.0)
+    impostor = world.another(2, clock=VehicleClock(offset_s=500.0))
     world.attach(impostor)
     world.run()
     assert world.times_s("address") == world.times_s("restarted") == []
@@ -184,7 +185,7 @@ def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_cloc
     world.fly_to(3.0)
     world.inject(2, "freeze")
     struck_s = world.now_s
-    other = HeartbeatsOnly(world.another(2, clock_offset_s=500.0))
+    other = HeartbeatsOnly(world.another(2, clock=VehicleClock(offset_s=500.0)))
     world.attach(other)
     world.run(7.0)
     (taken_s,) = world.times_s("address", 2)

@@ -9,6 +9,7 @@ from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.begin_and_end import StartState
+from formation_scenario.vehicles import Vehicle, family_of
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet
 
@@ -107,9 +108,9 @@ class Air:
 
 def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apart_m=100.0, **changes):
     """Return vehicles abreast, heading north, 100 m up at 22 m/s or standing on the ground."""
-    vehicle_keys = {
-        key: changes.pop(key) for key in ("model", "clock_offset_s", "clock_drift", "navigation") if key in changes
-    }
+    vehicle_keys = {key: changes.pop(key) for key in ("model", "clock", "navigation") if key in changes}
+    if "model" in vehicle_keys:
+        vehicle_keys["family"] = family_of(Vehicle(id=1, model=vehicle_keys["model"]))
     vehicles = tuple(
         VehicleConfig(
             VehicleId(1, 1 + i),

@@ -7,6 +7,7 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.navigation import NoisyNavigation
+from formation_scenario.vehicles import VehicleClock
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 
@@ -41,8 +42,8 @@ def test_a_vehicle_talks_to_where_the_ground_station_listens_and_listens_where_i
 def test_models_clocks_and_the_origin_come_over(config):
     leader, follower = config.vehicles
     assert (leader.model.tau_v_s, follower.model.tau_v_s) == (4.0, 5.0)
-    assert (leader.clock_offset_s, leader.clock_drift) == (2.5, pytest.approx(0.015))
-    assert (follower.clock_offset_s, follower.clock_drift) == (0.0, 0.0)
+    assert (leader.clock.offset_s, leader.clock.drift_ppm) == (2.5, 15000)
+    assert follower.clock == VehicleClock()
     assert math.degrees(config.origin.lat_rad) == pytest.approx(47.5)
     assert math.degrees(config.origin.lon_rad) == pytest.approx(8.5)
     assert (config.origin.alt_m, config.cruise_mps, config.wind_mps) == (400.0, 21.0, (1.0, 2.0, 0.0))

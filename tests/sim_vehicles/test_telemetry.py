@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 from formation_scenario.surroundings import Fault
+from formation_scenario.vehicles import VehicleClock
 from sim_vehicles.inertial.imu import InertialSensors
 from tests.sim_vehicles.inertial.keys import inertial_keys
 
@@ -111,7 +112,7 @@ def test_it_asks_for_the_time_itself_every_10_s(make_air):
 
 @pytest.mark.parametrize(("offset_s", "drift"), [(0.0, 0.0), (100.25, 0.0), (0.0, 0.015), (3.5, -0.015)])
 def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
-    air = make_air(clock_offset_s=offset_s, clock_drift=drift)
+    air = make_air(clock=VehicleClock(offset_s=offset_s, drift_ppm=1e6 * drift))
     air.run(100.0)
     last = {message.get_type(): (seconds, message) for seconds, message in air.ground.heard}
     for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "SYSTEM_TIME"):
@@ -123,7 +124,7 @@ def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
 
 
 def test_a_restarted_clock_begins_at_zero(make_air):
-    air = make_air(clock_offset_s=100.0)
+    air = make_air(clock=VehicleClock(offset_s=100.0))
     air.run(10.0)
     air.fleet.vehicles[0].inject(Fault(at_s=0.0, kind="restart"), air.fleet.next_timer(), ends=False)
     air.run(5.0)
