@@ -9,9 +9,8 @@ parameters that `AirframeParameters` names.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 from flight_model.autopilot_model import within, wrap
 
@@ -89,14 +88,6 @@ class AirframeParameters:
     speed_filter_radps: float
     airspeed_lag_s: float
     dead_time_s: float
-
-    @classmethod
-    def of(cls, values: Mapping[str, float]) -> Self:
-        """Return the parameters from values by name; other names are ignored."""
-        return cls(**{name: values[name] for name in NAMES})
-
-
-NAMES = tuple(each.name for each in fields(AirframeParameters))
 
 
 class Commanded(NamedTuple):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
+from flight_model.energy import AirframeParameters
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     WHOLE,
@@ -106,12 +108,12 @@ class EnergyAirframe(Keys):
         0.05,
     )
 
-    def parameters(self) -> dict[str, float]:
-        """Return the constants of motion and autopilot by the names of `flight_model.energy`, SI."""
+    def parameters(self) -> AirframeParameters:
+        """Return the constants of motion and autopilot, SI."""
         keys: dict[str, float] = self.model_dump()
         for name in [name for name in keys if name.endswith("_deg")]:
             keys[f"{name.removesuffix('_deg')}_rad"] = math.radians(keys.pop(name))
-        return keys
+        return AirframeParameters(**{each.name: keys[each.name] for each in fields(AirframeParameters)})
 
 
 class VehicleModel(Keys):

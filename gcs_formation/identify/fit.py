@@ -18,7 +18,6 @@ import numpy as np
 
 from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
-from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import airframe_responses
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
@@ -312,7 +311,7 @@ def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).
     """
-    at = airframe_responses(np.array([SLOW_RADPS]), AirframeParameters.of(airframe.parameters()), speed_mps)
+    at = airframe_responses(np.array([SLOW_RADPS]), airframe.parameters(), speed_mps)
     lag_s = [max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)]
     speed_s, heading_s, height_s = lag_s
     lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
@@ -326,7 +325,7 @@ def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
 
 def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
     """Return sensed airspeed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
-    p = AirframeParameters.of(airframe.parameters())
+    p = airframe.parameters()
     airspeed, heading, height, climb = recording.seen[:, 0].tolist()
     aircraft = energy.Aircraft(height, climb, airspeed, heading)
     energy.trim(aircraft, p)

@@ -183,7 +183,7 @@ def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
     """Return the responses of speed, heading and height at an airspeed, m/s; None for vehicles that fly by (7)."""
     if model.airframe is None:
         return None, None, None
-    airframe = AirframeParameters.of(model.airframe.parameters())
+    airframe = model.airframe.parameters()
     return _responses(airframe, speed_mps, (model.tau_v_s, model.tau_psi_s), (model.tau_ha_s, model.tau_hb_s))
 
 

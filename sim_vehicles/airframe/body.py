@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -137,10 +138,10 @@ def energy_flight(config: VehicleConfig, state: FlightState, seed: int) -> Energ
     if keys is None:
         return None
     random = random_stream(seed, "airframe", *config.identity)
-    values = keys.parameters()
+    usual, own = keys.parameters(), dict[str, float]()
     for name in PHYSICAL:
-        values[name] *= max(1.0 + keys.spread * float(random.standard_normal()), LEAST_SHARE)
-    return EnergyFlight(keys, AirframeParameters.of(values), state, random)
+        own[name] = getattr(usual, name) * max(1.0 + keys.spread * float(random.standard_normal()), LEAST_SHARE)
+    return EnergyFlight(keys, replace(usual, **own), state, random)
 
 
 def _along(state: FlightState) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from flight_model.energy import GRAVITY_MPS2, AirframeParameters
+from flight_model.energy import GRAVITY_MPS2
 from formation_scenario.resolve import read_model
 from formation_scenario.source import Source
 from formation_scenario.vehicles import EnergyAirframe
@@ -18,7 +18,7 @@ BANK_RAD = math.atan(22.0 * 0.25 / GRAVITY_MPS2)
 
 
 def aircraft(speed_mps=22.0):
-    begun, parameters = energy.Aircraft(100.0, 0.0, speed_mps, 0.0), AirframeParameters.of(KEYS.parameters())
+    begun, parameters = energy.Aircraft(100.0, 0.0, speed_mps, 0.0), KEYS.parameters()
     energy.trim(begun, parameters)
     return begun, parameters
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from flight_model import energy
-from flight_model.energy import AirframeParameters
 from flight_model.frequency_response import (
     FREQUENCIES,
     airframe_responses,
@@ -38,7 +37,7 @@ from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, Pid, 
 WEIGHTS = {"k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 QUIET = DelayAndNoise(0.1, 0.1, 0.0, 0.0, 0.0)
 NOISY = DelayAndNoise(0.1, 0.1, 0.02, 0.03, 0.002)
-AIRCRAFT = AirframeParameters.of(EnergyAirframe().parameters())
+AIRCRAFT = EnergyAirframe().parameters()
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
 
 
@@ -189,7 +188,7 @@ def axes(responses):
     return Axis.along(TAU_V_S, responses.speed), Axis.across(TAU_PSI_S, responses.heading, SPEED_MPS)
 
 
-AXES = axes(airframe_responses(FREQUENCIES, AirframeParameters.of(EnergyAirframe().parameters()), SPEED_MPS))
+AXES = axes(airframe_responses(FREQUENCIES, EnergyAirframe().parameters(), SPEED_MPS))
 LAGS = axes(lag_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
 
 
