@@ -73,11 +73,8 @@ def _spread(slots: Array, separation_m: float) -> Array:
 
 
 def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
-    """Return the wind that affects the leader, along courses and to their right, m/s.
-
-    It is 0 for multirotors, which hold the commanded ground velocity.
-    """
-    north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
+    """Return the wind that carries the leader, along courses and to their right, m/s."""
+    north_mps, east_mps = scenario.drift_mps
     cos, sin = np.cos(course_rad), np.sin(course_rad)
     return north_mps * cos + east_mps * sin, east_mps * cos - north_mps * sin
 

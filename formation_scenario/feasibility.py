@@ -25,7 +25,7 @@ from formation_scenario.slot_assignment import (
     slot_schedule,
 )
 from formation_scenario.slot_motion import Transition
-from formation_scenario.source import Finding, KeyPath
+from formation_scenario.source import Finding, KeyPath, dotted
 from formation_scenario.transition_plan import NotFlyableError
 
 
@@ -53,7 +53,7 @@ def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
     """Yield slots whose separation exceeds the limit by less than `room_m`, the margin for errors, with their key."""
     least_m = scenario.safety.separation_m + room_m
     for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), least_m):
-        yield f"{'.'.join(map(str, path))}: {found}"
+        yield f"{dotted(path)}: {found}"
 
 
 class _Flown(NamedTuple):
@@ -146,7 +146,7 @@ def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
     for key, _, way in _ways(scenario, scenario.leader_path, slot_schedule(scenario)):
         if isinstance(way, Transition) and way.at_s < end_s:
             takes = f"it takes {way.duration_s:.3g} s from {way.at_s:g} s on, and the flight is over at {end_s:.4g} s"
-            said = None if way.over(end_s) else f"{'.'.join(map(str, key))}: {takes}"
+            said = None if way.over(end_s) else f"{dotted(key)}: {takes}"
     return said
 
 

@@ -15,7 +15,7 @@ from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
-from formation_scenario.source import Finding, KeyPath
+from formation_scenario.source import Finding, KeyPath, dotted
 from formation_scenario.surroundings import Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
@@ -82,8 +82,8 @@ def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
     """Yield the first take-off of an emulated vehicle on ground that isn't as high as the origin."""
     if scenario.start.in_air:
         return
-    places = np.array([(each.north_m, each.east_m) for each in start_states(scenario)])
-    height_m = ground.height(*places.T)
+    north_m, east_m, _ = _start_places(scenario).T
+    height_m = ground.height(north_m, east_m)
     for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
         if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
             found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
@@ -97,8 +97,7 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
     After a take-off vehicles assemble at the same positions.
     """
     in_air = scenario.model_copy(update={"start": scenario.start.model_copy(update={"in_air": True})})
-    states, safety = start_states(in_air), scenario.safety
-    places = np.array([(each.north_m, each.east_m, each.height_m) for each in states])
+    places, safety = _start_places(in_air), scenario.safety
     who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
     apart_m, found = _nearest(scenario, places)
     if apart_m < safety.separation_m * (1.0 - TOLERANCE):
@@ -115,9 +114,13 @@ def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
     """Return the nearest starts in the air if their separation exceeds the limit by less than `room_m`; else None."""
     if not any(scenario.start.offset_m) or not scenario.start.in_air:
         return None
-    places = np.array([(each.north_m, each.east_m, each.height_m) for each in start_states(scenario)])
-    apart_m, found = _nearest(scenario, places)
-    return f"{'.'.join(map(str, OFFSET))}: {found}" if apart_m < scenario.safety.separation_m + room_m else None
+    apart_m, found = _nearest(scenario, _start_places(scenario))
+    return f"{dotted(OFFSET)}: {found}" if apart_m < scenario.safety.separation_m + room_m else None
+
+
+def _start_places(scenario: Scenario) -> Array:
+    """Return the places (V, 3) at which the vehicles start: north, east and height, m."""
+    return np.array([(each.north_m, each.east_m, each.height_m) for each in start_states(scenario)])
 
 
 def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
@@ -290,5 +293,4 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
 def drift(scenario: Scenario) -> Drift:
     """Return the drift of a formation at its path's speed in the scenario's wind; multirotors don't drift."""
     speed_mps = scenario.path.speed_mps
-    north_mps, east_mps, _ = (0.0, 0.0, 0.0) if scenario.hovers else scenario.wind.velocity_mps
-    return Drift(speed_mps, north_mps, east_mps, speed_mps + scenario.wind.speed_mps)
+    return Drift(speed_mps, *scenario.drift_mps, speed_mps + scenario.wind.speed_mps)

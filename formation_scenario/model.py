@@ -292,6 +292,11 @@ class Scenario(Keys):
         return all(vehicle.model.hovers for vehicle in self.vehicles)
 
     @property
+    def drift_mps(self) -> tuple[float, float]:
+        """The wind that carries the vehicles, north and east: none for multirotors, which hold their ground speed."""
+        return (0.0, 0.0) if self.hovers else self.wind.velocity_mps[:2]
+
+    @property
     def followers(self) -> tuple[Vehicle, ...]:
         """The vehicles that follow, in the scenario's order, which is that of all slot arrays."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.role == "follower")
