@@ -39,12 +39,12 @@ GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """Excess of the distance that the separation rule keeps over the least allowed distance."""
-FILES = {"links": "trace_file", "terrain": "file"}
-"""Groups of keys with files, and the key of the file; models of `vehicles` are further ones."""
 MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
+FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS}
+"""Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
 SHIPPED = "aircraft"
@@ -71,7 +71,7 @@ def resolve(source: Source) -> Source:
     formation, safety = _filled(data.get("formation"), {}), _filled(data.get("safety"), {})
     data["formation"] = _formation(formation) if isinstance(formation, dict) else formation
     data["safety"] = _safety(safety) if isinstance(safety, dict) else safety
-    data |= _with_absolute_files(data, source)
+    data |= _with_absolute_files(data, _directory(source))
     to: dict[Key, Plain] = {"to_s": _usable(data.get("duration_s"), DURATION_S)}
     data["expect"] = _each(data.get("expect", []), lambda expectation: _filled(expectation, to))
     return Source(source.file, data, source.places)
@@ -84,7 +84,7 @@ def standalone(source: Source) -> Source:
         ScenarioError: no such vehicle file, or one with values that aren't allowed.
     """
     whole = with_models(source)
-    return replace(whole, data=whole.data | _with_absolute_files(whole.data, source))
+    return replace(whole, data=whole.data | _with_absolute_files(whole.data, _directory(source)))
 
 
 def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
@@ -92,30 +92,34 @@ def with_absolute_files(name: str, value: Plain, directory: Path) -> Plain:
     group, *below = name.split(".")
     for inner in reversed(below):
         value = {inner: value}
-    for names in (FILES.get(group), *(MODELS if group == "vehicles" else ())):
-        value = value if names is None else _with_absolute(value, names, directory)
+    value = _with_absolute(value, FILES.get(group, ()), directory)
     for inner in below:
         value = value[inner] if isinstance(value, dict) else value
     return value
 
 
-def _with_absolute_files(data: dict[Key, Plain], source: Source) -> dict[Key, Plain]:
-    """Return the groups with files, relative to the scenario's own, as absolute paths."""
-    directory = Path(source.file).parent if source.file else Path()
-    return {group: _with_absolute(data[group], name, directory) for group, name in FILES.items() if group in data}
+def _directory(source: Source) -> Path:
+    """Return the directory of a scenario's file, to which the files that it names are relative."""
+    return Path(source.file).parent if source.file else Path()
 
 
-def _with_absolute(value: Plain, name: str, directory: Path) -> Plain:
-    """Return a group of keys with every file under `name` as an absolute path, so that run.yaml finds it as well."""
+def _with_absolute_files(data: Mapping[Key, Plain], directory: Path) -> dict[Key, Plain]:
+    """Return the groups with files as absolute paths, so that run.yaml finds them as well."""
+    return {group: _with_absolute(data[group], names, directory) for group, names in FILES.items() if group in data}
+
+
+def _with_absolute(value: Plain, names: tuple[str, ...], directory: Path) -> Plain:
+    """Return a value with every file that a key of `names` in it has as an absolute path."""
     if isinstance(value, list):
-        return [_with_absolute(item, name, directory) for item in value]
+        return [_with_absolute(item, names, directory) for item in value]
     if not isinstance(value, dict):
         return value
-    group = {inner: _with_absolute(item, name, directory) for inner, item in value.items()}
-    file = group.get(name)
-    if not isinstance(file, str) or (name in MODELS and not file.endswith(SUFFIXES)):
-        return group
-    return group | {name: str((directory / file).absolute())}
+    group = {inner: _with_absolute(item, names, directory) for inner, item in value.items()}
+    for name in names:
+        file = group.get(name)
+        if isinstance(file, str) and (name not in MODELS or file.endswith(SUFFIXES)):
+            group[name] = str((directory / file).absolute())
+    return group
 
 
 def _group(value: Plain, name: str) -> dict[Key, Plain]:
@@ -208,7 +212,7 @@ def with_models(source: Source) -> Source:
     Raises:
         ScenarioError: no such file, or one with values that aren't allowed.
     """
-    vehicles, directory = source.data.get("vehicles"), Path(source.file).parent if source.file else Path()
+    vehicles, directory = source.data.get("vehicles"), _directory(source)
     read = dict[str, Plain]()
     if isinstance(vehicles, list):
         whole: Plain = [_whole(each, directory, source, ("vehicles", i), read) for i, each in enumerate(vehicles)]
