@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TypeVar
 
@@ -53,11 +54,11 @@ def any_of(mask: Mask) -> bool:
 
 
 def columns_of(rows: Array) -> Array:
-    """Return the transpose (K, N) of rows (N, K), copied block by block so that each row is fetched once."""
-    found = np.empty(rows.shape[::-1])
-    block = max(1, BLOCK_BYTES // max(1, rows.itemsize * rows.shape[1]))
+    """Return the columns (K, N, ...) of rows (N, ..., K), copied block by block so that each row is fetched once."""
+    found = np.empty((rows.shape[-1], *rows.shape[:-1]))
+    block = max(1, BLOCK_BYTES // max(1, rows.itemsize * math.prod(rows.shape[1:])))
     for begin in range(0, len(rows), block):
-        found[:, begin : begin + block] = rows[begin : begin + block].T
+        found[:, begin : begin + block] = np.moveaxis(rows[begin : begin + block], -1, 0)
     return found
 
 

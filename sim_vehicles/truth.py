@@ -8,11 +8,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-import numpy as np
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.arrays import BLOCK_BYTES, Array, mapped
+from flight_model.arrays import Array, columns_of, mapped
 from sim_vehicles.board_clock import LOOP_HZ
 from sim_vehicles.fleet import Fleet
 
@@ -125,9 +124,5 @@ class TruthRecord:
         first = max(0, min(int(times_s.searchsorted(from_s, side="right")) - 1, self.rows - 2))
         end = max(first + 2, int(times_s.searchsorted(to_s, side="right")) + 1)
         some = rows[first:end]
-        numbers = some[:, 1:].reshape(len(some), self._vehicles, len(QUANTITIES))
-        columns = np.empty((len(QUANTITIES), len(some), self._vehicles))
-        block = max(1, BLOCK_BYTES // (NUMBER_BYTES * some.shape[1]))
-        for begin in range(0, len(some), block):
-            columns[:, begin : begin + block] = numbers[begin : begin + block].transpose(2, 0, 1)
+        columns = columns_of(some[:, 1:].reshape(len(some), self._vehicles, len(QUANTITIES)))
         return {"time_s": some[:, 0].copy(), **dict(zip(QUANTITIES, columns, strict=True))}
