@@ -50,9 +50,18 @@ def radii_m(lat_rad: float) -> tuple[float, float]: ...
 def radii_m(lat_rad: Array) -> tuple[Array, Array]: ...
 def radii_m(lat_rad: float | Array) -> tuple[float | Array, float | Array]:
     """Return the radii of curvature along the meridian and across it (in the prime vertical)."""
-    sine = np.sin(lat_rad) if isinstance(lat_rad, np.ndarray) else math.sin(lat_rad)
+    if not isinstance(lat_rad, np.ndarray):
+        return _radii_m(lat_rad)
+    squeeze = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat_rad) ** 2
+    across_m = SEMI_MAJOR_M / np.sqrt(squeeze)
+    return across_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, across_m
+
+
+def _radii_m(lat_rad: float) -> tuple[float, float]:
+    """Return the same at one latitude, for compiled callers, to which overloads and arrays cost time."""
+    sine = math.sin(lat_rad)
     squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
-    across_m = SEMI_MAJOR_M / squeeze**0.5
+    across_m = SEMI_MAJOR_M / math.sqrt(squeeze)
     return across_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, across_m
 
 
@@ -82,42 +91,28 @@ class GeodeticOrigin:
     def to_ned(self, lat_rad: float, lon_rad: float, alt_m: float) -> tuple[float, float, float]:
         """Return north, east and down in m."""
         halfway_rad = (lat_rad + self.lat_rad) / 2
-        north_radius_m, normal_m = _curvature(halfway_rad)
-        east_m = signed(lon_rad - self.lon_rad) * (normal_m * math.cos(halfway_rad))
-        return (lat_rad - self.lat_rad) * north_radius_m, east_m, self.alt_m - alt_m
+        meridian_m, across_m = _radii_m(halfway_rad)
+        east_m = signed(lon_rad - self.lon_rad) * (across_m * math.cos(halfway_rad))
+        return (lat_rad - self.lat_rad) * meridian_m, east_m, self.alt_m - alt_m
 
     def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
         """Return latitude, longitude (radians, -pi to pi) and altitude: the inverse of `to_ned`."""
         lat_rad = halfway_rad = self.lat_rad
-        north_radius_m, normal_m = _curvature(halfway_rad)
+        meridian_m, across_m = _radii_m(halfway_rad)
         for _step in range(INVERSION_STEPS):
             before_rad = lat_rad
-            lat_rad = self.lat_rad + north_m / north_radius_m
+            lat_rad = self.lat_rad + north_m / meridian_m
             if lat_rad == before_rad:
                 break
             halfway_rad = (lat_rad + self.lat_rad) / 2
-            north_radius_m, normal_m = _curvature(halfway_rad)
-        lon_rad = self.lon_rad + east_m / (normal_m * math.cos(halfway_rad))
+            meridian_m, across_m = _radii_m(halfway_rad)
+        lon_rad = self.lon_rad + east_m / (across_m * math.cos(halfway_rad))
         return lat_rad, signed(lon_rad), self.alt_m - down_m
 
     def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""
         lat_rad = np.full_like(north_m, self.lat_rad)
         for _ in range(INVERSION_STEPS):
-            lat_rad = self.lat_rad + north_m / _radii_at((lat_rad + self.lat_rad) / 2)[0]
-        return lat_rad, self.lon_rad + east_m / _radii_at((lat_rad + self.lat_rad) / 2)[1]
-
-
-def _curvature(lat_rad: float) -> tuple[float, float]:
-    """Return metres per radian of latitude, and those per radian of longitude by the cosine of the latitude."""
-    sine = math.sin(lat_rad)
-    squeeze = 1.0 - ECCENTRICITY_SQUARED * sine * sine
-    normal_m = SEMI_MAJOR_M / math.sqrt(squeeze)
-    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m
-
-
-def _radii_at(lat_rad: Array) -> tuple[Array, Array]:
-    """Return metres per radian of latitude and of longitude, for many latitudes."""
-    squeeze = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat_rad) ** 2
-    normal_m = SEMI_MAJOR_M / np.sqrt(squeeze)
-    return normal_m * (1.0 - ECCENTRICITY_SQUARED) / squeeze, normal_m * np.cos(lat_rad)
+            lat_rad = self.lat_rad + north_m / radii_m((lat_rad + self.lat_rad) / 2)[0]
+        halfway_rad = (lat_rad + self.lat_rad) / 2
+        return lat_rad, self.lon_rad + east_m / (radii_m(halfway_rad)[1] * np.cos(halfway_rad))
