@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from flight_model.arrays import Array, Mask
+from flight_model.arrays import Array, Indices, Mask
 from flight_model.lift_and_displacement import PEAK_RATE
 from formation_scenario.fields import distinct_texts
 from formation_scenario.formation import Frame
@@ -212,7 +211,7 @@ def _ratio(over: Array, under: Array) -> Array:
     return np.divide(over, under, out=np.zeros_like(over), where=under > TINY)
 
 
-def _pairs(conditions: Conditions) -> npt.NDArray[np.intp]:
+def _pairs(conditions: Conditions) -> Indices:
     """Return the two columns of each pair, (pairs, 2)."""
     there = np.flatnonzero(conditions.present)
     return np.stack([there[index] for index in np.triu_indices(there.size, 1)], axis=1)
@@ -226,7 +225,7 @@ def _by_columns(pairs_m: Array, conditions: Conditions) -> Array:
     return table_m
 
 
-def _levels(near: npt.NDArray[np.intp], conditions: Conditions) -> Array:
+def _levels(near: Indices, conditions: Conditions) -> Array:
     """Return a level (N,) for each vehicle, different for any two that come near; the leader has the lowest."""
     levels = {conditions.leader: 0}
     pairs: list[list[int]] = _pairs(conditions)[near].tolist()

@@ -2,6 +2,7 @@
 
 import importlib
 import math
+from typing import Any
 
 import pytest
 
@@ -108,7 +109,7 @@ class Air:
 
 def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apart_m=100.0, **changes):
     """Return vehicles abreast, heading north, 100 m up at 22 m/s or standing on the ground."""
-    vehicle_keys = {key: changes.pop(key) for key in ("model", "clock", "navigation") if key in changes}
+    vehicle_keys: dict[str, Any] = {key: changes.pop(key) for key in ("model", "clock", "navigation") if key in changes}
     if "model" in vehicle_keys:
         vehicle_keys["family"] = family_of(Vehicle(id=1, model=vehicle_keys["model"]))
     vehicles = tuple(
