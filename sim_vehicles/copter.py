@@ -14,7 +14,7 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
 from flight_model.autopilot_model import finite, wrap
-from sim_vehicles.airframe.motion import Steering, Vector
+from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import CRITICAL, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (
@@ -183,16 +183,16 @@ class Copter(Vehicle):
     flier: CopterPilot
     """Its pilot, typed as a CopterPilot."""
 
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+    def make_parameters(self) -> ParameterServer:
         """Return ArduCopter's parameters."""
-        return ParameterServer(copter_parameters(config))
+        return ParameterServer(copter_parameters(self.config))
 
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> CopterPilot:
+    def make_pilot(self) -> CopterPilot:
         """Return who flies a multirotor."""
-        self.flier = CopterPilot(config, steering, self.parameters)
+        self.flier = CopterPilot(self.config, self.body.steering, self.parameters)
         return self.flier
 
-    def failsafe_of(self) -> GroundStationFailsafe:
+    def make_failsafe(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
         return GroundStationFailsafe(self.parameters, COPTER_FAILSAFE)
 

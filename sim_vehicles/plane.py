@@ -17,7 +17,6 @@ from flight_model.autopilot_model import finite, wrap
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
-from sim_vehicles.airframe.motion import Steering
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import INFO, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (
@@ -182,16 +181,16 @@ class Plane(Vehicle):
         super().__init__(index, fleet, body, environment, now)
         self._mission_flight = MissionFlight(self.missions, self.flier, self.parameters, self.origin)
 
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+    def make_parameters(self) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(plane_parameters(config, self.fleet.cruise_mps))
+        return ParameterServer(plane_parameters(self.config, self.fleet.cruise_mps))
 
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
+    def make_pilot(self) -> PlanePilot:
         """Return who flies a fixed wing."""
-        self.flier = PlanePilot(config, steering, self.parameters)
+        self.flier = PlanePilot(self.config, self.body.steering, self.parameters)
         return self.flier
 
-    def failsafe_of(self) -> GroundStationFailsafe:
+    def make_failsafe(self) -> GroundStationFailsafe:
         """Return its long failsafe."""
         return GroundStationFailsafe(self.parameters, LONG_FAILSAFE)
 

@@ -27,7 +27,6 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.px4_services import REJECTED
 from sim_vehicles.board_clock import delayed
-from sim_vehicles.config import VehicleConfig
 from sim_vehicles.vehicle import Vehicle
 
 TEXT_BYTES: Final = 50
@@ -140,9 +139,9 @@ class Px4(Vehicle):
     _texts: int
     _fresh_until: Instant
 
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+    def make_parameters(self) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return px4_services.Px4Parameters(px4_services.parameters(config, self.fleet.cruise_mps))
+        return px4_services.Px4Parameters(px4_services.parameters(self.config, self.fleet.cruise_mps))
 
     @abstractmethod
     def change_speed(self, speed_mps: float) -> None:
@@ -236,11 +235,11 @@ class Px4(Vehicle):
         self._rise_m = height_m
         return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
 
-    def message_handler(self) -> px4_services.Px4MessageHandler:
+    def make_message_handler(self) -> px4_services.Px4MessageHandler:
         """Return what takes its messages."""
         return px4_services.Px4MessageHandler(self)
 
-    def failsafe_of(self) -> GroundStationFailsafe:
+    def make_failsafe(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
         return px4_services.LinkLoss(self.parameters)
 

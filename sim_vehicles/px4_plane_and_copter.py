@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 from airlink import mavlink as m
-from sim_vehicles.airframe.motion import Motion, Steering, Vector
+from sim_vehicles.airframe.motion import Motion, Vector
 from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, place_of, velocity_of, yaw_rate_of
 from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
@@ -18,7 +18,6 @@ from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, PX4_AS_PLAN
 from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.px4_services import CM
 from sim_vehicles.board_clock import LOOP_S
-from sim_vehicles.config import VehicleConfig
 from sim_vehicles.px4 import HANDLERS, Px4
 
 SPOOL_UP_S: Final = 4.0
@@ -44,9 +43,9 @@ class Px4Plane(Px4):
     flier: PlanePilot
     """Its pilot, typed as such."""
 
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> PlanePilot:
+    def make_pilot(self) -> PlanePilot:
         """Return who flies a fixed wing."""
-        self.flier = PlanePilot(config, steering, self.parameters)
+        self.flier = PlanePilot(self.config, self.body.steering, self.parameters)
         return self.flier
 
     def change_speed(self, speed_mps: float) -> None:
@@ -144,9 +143,9 @@ class Px4Copter(Px4):
     flier: Px4CopterPilot
     """Its pilot, typed as such."""
 
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Px4CopterPilot:
+    def make_pilot(self) -> Px4CopterPilot:
         """Return who flies a multirotor."""
-        self.flier = Px4CopterPilot(config, steering, self.parameters)
+        self.flier = Px4CopterPilot(self.config, self.body.steering, self.parameters)
         return self.flier
 
     def prepare(self, height_m: float) -> bool:

@@ -37,18 +37,18 @@ class Vehicle(Autopilot):
         super().__init__(index, fleet, body, environment)
         self.wake = now
         """When its next cycle has something to do."""
-        self._messages = self.message_handler()
+        self._messages = self.make_message_handler()
         self._tells_time_at_once = self.tells_time_at_once
         self._boot(now, self.config.clock.offset_s)
         if self.config.start.in_air:
             self._come_up(self.air_mode)
 
-    def message_handler(self) -> MessageHandler:
+    def make_message_handler(self) -> MessageHandler:
         """Return what takes its messages."""
         return MessageHandler(self)
 
     def receive(self, datagram: Datagram, now: Instant) -> None:
-        """Keep a datagram for the first cycle of the main loop from `now` on; earlier ones may still be made up for."""
+        """Keep a datagram for the main loop's next cycle at or after `now`: late cycles before it don't see it."""
         if self._tells_time_at_once and not (self._frozen or self.pilot.crashed):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
@@ -61,7 +61,7 @@ class Vehicle(Autopilot):
     # A cycle of the main loop, in the order in which the fleet has each vehicle run through it.
 
     def act(self, now: Instant) -> bool:
-        """Boot, do what frames that have arrived ask for, and what is due; return False for one that does nothing."""
+        """Boot, do what arrived frames ask for, and what is due; return False if it is frozen or has crashed."""
         self.now = now
         if self._frozen or self.pilot.crashed:
             self.link.ignore()
@@ -111,7 +111,7 @@ class Vehicle(Autopilot):
         if self.parameters.listing or self.pilot.under_way or self.flies_mission:
             self.wake = self.now
             return
-        # Two by two: compiled, that is no call.
+        # Compiled, `min` of two is a comparison; of more, it is a call.
         wake = min(self.streams.next_due, self._next_timesync)
         wake = min(wake, self._up if self.pilot.booting else NEVER)
         wake = min(wake, self.link.next_arrival)
@@ -132,7 +132,7 @@ class Vehicle(Autopilot):
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER
         self.streams = Streams(now, self.unasked, self.builders)
-        self.failsafe = self.failsafe_of()
+        self.failsafe = self.make_failsafe()
         self.link.restart()
         self.missions.restart()
         self.pilot.restart(self.boot_mode)

@@ -20,7 +20,7 @@ from airlink.messages.command import SetPositionTargetGlobalInt, SetPositionTarg
 from airlink.messages.system import Statustext
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
-from sim_vehicles.airframe.motion import Estimate, Motion, Steering
+from sim_vehicles.airframe.motion import Estimate, Motion
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
@@ -28,7 +28,7 @@ from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.sensors import sensors_of
 from sim_vehicles.autopilot.streams import Builders, Streams
 from sim_vehicles.board_clock import BoardClock
-from sim_vehicles.config import FleetConfig, VehicleConfig
+from sim_vehicles.config import FleetConfig
 from sim_vehicles.link import Link
 
 INFO: Final = m.MAV_SEVERITY_INFO
@@ -114,8 +114,8 @@ class Autopilot(ABC):
         """Put together the parts of vehicle number `index` of a fleet; it has yet to boot."""
         self.fleet, self.origin, self.config = fleet, fleet.origin, fleet.vehicles[index]
         self.body, self.environment = body, environment
-        self.parameters = self.parameters_of(self.config)
-        self.pilot = self.pilot_of(self.config, body.steering)
+        self.parameters = self.make_parameters()
+        self.pilot = self.make_pilot()
         self.link = Link(index, self.config, locks=self.locks)
         start, origin = self.config.start, self.origin
         self.missions = Missions(home_of(start, origin), stored=self.stores_missions)
@@ -227,15 +227,15 @@ class Autopilot(ABC):
     # The hooks of a family: what each must have.
 
     @abstractmethod
-    def parameters_of(self, config: VehicleConfig) -> ParameterServer:
+    def make_parameters(self) -> ParameterServer:
         """Return its parameters."""
 
     @abstractmethod
-    def pilot_of(self, config: VehicleConfig, steering: Steering) -> Pilot:
+    def make_pilot(self) -> Pilot:
         """Return who flies it, by sticks, setpoints or a mission."""
 
     @abstractmethod
-    def failsafe_of(self) -> GroundStationFailsafe:
+    def make_failsafe(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
 
     @abstractmethod

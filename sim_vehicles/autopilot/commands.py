@@ -45,7 +45,9 @@ HIGHEST_PLACE_M: Final = 83000.0
 HIGHEST_MESSAGE_ID: Final = 2**16 - 1
 UNAVAILABLE: Final = 0
 """MESSAGE_INTERVAL of a message that can't be sent."""
-AT_ONCE = PLACE_NOW, HEIGHT_NOW = 2, 3
+PLACE_NOW: Final = 2
+HEIGHT_NOW: Final = 3
+AT_ONCE: Final = (PLACE_NOW, HEIGHT_NOW)
 """Values of `current` for an item to be flown at once instead of stored: a position, or only a height."""
 PLACE_IGNORED: Final = (
     m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
@@ -87,11 +89,7 @@ def _flag(value: float, flag: int) -> bool:
 def _set_mode(vehicle: Autopilot, given: GivenCommand) -> int:
     if not _flag(given.params[0], m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
         return DENIED
-    return _enter(vehicle, given.params[1])
-
-
-def _enter(vehicle: Autopilot, number: float) -> int:
-    return ACCEPTED if vehicle.switch(number) else FAILED
+    return ACCEPTED if vehicle.switch(given.params[1]) else FAILED
 
 
 def to_mode(mode: int, refused: int = FAILED) -> Callable[[Autopilot, GivenCommand], int]:
@@ -128,7 +126,7 @@ def _reposition(vehicle: Autopilot, given: GivenCommand) -> int:
     guided = vehicle.guided_mode
     if vehicle.pilot.mode is not guided and not _flag(given.params[1], m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
         return FAILED
-    if _enter(vehicle, guided) != ACCEPTED:
+    if not vehicle.switch(guided):
         return FAILED
     vehicle.ask_circle(given.params[2], given.params[3])
     vehicle.go_to(given.lat_rad, given.lon_rad, height_m)
