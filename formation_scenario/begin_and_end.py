@@ -96,11 +96,6 @@ def path_end_s(scenario: Scenario) -> float:
     return float(_progress(scenario)[1][-1])
 
 
-def planned_end_m(scenario: Scenario) -> float:
-    """Return the leader's planned distance along its path at the end of the flight, m."""
-    return float(planned_m(scenario, np.array(scenario.duration_s)))
-
-
 def planned_m(scenario: Scenario, mission_s: Array) -> Array:
     """Return the leader's planned distances along its path at mission times, m, without orders."""
     at_m, times_s = _progress(scenario)

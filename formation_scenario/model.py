@@ -314,17 +314,12 @@ class Scenario(Keys):
         """Return the vehicles that a key such as `vehicles: [2, 3]` selects, in the scenario's order."""
         if selection == "all":
             return self.vehicles
-        return tuple(vehicle for vehicle in self.vehicles if vehicle.id in selection or long_ref(vehicle) in selection)
+        return tuple(vehicle for vehicle in self.vehicles if any(ref in selection for ref in vehicle.refs))
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
         """Return the states of one vehicle's link in time order, the first at 0 s."""
         changes = (change for change in self.links.changes if vehicle in self.selected(change.vehicles))
         return link_steps(self.links, changes)
-
-
-def long_ref(vehicle: Vehicle) -> str:
-    """Return "network:id", which is unique even if several networks use the id."""
-    return f"{vehicle.network}:{vehicle.id}"
 
 
 def graph_adjacency(name: str, count: int) -> Array:

@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario.fields import Vector, VehicleRef
 from formation_scenario.formation import FormationChange, Shape
-from formation_scenario.model import Scenario, long_ref
+from formation_scenario.model import Scenario
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 Place = tuple[float, float]
@@ -135,7 +135,7 @@ def column_of(scenario: Scenario, ref: VehicleRef) -> int:
         ValueError: there is no such vehicle.
     """
     for column, vehicle in enumerate(columns(scenario)):
-        if vehicle is not None and ref in (vehicle.id, long_ref(vehicle)):
+        if vehicle is not None and ref in vehicle.refs:
             return column
     known = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.vehicles)
     raise ValueError(f"found vehicle {ref}; allowed: {known}")
@@ -217,7 +217,7 @@ def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
 
 
 def _own(table: Mapping[VehicleRef, Vector], vehicle: Vehicle) -> Vector:
-    own = table.get(vehicle.id, table.get(long_ref(vehicle)))
+    own = next((table[ref] for ref in vehicle.refs if ref in table), None)
     if own is None:
         raise ValueError(
             f"found no slot for vehicle {vehicle.vehicle_id}; allowed: formation.slots_m for each follower"

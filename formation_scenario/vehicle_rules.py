@@ -11,7 +11,7 @@ from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Formation, FormationChange, LawType
-from formation_scenario.model import Scenario, long_ref
+from formation_scenario.model import Scenario
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
@@ -121,11 +121,11 @@ def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator
 
 def one_vehicle(ref: VehicleRef, vehicles: tuple[Vehicle, ...], path: KeyPath) -> Iterator[Finding]:
     """Yield the problem of a key that should name one of `vehicles`, if it names none of them, or several."""
-    named = [vehicle for vehicle in vehicles if ref in {vehicle.id, long_ref(vehicle)}]
+    named = [vehicle for vehicle in vehicles if ref in vehicle.refs]
     if not named:
         yield path, f"found {ref}", ", ".join(str(vehicle.vehicle_id) for vehicle in vehicles) or "none"
     elif len(named) > 1:
-        full = ", ".join(f"'{long_ref(vehicle)}'" for vehicle in named)
+        full = ", ".join(f"'{vehicle.refs[1]}'" for vehicle in named)
         yield path, f"found {ref}, the id of {len(named)} vehicles", full
 
 
@@ -140,7 +140,7 @@ def slots(scenario: Scenario) -> Iterator[Finding]:
             yield from one_vehicle(ref, scenario.followers, (*path, ref))
         if step.shape == "custom" or (step.shape is None and own is not None):
             known = (own if own is not None else formation.slots_m) or {}
-            missing = [f for f in scenario.followers if f.id not in known and long_ref(f) not in known]
+            missing = [each for each in scenario.followers if not any(ref in known for ref in each.refs)]
             if missing:
                 ids = ", ".join(str(vehicle.vehicle_id) for vehicle in missing)
                 yield path, f"found no slot for follower {ids}", "a slot for each follower"

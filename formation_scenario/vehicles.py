@@ -229,6 +229,11 @@ class Vehicle(VehicleCommon, VehicleIdentity):
         """Network and system id."""
         return VehicleId(self.network, self.id)
 
+    @property
+    def refs(self) -> tuple[int, str]:
+        """What keys may name it by: its id, and "network:id", which is unique even if several networks use the id."""
+        return self.id, f"{self.network}:{self.id}"
+
 
 def family_of(vehicle: VehicleCommon) -> Family:
     """Return the autopilot family of a vehicle; an emulator's is its model's."""

@@ -23,7 +23,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.earth import gravity_mps2, radii_m
 from flight_model.path import PathPoints
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.begin_and_end import planned_end_m, planned_end_s
+from formation_scenario.begin_and_end import planned_end_s, planned_m
 from formation_scenario.navigation import InertialNavigation, Navigation
 from formation_scenario.orders import parse_order
 from formation_scenario.path_limits import SampledPath
@@ -245,7 +245,7 @@ class _Climb:
 
     def __init__(self, scenario: Scenario, clearance_m: float) -> None:
         self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
-        self._end_m = planned_end_m(scenario)
+        self._end_m = float(planned_m(scenario, np.array(scenario.duration_s)))
         self._where = f"path at {self._end_m:.0f} m, the flight's end"
         self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m
         first = 1 if scenario.leader is None else 0
