@@ -71,6 +71,13 @@ def noise_density(sensors: InertialSensors) -> Array:
     return density
 
 
+def bias_covariance(sensors: InertialSensors) -> Array:
+    """Return the covariance (15, 15) of a state that is known exactly, with sensors whose biases aren't."""
+    sigmas = np.zeros(SIZE)
+    sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
+    return np.diag(sigmas**2)
+
+
 def _skew(v: Array) -> Array:
     """Return [v x]."""
     return np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))

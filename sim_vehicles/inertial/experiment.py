@@ -25,6 +25,7 @@ from sim_vehicles.inertial.error_model import (
     Aid,
     ErrorFilter,
     aid,
+    bias_covariance,
     dynamics,
     noise_density,
 )
@@ -82,9 +83,7 @@ class NavigationRecord:
 
 def exact_start(trajectory: Trajectory, sensors: InertialSensors) -> Start:
     """Return the true state at the start of a flight, with unknown biases."""
-    sigmas = np.zeros(SIZE)
-    sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
-    return Start(trajectory.state(np.array(0.0)), np.zeros(6), np.diag(sigmas**2))
+    return Start(trajectory.state(np.array(0.0)), np.zeros(6), bias_covariance(sensors))
 
 
 def navigate(

@@ -20,7 +20,7 @@ from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.path import SplinePath
-from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
+from formation_scenario.navigation import InertialNavigation
 
 KNOT_S = 1.0
 """Spacing of the splines' knots. Degree 5 makes rates and forces smooth enough to integrate."""
@@ -221,17 +221,14 @@ def _root_mean_square(biases: tuple[float, float, float]) -> float:
 
 def inertial_sensors(keys: InertialNavigation, seed: int, vehicle: VehicleId) -> InertialSensors:
     """Return a vehicle's sensors in SI units, from complete keys of the resolved scenario."""
-    given = _given(keys.sensors)
-    return given.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else given
-
-
-def _given(keys: InertialSensorKeys) -> InertialSensors:
-    return InertialSensors(
-        accel_bias_mps2=_axes(keys.accel_bias_ug, 1e-6 * GRAVITY_MPS2),
-        gyro_bias_radps=_axes(keys.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
-        accel_noise=1e-6 * GRAVITY_MPS2 * (keys.accel_noise_ug_per_rthz or 0.0),
-        gyro_noise=math.radians(keys.gyro_noise_deg_per_rth or 0.0) / 60.0,
+    given = keys.sensors
+    sensors = InertialSensors(
+        accel_bias_mps2=_axes(given.accel_bias_ug, 1e-6 * GRAVITY_MPS2),
+        gyro_bias_radps=_axes(given.gyro_bias_deg_per_h, DEGREE_PER_HOUR),
+        accel_noise=1e-6 * GRAVITY_MPS2 * (given.accel_noise_ug_per_rthz or 0.0),
+        gyro_noise=math.radians(given.gyro_noise_deg_per_rth or 0.0) / 60.0,
     )
+    return sensors.drawn(random_stream(seed, "biases", *vehicle)) if keys.biases == "random" else sensors
 
 
 def _axes(value: float | tuple[float, float, float] | None, unit: float) -> tuple[float, float, float]:

@@ -30,6 +30,7 @@ from sim_vehicles.inertial.error_model import (
     UP,
     ErrorFilter,
     aid,
+    bias_covariance,
     dynamics,
     noise_density,
 )
@@ -146,10 +147,9 @@ def _start(
 ) -> tuple[Array, Array]:
     """Return the covariance (15, 15) and the errors (15,) at the start of a flight."""
     if keys.flight_start == "exact":
-        sigmas, errors = np.zeros(SIZE), np.zeros(SIZE)
-        sigmas[ACCEL_BIAS], sigmas[GYRO_BIAS] = sensors.accel_bias_sigma, sensors.gyro_bias_sigma
+        errors = np.zeros(SIZE)
         errors[ACCEL_BIAS], errors[GYRO_BIAS] = sensors.accel_bias_mps2, sensors.gyro_bias_radps
-        return np.diag(sigmas**2), errors
+        return bias_covariance(sensors), errors
     fine = FineAlignment(place, sensors)
     for _ in range(round(keys.alignment_s / UPDATE_S)):
         fine.update(np.zeros(2))
