@@ -91,7 +91,7 @@ def _later(begin: Array, airframe: AirframeParameters) -> Array:
     return np.array(aircraft.values())
 
 
-def late(delay_s: float) -> Complex:
+def delay_response(delay_s: float) -> Complex:
     """Return the frequency response of a delay."""
     return np.exp(-1j * FREQUENCIES * delay_s)
 

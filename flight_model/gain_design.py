@@ -32,7 +32,7 @@ from flight_model.frequency_response import (
     FREQUENCIES,
     Responses,
     delay_margin_s,
-    late,
+    delay_response,
     mismatched,
     sensitivity_peak,
     stable_delay_s,
@@ -205,7 +205,7 @@ def _observer_leaves_margin(
     1/`radps`. In the worst case, assumed here, the model explains nothing and the observer's full output is fed back.
     """
     s = 1j * FREQUENCIES
-    plant = vehicle.speed * late(telemetry.delay_s + UNKNOWN_DELAY_S)
+    plant = vehicle.speed * delay_response(telemetry.delay_s + UNKNOWN_DELAY_S)
     position = weights["k_x"] * _controller((channel.kp, channel.ki, channel.kd)) / s
     observed = (position + radps / (s + radps)) * plant
     enough_s = OBSERVED_SHARE * delay_margin_s(position * plant)
@@ -219,7 +219,8 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
         gains = loops.gains(bandwidth, share)
         if loops.step_sigma(gains, telemetry.law_dt_s) > most:
             continue
-        if max(sensitivity_peak(_controller(gains) * late(telemetry.delay_s) * plant) for plant in loops.plants) > PEAK:
+        controller = _controller(gains) * delay_response(telemetry.delay_s)
+        if max(sensitivity_peak(controller * plant) for plant in loops.plants) > PEAK:
             continue
         found = judged(gains, bandwidth, loops, telemetry)
         if found.mismatch_peak <= MISMATCH_PEAK and found.delay_margin_s >= DELAY_MARGIN_S:
@@ -230,7 +231,7 @@ def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedCh
 
 def judged(gains: Gains, bandwidth: float, channel: _Loops, telemetry: DelayAndNoise) -> DesignedChannel:
     """Return a channel with these gains, and its margins."""
-    controller = _controller(gains) * late(telemetry.delay_s)
+    controller = _controller(gains) * delay_response(telemetry.delay_s)
     loops = [controller * plant for plant in channel.plants]
     off = [loop for plant in channel.plants for loop in mismatched(controller, plant)]
     return DesignedChannel(
@@ -336,7 +337,7 @@ def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, l
     `least_s`: least delay up to which the loop with the known response must be stable.
     """
     s = 1j * FREQUENCIES
-    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * late(sampling_s)
+    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * delay_response(sampling_s)
     integrators = 1 if mode else 0
     if not _within_bounds(controller * axis.response, integrators, PEAK, least_s):
         return False

@@ -11,8 +11,8 @@ from flight_model import energy
 from flight_model.frequency_response import (
     FREQUENCIES,
     airframe_responses,
+    delay_response,
     lag_responses,
-    late,
     linearised,
     stable_delay_s,
 )
@@ -195,7 +195,7 @@ LAGS = axes(lag_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
 def loop(gains, axis, mode):
     k1, k2, k3 = gains
     s = 1j * FREQUENCIES
-    return axis.lag_s * (mode * (k1 / s + k2) + k3 - 1.0 / axis.lag_s) * axis.response * late(SAMPLING_S)
+    return axis.lag_s * (mode * (k1 / s + k2) + k3 - 1.0 / axis.lag_s) * axis.response * delay_response(SAMPLING_S)
 
 
 @pytest.mark.parametrize("links_s", [0.0, 0.6])
