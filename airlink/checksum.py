@@ -59,9 +59,10 @@ def _remainder(word: i64) -> i64:
 class Checksums:
     """Checksums of frame candidates in some bytes, in linear time: the bytes are processed three times at most.
 
-    Frames don't overlap, but a candidate of up to 280 bytes may begin at every byte. Once the candidates asked for have
-    more bytes than there are, further checksums are combined from remainders: the remainder of all bytes up to a part's
-    end is the part's own plus that of the bytes before it, shifted by the part's length.
+    Frames don't overlap, but a candidate of up to 280 bytes may begin at every byte. Candidates are summed one by one
+    until more bytes have been processed than there are. From then on, checksums follow from the remainders of all bytes
+    up to each place: that up to a candidate's end is the candidate's own plus that up to its begin, shifted by its
+    length.
     """
 
     def __init__(self, data: bytes) -> None:

@@ -188,9 +188,13 @@ class StreamParser:
         return frames
 
     def _accept(self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, place: int = 0) -> Frame | None:
-        """Return the frame, None if it's rejected; rejections are counted unless inside another candidate (`counted`).
+        """Return the frame of a candidate's bytes, None if it's rejected.
 
-        If candidates may overlap, `checksums` gives its checksum, by its `place`.
+        Args:
+            raw: from the marker to the last byte.
+            counted: whether a rejection counts: not for a candidate that begins inside another one.
+            checksums: those of all candidates where they may overlap, else None.
+            place: where it begins in the bytes of `checksums`.
         """
         at: i64 = 2  # index of its sequence number, which its sender's ids follow
         begin: i64 = HEADER_V1
