@@ -13,13 +13,13 @@ from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
+from airlink.messages.payload import DEG
 from flight_model.autopilot_model import finite, wrap
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import CRITICAL, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (
     ACCEPTED,
-    DEGREE,
     DENIED,
     FAILED,
     FULL_TURN_DEG,
@@ -31,7 +31,7 @@ from sim_vehicles.autopilot.commands import (
     velocity_of,
     yaw_rate_of,
 )
-from sim_vehicles.autopilot.copter_pilot import CopterPilot
+from sim_vehicles.autopilot.copter_pilot import CM_PER_M, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import (
     BY_THROTTLE,
     COPTER_FAILSAFE,
@@ -65,7 +65,6 @@ BY_HAND = frozenset(
     }
 )
 HEARTBEAT_ALONE = {m.MAVLINK_MSG_ID_HEARTBEAT: UNASKED_NS}
-CM: Final = 100.0
 SLEW_RPS: Final = math.radians(60.0)
 """Yaw rate where none is commanded, and the highest (ATC_SLEW_YAW)."""
 SPEEDS: Final = {
@@ -93,14 +92,14 @@ def _turn_nose(vehicle: Copter, given: GivenCommand) -> int:
         or not (finite(rate_dps) and finite(direction))
     ):
         return FAILED
-    angle_rad, nose_rad = degrees * DEGREE, vehicle.nose_rad
+    angle_rad, nose_rad = degrees * DEG, vehicle.nose_rad
     by_rad = angle_rad if direction > -1.0 else -angle_rad
     if not relative:
         by_rad = wrap(angle_rad - nose_rad)
         if abs(direction) >= 1.0 and by_rad * direction < 0.0:
             by_rad += math.copysign(math.tau, direction)
     if vehicle.guided:
-        vehicle.flier.turn(nose_rad, by_rad, min(rate_dps * DEGREE, SLEW_RPS) if rate_dps > 0.0 else SLEW_RPS)
+        vehicle.flier.turn(nose_rad, by_rad, min(rate_dps * DEG, SLEW_RPS) if rate_dps > 0.0 else SLEW_RPS)
     return ACCEPTED
 
 
@@ -124,7 +123,7 @@ def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
         return DENIED
     if kind not in SPEEDS or vehicle.pilot.mode not in (CopterMode.GUIDED, CopterMode.RTL, CopterMode.SMART_RTL):
         return FAILED
-    vehicle.flier.told_cmps[SPEEDS[int(kind)]] = CM * speed_mps
+    vehicle.flier.told_cmps[SPEEDS[int(kind)]] = CM_PER_M * speed_mps
     return ACCEPTED
 
 

@@ -13,6 +13,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
+from airlink.messages.payload import DEG
 from flight_model.autopilot_model import finite, wrap
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.body import Body
@@ -21,7 +22,6 @@ from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import INFO, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (
     ACCEPTED,
-    DEGREE,
     DENIED,
     FAILED,
     FULL_TURN_DEG,
@@ -94,7 +94,7 @@ def _change_heading(vehicle: Plane, given: GivenCommand) -> int:
     course = kind == COURSE
     if not course and kind != HEADING:
         return DENIED
-    vehicle.flier.steer(degrees * DEGREE, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    vehicle.flier.steer(degrees * DEG, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
     return ACCEPTED
 
 

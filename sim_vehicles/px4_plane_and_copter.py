@@ -13,10 +13,9 @@ from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Vector
 from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, place_of, velocity_of, yaw_rate_of
-from sim_vehicles.autopilot.copter_pilot import Circle, CopterPilot
+from sim_vehicles.autopilot.copter_pilot import CM_PER_M, Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, PX4_AS_PLANE, CopterMode, Mode, Px4Mode, Request
 from sim_vehicles.autopilot.pilot import PlanePilot
-from sim_vehicles.autopilot.px4_services import CM
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.px4 import HANDLERS, Px4
 
@@ -159,7 +158,7 @@ class Px4Copter(Px4):
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at a speed in HOLD from now on."""
-        self.flier.told_cmps["WPNAV_SPEED"] = CM * speed_mps
+        self.flier.told_cmps["WPNAV_SPEED"] = CM_PER_M * speed_mps
 
     def climb_to(self, height_m: float) -> None:
         """Fly at a height above the origin, where it is."""

@@ -15,6 +15,7 @@ from typing import Final, TypeVar
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong, MessageInterval, SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItem, MissionItemInt
+from airlink.messages.payload import DEGE7
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot.autopilot import Autopilot, GivenCommand, Setpoint
 from sim_vehicles.autopilot.mission_items import from_message
@@ -26,8 +27,6 @@ ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 DENIED: Final = m.MAV_RESULT_DENIED
 FAILED: Final = m.MAV_RESULT_FAILED
 UNSUPPORTED: Final = m.MAV_RESULT_UNSUPPORTED
-DEGREE: Final = math.pi / 180
-DEGREES_E7: Final = math.pi / 180e7
 ABOVE_SEA_LEVEL: Final = (m.MAV_FRAME_GLOBAL, m.MAV_FRAME_GLOBAL_INT)
 ABOVE_HOME: Final = (
     m.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -65,7 +64,7 @@ def received(message: CommandInt | CommandLong) -> GivenCommand:
     """Return the command in a message. COMMAND_LONG has heights above home, and degrees as floats."""
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
-        place = message.x * DEGREES_E7, message.y * DEGREES_E7
+        place = message.x * DEGE7, message.y * DEGE7
         return GivenCommand(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
     place = math.radians(message.param5), math.radians(message.param6)
     frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
@@ -143,7 +142,7 @@ def fly_to(vehicle: Autopilot, item: MissionItem | MissionItemInt) -> int:
         return m.MAV_MISSION_ERROR
     if item.current == PLACE_NOW:
         vehicle.ask_circle(0.0, 0.0)
-        vehicle.go_to(found.x * DEGREES_E7, found.y * DEGREES_E7, height_m)
+        vehicle.go_to(found.x * DEGE7, found.y * DEGE7, height_m)
     else:
         vehicle.climb_to(height_m)
     return m.MAV_MISSION_ACCEPTED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
@@ -21,7 +22,9 @@ from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
 
-CM = 0.01
+CM: Final = 0.01
+CM_PER_M: Final = 100.0
+"""ArduCopter's parameters are in cm: a unit of theirs in m, and how many make a metre."""
 TAKEOFF_DONE_M = 0.05
 LOW_M = 10.0
 """Height below which a landing descends at LAND_SPEED (LAND_ALT_LOW)."""

@@ -33,6 +33,7 @@ from airlink.messages.system import CurrentMode, Heartbeat, Ping
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, PLACE_IGNORED, VELOCITY_IGNORED
+from sim_vehicles.autopilot.copter_pilot import CM_PER_M
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.modes_and_failsafe import (
@@ -217,20 +218,19 @@ LOST_LINK: Final = {2: Px4Mode.RTL, 3: Px4Mode.LAND}
 LOST_STREAM: Final = {0: Px4Mode.RTL, 3: Px4Mode.RTL, 4: Px4Mode.LAND, 5: Px4Mode.HOLD}
 """COM_OBL_RC_ACT; 0 would be POSITION with a transmitter, but there is none."""
 LINK_LOSS: Final = FailsafeKeys("NAV_DLL_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", LOST_LINK)
-CM: Final = 100.0
 ALSO_NAMED: Final = {
     "AIRSPEED_CRUISE": ("FW_AIRSPD_TRIM", 1.0),
     "AIRSPEED_MAX": ("FW_AIRSPD_MAX", 1.0),
     "AIRSPEED_MIN": ("FW_AIRSPD_MIN", 1.0),
     "GUID_TIMEOUT": ("COM_OF_LOSS_T", 1.0),
-    "LAND_SPEED": ("MPC_LAND_SPEED", CM),
-    "RTL_ALT": ("RTL_RETURN_ALT", CM),
+    "LAND_SPEED": ("MPC_LAND_SPEED", CM_PER_M),
+    "RTL_ALT": ("RTL_RETURN_ALT", CM_PER_M),
     "RTL_ALTITUDE": ("RTL_RETURN_ALT", 1.0),
     "RTL_LOIT_TIME": ("RTL_LAND_DELAY", 1000.0),
     "TKOFF_ALT": ("MIS_TAKEOFF_ALT", 1.0),
-    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM),
-    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM),
-    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM),
+    "WPNAV_SPEED": ("MPC_XY_VEL_MAX", CM_PER_M),
+    "WPNAV_SPEED_DN": ("MPC_Z_VEL_MAX_DN", CM_PER_M),
+    "WPNAV_SPEED_UP": ("MPC_Z_VEL_MAX_UP", CM_PER_M),
     "WP_LOITER_RAD": ("NAV_LOITER_RAD", 1.0),
 }
 """ArduPilot's names, used by the emulated pilots, of PX4's parameters, and ArduPilot's units in one of PX4's."""
