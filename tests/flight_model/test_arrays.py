@@ -18,6 +18,11 @@ def test_columns_hold_the_rows_numbers_each_in_one_piece(width, over):
     assert all(column.flags.c_contiguous for column in columns)
 
 
+def test_columns_of_several_vehicles_keep_a_row_for_each_moment():
+    rows = np.arange(30.0).reshape(5, 2, 3)
+    assert (columns_of(rows) == [rows[..., number] for number in range(3)]).all()
+
+
 def test_no_rows_are_columns_without_numbers():
     assert columns_of(np.empty((0, 3))).shape == (3, 0)
 
