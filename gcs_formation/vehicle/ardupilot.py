@@ -24,15 +24,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import (
-    AIRBORNE_M,
-    ASKED_S,
-    STATION_SYSTEM,
-    Autopilot,
-    Command,
-    KnownSetpoints,
-    StartUpStep,
-)
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, KnownSetpoints, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
@@ -89,23 +81,13 @@ class ArduPilot(Autopilot, ABC):
 
     slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
 
-    def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed, and its heartbeats (ACTIVE) or its height above home show flight."""
-        aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
-        return telemetry.armed and (aloft or telemetry.flight_status == ACTIVE)
+    def says_airborne(self, telemetry: Telemetry) -> bool:
+        """Return whether its heartbeats show ACTIVE."""
+        return telemetry.flight_status == ACTIVE
 
     def says_grounded(self, telemetry: Telemetry) -> bool:
         """Return whether its heartbeats show STANDBY, which is also shown after a restart in flight."""
         return telemetry.flight_status == STANDBY
-
-    def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
-        """Return the first two steps: telemetry streams, ready to arm."""
-        return (
-            StartUpStep(
-                "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
-            ),
-            self._ready_step(),
-        )
 
     def _guided_step(self) -> StartUpStep:
         guided = self.guided_mode
@@ -154,7 +136,7 @@ class ArduPlane(ArduPilot):
         return (
             *self._asked_and_ready(rates_hz),
             StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
-            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=90.0),
             self._guided_step(),
         )
@@ -323,7 +305,7 @@ class ArduCopter(ArduPilot):
         return (
             *self._asked_and_ready(rates_hz),
             self._guided_step(),
-            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            self._armed_step(),
             StartUpStep("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=60.0),
         )

@@ -23,8 +23,6 @@ from gcs_formation.vehicle.telemetry import Telemetry
 
 STATION_SYSTEM: Final = 255
 """Our own system id."""
-AIRBORNE_M: Final = 10.0
-"""Height above home from which an armed vehicle counts as flying, whatever it reports."""
 NO_MODE: Final = -1
 """A mode that no heartbeat shows; differs from None, which is the mode before the first heartbeat."""
 SLOW_RATE_HZ: Final = 2.0
@@ -176,20 +174,6 @@ class Autopilot(ABC):
             return Effect("arming" if arm else "disarming", _armed, arm)
         return None
 
-    def _ready_step(self) -> StartUpStep:
-        """Return the step that waits until it would arm, or flies."""
-
-        def done(seen: Telemetry) -> bool:
-            return self.is_airborne(seen) or not self._lacks_to_arm(seen)
-
-        return StartUpStep("waited for it to be ready to arm", done, timeout_s=90.0, lacks=self._lacks_to_arm)
-
-    def _lacks_to_arm(self, seen: Telemetry) -> str:
-        """Return in words what it lacks to be armed, "" if nothing."""
-        if seen.heartbeat is None:
-            return "no heartbeat"
-        return "" if seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK else "SYS_STATUS: PREARM_CHECK not passed"
-
     def mode_asked(self, command: Command) -> int | None:
         """Return the mode, numbered as in heartbeats, that a command sets; None if it sets none."""
         return int(command.param2) if command.command == m.MAV_CMD_DO_SET_MODE else None
@@ -232,9 +216,43 @@ class Autopilot(ABC):
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps from first contact to following setpoints in the air; the first asks for messages."""
 
-    @abstractmethod
+    def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, StartUpStep]:
+        """Return the first two steps: telemetry streams, ready to arm."""
+        asks = StartUpStep(
+            "asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True
+        )
+        return asks, self._ready_step()
+
+    def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
+        """Return the requests of the first step."""
+        return self.requests(rates_hz)
+
+    def _ready_step(self) -> StartUpStep:
+        """Return the step that waits until it would arm, or flies."""
+
+        def done(seen: Telemetry) -> bool:
+            return self.is_airborne(seen) or not self._lacks_to_arm(seen)
+
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=90.0, lacks=self._lacks_to_arm)
+
+    def _lacks_to_arm(self, seen: Telemetry) -> str:
+        """Return in words what it lacks to be armed, "" if nothing."""
+        if seen.heartbeat is None:
+            return "no heartbeat"
+        return "" if seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK else "SYS_STATUS: PREARM_CHECK not passed"
+
+    def _armed_step(self) -> StartUpStep:
+        return StartUpStep(
+            "armed", lambda seen: seen.armed, lambda _: (self._arm_or_disarm(arm=True),), 30.0, takes_off=True
+        )
+
     def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether the vehicle reports that it flies."""
+        """Return whether the vehicle flies: it is armed, and well above home or reports flight."""
+        return telemetry.armed and (telemetry.aloft or self.says_airborne(telemetry))
+
+    @abstractmethod
+    def says_airborne(self, telemetry: Telemetry) -> bool:
+        """Return whether the vehicle reports that it flies, takes off or lands."""
 
     @abstractmethod
     def says_grounded(self, telemetry: Telemetry) -> bool:
@@ -289,9 +307,6 @@ class Autopilot(ABC):
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one in flight refuses them."""
         return (self._arm_or_disarm(arm=False),)
-
-    def _to_arm(self, _: Telemetry) -> tuple[Command, ...]:
-        return (self._arm_or_disarm(arm=True),)
 
     def _arm_or_disarm(self, *, arm: bool) -> Command:
         return self._command(m.MAV_CMD_COMPONENT_ARM_DISARM, float(arm))

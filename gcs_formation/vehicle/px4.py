@@ -28,7 +28,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.model import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
-from gcs_formation.vehicle.autopilot_family import AIRBORNE_M, ASKED_S, Autopilot, Command, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
@@ -129,13 +129,10 @@ class Px4(Autopilot, ABC):
         """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; those done are skipped."""
         guided, named = self.guided_mode, self.mode_names[self.guided_mode]
         return (
-            StartUpStep(
-                "asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True
-            ),
-            self._ready_step(),
+            *self._asked_and_ready(rates_hz),
             *self._waits(),
             StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
-            StartUpStep("armed", lambda seen: seen.armed, self._to_arm, 30.0, takes_off=True),
+            self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=120.0),
             StartUpStep(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
         )
@@ -144,10 +141,9 @@ class Px4(Autopilot, ABC):
         """Return the family's further waits before take-off."""
         return ()
 
-    def is_airborne(self, telemetry: Telemetry) -> bool:
-        """Return whether it is armed, and reports flight, take-off or landing, or is well above home."""
-        aloft = telemetry.motion is not None and telemetry.motion.above_home_m > AIRBORNE_M
-        return telemetry.armed and (aloft or telemetry.landed_state in OFF_THE_GROUND)
+    def says_airborne(self, telemetry: Telemetry) -> bool:
+        """Return whether it reports IN_AIR, TAKEOFF or LANDING."""
+        return telemetry.landed_state in OFF_THE_GROUND
 
     def says_grounded(self, telemetry: Telemetry) -> bool:
         """Return whether it reports ON_GROUND."""

@@ -23,6 +23,8 @@ from airlink.messages.telemetry import (
 )
 from flight_model.earth import GeodeticOrigin
 
+AIRBORNE_M: Final = 10.0
+"""Height above home from which an armed vehicle counts as flying, whatever it reports."""
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 FLIGHT_STATUSES: Final = (m.MAV_STATE_STANDBY, ACTIVE)
 BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
@@ -195,6 +197,11 @@ class Telemetry:
     def complete(self) -> bool:
         """Whether everything that the control law needs has arrived."""
         return self.motion is not None and self.attitude is not None and abs(self.airspeed_mps) < INFINITE
+
+    @property
+    def aloft(self) -> bool:
+        """Whether its position is well above its home."""
+        return self.motion is not None and self.motion.above_home_m > AIRBORNE_M
 
     @property
     def of_one_time(self) -> bool:

@@ -22,13 +22,7 @@ from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import TURN_S, SourceBinding
-from gcs_formation.vehicle.autopilot_family import (
-    AIRBORNE_M,
-    STATION_SYSTEM,
-    Autopilot,
-    Command,
-    StartUpStep,
-)
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.command_delivery import (
     GAP_S,
     UNDER_WAY,
@@ -217,8 +211,7 @@ class Vehicle:
         seen, autopilot = self.telemetry, self.autopilot
         if autopilot.is_airborne(seen) or autopilot.is_grounded(seen):
             return autopilot.is_airborne(seen)
-        aloft = seen.motion is not None and seen.motion.above_home_m > AIRBORNE_M
-        return self._flew_before or aloft or (seen.armed and not autopilot.says_grounded(seen))
+        return self._flew_before or seen.aloft or (seen.armed and not autopilot.says_grounded(seen))
 
     @property
     def refusal(self) -> str:
