@@ -164,7 +164,7 @@ class FormationController:
             self.assembly.begin_anew()
             return tick
         measured = self._measured(tick.active, acts)
-        states = self._projection.take(measured)
+        states = self._projection(measured)
         lead = self._steer_leader(tick, states, assembled=assembled)
         self._turn_rps = lead.path.turn_rps
         self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
@@ -290,7 +290,7 @@ class FormationController:
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
         ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
-        guided, rates = self._leader_wind.guided(state, ahead_s)
+        guided, place_mps, wind_mps2 = self._leader_wind.guided(state, ahead_s)
         wanted = self.guidance.steer(guided, model, assembled=assembled)
         if self._steps:
             speed_mps, heading_rad, height_m = added(self._steps, tick.mission_time_s)
@@ -306,8 +306,7 @@ class FormationController:
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
-            rates.turn_rps = told_rps
-            turn_rps = self.guidance.turn_rps(guided, model, rates)
+            turn_rps = self.guidance.turn_rps(guided, model, place_mps, told_rps, wind_mps2)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         compensates, told = self._compensates, self._leader_commands

@@ -55,8 +55,8 @@ GENTLEST_RPS = 0.01
 def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
-        return Prediction(history, models, scenario.telemetry.rate_hz)
-    return Pairing(scenario.law.rate_hz) if law_kind(scenario).mutual else Projection()
+        return Prediction(history, models, scenario.telemetry.rate_hz).take
+    return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:

@@ -24,20 +24,14 @@ from formation_scenario.formation import Frame
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
-from gcs_formation.control.situation import Decided, Law, Lead, Situation
+from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 
+_Reference = tuple[LeaderMotion, float]
+"""The leader's reference motion (v_s) at the instant of one vehicle's state, and the heading of the slots' axes.
 
-class _Reference:
-    """The leader's reference motion (v_s) at the instant of one vehicle's state."""
-
-    def __init__(self, leader: LeaderMotion, heading_rad: float) -> None:
-        """Take a leader's motion, and the heading of the slots' axes.
-
-        That is the heading of the path, without the leader's correction of its cross-track error.
-        """
-        self.leader = leader
-        self.heading_rad = heading_rad
+That is the heading of the path, without the leader's correction of its cross-track error.
+"""
 
 
 class _Deviation:
@@ -106,7 +100,7 @@ class ConsensusLaw(Law):
         everyone = range(len(models))
         flown = [states.of(column, column) for column in everyone]
         leaders = [states.of(self._leader, column) for column in everyone]
-        references = self._references(situation, leaders, models[self._leader])
+        references = [_reference(situation, each, leaders[each], models[self._leader]) for each in everyone]
         own = list(map(self._deviation, flown, references, slots))
         sums = self._protocol(situation, references, slots, own)
         # One share for all vehicles: a different one for each would change the graph's weights.
@@ -115,7 +109,7 @@ class ConsensusLaw(Law):
             Decided(
                 p,
                 flown[p],
-                self._setpoint(flown[p], references[p].leader, own[p], slots[p], sums[p], share, models[p]),
+                self._setpoint(flown[p], references[p][0], own[p], slots[p], sums[p], share, models[p]),
                 self._error(p, leaders[p], flown[p], slots[p]),
                 UNKNOWN,
                 NO_GAINS,
@@ -169,20 +163,9 @@ class ConsensusLaw(Law):
         along_mps, across_mps = rotated(axis_rad, own.north_mps, own.east_mps)
         return u_x + (1.0 / model.tau_v_s - k3) * along_mps, u_y + (1.0 / model.tau_psi_s - k3) * across_mps
 
-    def _references(self, situation: Situation, flown: list[FlightState], model: AutopilotModel) -> list[_Reference]:
-        """Return the guidance's reference motion at each vehicle's instant; `model` is the leader's.
-
-        The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its lags.
-        """
-        lead, states = situation.lead, situation.states
-        return [
-            _reference(lead, column, state, (states.instant(column) - lead.at) / NANOSECONDS, model)
-            for column, state in enumerate(flown)
-        ]
-
     def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:
-        leader, frame, turn_rps = reference.leader, self._frame, reference.leader.turn_rps
-        axis_rad = leader.state.heading_rad
+        (leader, heading_rad), frame = reference, self._frame
+        turn_rps, axis_rad = leader.turn_rps, leader.state.heading_rad
         if frame == "follower_heading":  # a slot that accelerates sideways turns the axes, at acceleration / speed
             turn_rps += slot.right_mps2 / leader.state.airspeed_mps
             axis_rad = state.heading_rad
@@ -190,14 +173,18 @@ class ConsensusLaw(Law):
         drift_east_mps = state.wind_east_mps - leader.state.wind_east_mps
         drift_x_mps, drift_y_mps = rotated(axis_rad, drift_north_mps, drift_east_mps)
         target = slot_target(leader.state, drift_x_mps, drift_y_mps, turn_rps, slot, frame)
-        heading_rad = reference.heading_rad
         if frame == "follower_heading":
             heading_rad += target.heading_rad - leader.state.heading_rad
         return _Deviation(state, rotated(-heading_rad, slot.forward_m, slot.right_m), target)
 
 
-def _reference(lead: Lead, column: int, flown: FlightState, later_s: float, model: AutopilotModel) -> _Reference:
-    commanded, path = lead.commanded[column], lead.path
+def _reference(situation: Situation, column: int, flown: FlightState, model: AutopilotModel) -> _Reference:
+    """Return the guidance's reference motion at the instant of one vehicle's state; `model` is the leader's.
+
+    The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its lags.
+    """
+    lead, path = situation.lead, situation.lead.path
+    commanded, later_s = lead.commanded[column], (situation.states.instant(column) - lead.at) / NANOSECONDS
     swung_rad = (path.turn_rps + path.bend_rps2 * later_s / 2) * later_s
     lag_s = model.tau_ha_s + model.tau_hb_s
     state = FlightState(
@@ -211,4 +198,4 @@ def _reference(lead: Lead, column: int, flown: FlightState, later_s: float, mode
         flown.wind_east_mps,
     )
     turn_rps = path.turn_rps + path.bend_rps2 * later_s
-    return _Reference(LeaderMotion(state, turn_rps, path.bend_rps2, 0.0, 0.0), path.heading_rad + swung_rad)
+    return LeaderMotion(state, turn_rps, path.bend_rps2, 0.0, 0.0), path.heading_rad + swung_rad

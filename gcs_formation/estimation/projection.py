@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Callable
 from itertools import islice
 from typing import Final
 
@@ -53,12 +54,8 @@ class Measured(States):
         return self.stamps[whose]
 
 
-class Projection:
-    """Computes the states that a law acts on, tick by tick; this base class returns the measured ones."""
-
-    def take(self, measured: Measured) -> States:
-        """Return the tick's states."""
-        return measured
+Projection = Callable[[Measured], States]
+"""Returns the states that a law acts on, from the measured ones, tick by tick."""
 
 
 class TickStates:
@@ -82,25 +79,35 @@ class TickStates:
             self.carried_east_m[vehicle] = before.carried_east_m[vehicle] + east_m
 
 
-class WhenSetpointsAct(States):
-    """Every vehicle's state at the instant at which a setpoint for it, or for another vehicle, acts."""
+class Prediction(States):
+    """Every vehicle's state at the instant at which a setpoint for it, or for another vehicle, acts.
 
-    def __init__(
-        self,
-        acts: vec[i64],
-        samples: list[TickStates],
-        history: SetpointHistory,
-        models: list[AutopilotModel],
-        between_messages: int,
-    ) -> None:
-        """Predict from `samples`, one a tick and the newest last, by `models` through the setpoints in `history`.
+    Predicted by model (7) through the setpoints in flight.
+    """
 
-        Newest states of two vehicles may be `between_messages` ns apart without a missing message. Setpoints sent now
-        to each vehicle act at `acts`, (C,).
-        """
+    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], telemetry_hz: float) -> None:
+        """Predict by (C,) `models` through the setpoints in `history`."""
+        self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
+        """Newest states of two vehicles may be so far apart, ns, without a missing message."""
+        self._history = history
+        self._models = models
+        self._samples: list[TickStates] = []
+        """One a tick, the newest last."""
+        self._acts = vec[i64]()
+        """When setpoints sent now act, (C,)."""
+
+    def take(self, measured: Measured) -> Prediction:
+        """Take a tick's states; until the next call this is the prediction to when the tick's setpoints act."""
+        stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
+        for vehicle in range(len(stamps)):
+            if not measured.active[vehicle] and acts[vehicle] - stamps[vehicle] > LOST_NS:
+                stamps[vehicle] = acts[vehicle]
+        before = self._samples[-1] if self._samples else None
+        if len(self._samples) == self._history.length:
+            del self._samples[0]
+        self._samples.append(TickStates(stamps, measured.states, before))
         self._acts = acts
-        self._samples, self._history, self._models = samples, history, models
-        self._between_messages = between_messages
+        return self
 
     def of(self, which: int, whose: int) -> FlightState:
         """Return a vehicle's state predicted through the setpoints in flight, from the stamp of `whose` newest sample.
@@ -158,30 +165,7 @@ def _apart(one: i64, other: i64) -> i64:
     return one - other if one > other else other - one
 
 
-class Prediction(Projection):
-    """Predicts all states by model (7) through the setpoints in flight."""
-
-    def __init__(self, history: SetpointHistory, models: list[AutopilotModel], telemetry_hz: float) -> None:
-        """Predict by (C,) `models` through the setpoints in `history`."""
-        self._between_messages = round(MISSED * NANOSECONDS / telemetry_hz)
-        self._history = history
-        self._models = models
-        self._samples: list[TickStates] = []
-
-    def take(self, measured: Measured) -> WhenSetpointsAct:
-        """Return the states when this tick's setpoints act."""
-        stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
-        for vehicle in range(len(stamps)):
-            if not measured.active[vehicle] and acts[vehicle] - stamps[vehicle] > LOST_NS:
-                stamps[vehicle] = acts[vehicle]
-        before = self._samples[-1] if self._samples else None
-        if len(self._samples) == self._history.length:
-            del self._samples[0]
-        self._samples.append(TickStates(stamps, measured.states, before))
-        return WhenSetpointsAct(acts, self._samples, self._history, self._models, self._between_messages)
-
-
-class Pairing(Projection):
+class Pairing:
     """Brings all states to the newest instant for which every active vehicle has one, by interpolation."""
 
     def __init__(self, rate_hz: float) -> None:

@@ -19,7 +19,6 @@ from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     JoinRoute,
-    MotionRates,
     RouteHeading,
     join,
     joins,
@@ -53,6 +52,8 @@ NOSE_RADPS: Final = 0.5
 LEAST_S: Final = 2.0
 QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
 """Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
+Vector = tuple[float, float]
+"""A vector's components north and east."""
 AHEAD_M: Final = 165.0
 """Interval of the points along the leader's way around which the ground is checked."""
 
@@ -113,11 +114,11 @@ class LeaderWind:
     def __init__(self, dt_s: float) -> None:
         """Begin without a wind; the first one is taken over unfiltered. `dt_s` is the time between ticks."""
         self._quick_kept, self._slow_kept = math.exp(-QUICK_RADPS * dt_s), math.exp(-SLOW_RADPS * dt_s)
-        self._quick_mps: tuple[float, float] | None = None
+        self._quick_mps: Vector | None = None
         self._slow_mps = (0.0, 0.0)
 
-    def guided(self, state: FlightState, ahead_s: float) -> tuple[FlightState, MotionRates]:
-        """Return the leader's state for its guidance, and its rates, except the turn rate.
+    def guided(self, state: FlightState, ahead_s: float) -> tuple[FlightState, Vector, Vector]:
+        """Return the leader's state for its guidance, and the rates of its position and of its wind.
 
         The position, predicted `ahead_s` with the estimated wind, is corrected so that it doesn't jump with that wind:
         followers can't follow a leader whose turn rate jumps.
@@ -134,14 +135,14 @@ class LeaderWind:
         guided.north_m -= ahead_s * (seen_mps[0] - self._quick_mps[0])
         guided.east_m -= ahead_s * (seen_mps[1] - self._quick_mps[1])
         guided.wind_north_mps, guided.wind_east_mps = self._slow_mps
-        return guided, MotionRates(place_mps, 0.0, _rate(SLOW_RADPS, self._slow_mps, self._quick_mps))
+        return guided, place_mps, _rate(SLOW_RADPS, self._slow_mps, self._quick_mps)
 
 
-def _lagged(kept: float, before: tuple[float, float], seen: tuple[float, float]) -> tuple[float, float]:
+def _lagged(kept: float, before: Vector, seen: Vector) -> Vector:
     return kept * before[0] + (1.0 - kept) * seen[0], kept * before[1] + (1.0 - kept) * seen[1]
 
 
-def _rate(radps: float, lagged: tuple[float, float], seen: tuple[float, float]) -> tuple[float, float]:
+def _rate(radps: float, lagged: Vector, seen: Vector) -> Vector:
     return radps * (seen[0] - lagged[0]), radps * (seen[1] - lagged[1])
 
 
@@ -280,9 +281,11 @@ class LeaderGuidance:
         """Return the leader's heading along its route, or the final heading of a turn that has begun."""
         return self.heading(state).heading_rad if self.turn is None else self.turn.goal_rad
 
-    def turn_rps(self, state: FlightState, model: AutopilotModel, rates: MotionRates) -> float:
-        """Return the rate of the heading setpoint of `steer` while the leader's state changes at `rates`."""
-        return track_turn(self._here(), state, model, self.speed_mps, rates)
+    def turn_rps(
+        self, state: FlightState, model: AutopilotModel, place_mps: Vector, told_rps: float, wind_mps2: Vector
+    ) -> float:
+        """Return the rate of the heading setpoint of `steer`, while the leader turns at `told_rps`."""
+        return track_turn(self._here(), state, model, self.speed_mps, place_mps, told_rps, wind_mps2)
 
     def _here(self) -> PathPoint:
         assert self._point is not None, "nobody was steered yet"

@@ -32,17 +32,6 @@ atan: Final = math.atan
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
-class MotionRates:
-    """Rates of change of a vehicle's state; those of place and wind are filtered differently and needn't agree."""
-
-    def __init__(self, place_mps: tuple[float, float], turn_rps: float, wind_mps2: tuple[float, float]) -> None:
-        """Take the rates of position, heading and wind; of position and wind north and east."""
-        self.place_mps = place_mps
-        self.turn_rps = turn_rps
-        self.wind_mps2 = wind_mps2
-
-
-@mypyc_attr(acyclic=True, free_list_len=1)
 class RouteHeading:
     """Heading, turn rate and climb of a vehicle on a route, corrected for wind."""
 
@@ -117,23 +106,32 @@ def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps
 
 
 def track_turn(
-    point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, rates: MotionRates
+    point: PathPoint,
+    state: FlightState,
+    model: AutopilotModel,
+    speed_mps: float,
+    place_mps: tuple[float, float],
+    turn_rps: float,
+    wind_mps2: tuple[float, float],
 ) -> float:
     """Return the rate of the heading setpoint of `track`, rad/s: its time derivative along the vehicle's motion.
 
-    Differences of setpoints from tick to tick would be mostly the noise of positions.
+    Differences of setpoints from tick to tick would be mostly the noise of positions. The rates of position and wind
+    are filtered differently and needn't agree.
 
     Args:
         point: of the route, nearest to the vehicle.
         state: the vehicle's.
         model: of its autopilot.
         speed_mps: airspeed to be flown.
-        rates: how `state` changes.
+        place_mps: rate of the vehicle's position, north and east.
+        turn_rps: rate of its heading.
+        wind_mps2: rate of its wind, north and east.
     """
     _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
     along_mps, _ = _along_and_aside(state, point.course_rad)
-    passed_mps, aside_mps = rotated(point.course_rad, rates.place_mps[0], rates.place_mps[1])
-    along_mps2, wind_mps2 = rotated(point.course_rad, rates.wind_mps2[0], rates.wind_mps2[1])
+    passed_mps, aside_mps = rotated(point.course_rad, place_mps[0], place_mps[1])
+    along_mps2, across_mps2 = rotated(point.course_rad, wind_mps2[0], wind_mps2[1])
     carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
     path_rps, gain_1pm = point.curvature_1pm * passed_mps, _gain_1pm(speed_mps)
     bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
@@ -142,8 +140,8 @@ def track_turn(
     gain_1pm = gain_1pm / (1.0 + squared(gain_1pm * right_m)) if limited == intercept else 0.0
     course_rps = path_rps - gain_1pm * aside_mps
     # The axes turn, so the wind's component across them changes even while the wind is constant.
-    aside_mps2 = (along_mps - carried_mps) * rates.turn_rps - along_mps * path_rps + wind_mps2
-    crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, rates.wind_mps2)
+    aside_mps2 = (along_mps - carried_mps) * turn_rps - along_mps * path_rps + across_mps2
+    crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, wind_mps2)
     return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
 
 

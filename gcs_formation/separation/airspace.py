@@ -34,30 +34,35 @@ ROOM_M: Final = 0.25
 """Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick."""
 AROUND_M: Final = 500.0
 """Radius around a vehicle in which the highest ground is searched, again after it has flown that far."""
-AWAY: Final = "turned away"
 OVER_S: Final = 2.0
 """A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit."""
 
 
 class HeldEvents:
-    """Which setpoints are held at a limit, by key, and when each last was: each beginning and end is reported once."""
+    """Setpoints that are held at a limit: the beginning and the end of each hold is reported once."""
 
-    def __init__(self) -> None:
-        """Begin with nothing."""
-        self._last = dict[tuple[str, int], Instant]()
+    def __init__(self, scenario: Scenario) -> None:
+        """Begin with nothing held."""
+        self._identities = column_ids(scenario)
+        self._last = dict[tuple[int, str], Instant]()
+        """When each column was last held, by the text that will report the end of it."""
 
-    def begins(self, key: tuple[str, int], now: Instant) -> bool:
-        """Record that a setpoint is held; return whether it wasn't before."""
-        new = key not in self._last
-        self._last[key] = now
-        return new
+    def hold(self, tick: Tick, column: int, begins: str, ends: str) -> None:
+        """Record that a column's setpoint is held, and report it by one text; later its end by the other."""
+        key = column, ends
+        if key not in self._last:
+            self._report(tick, column, begins, begins=True)
+        self._last[key] = tick.now
 
-    def over(self, now: Instant) -> list[tuple[str, int]]:
-        """Return and remove the keys that haven't been held for `OVER_S`."""
-        found = [key for key, since in self._last.items() if seconds_between(since, now) > OVER_S]
-        for key in found:
-            del self._last[key]
-        return found
+    def report_ends(self, tick: Tick) -> None:
+        """Report and forget what hasn't been held for `OVER_S`."""
+        over = [key for key, since in self._last.items() if seconds_between(since, tick.now) > OVER_S]
+        for column, ends in over:
+            del self._last[column, ends]
+            self._report(tick, column, ends, begins=False)
+
+    def _report(self, tick: Tick, column: int, text: str, *, begins: bool) -> None:
+        tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": begins}))
 
 
 class FenceLimits:
@@ -71,12 +76,11 @@ class FenceLimits:
         """Take the scenario's fence; the (C,) `models` have the turn rates."""
         self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
         self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
-        self._identities = column_ids(scenario)
-        self._is_vehicle = np.array([each is not None for each in self._identities])
+        self._is_vehicle = np.array([each is not None for each in column_ids(scenario)])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
         """-1 left, 1 right: side to which a column is being turned away; else 0."""
-        self._held = HeldEvents()
+        self._held = HeldEvents(scenario)
 
     def keep(self, tick: Tick) -> None:
         """Replace those of a tick's setpoints that lead out of the fence."""
@@ -86,10 +90,7 @@ class FenceLimits:
         self._limit_heights(tick, active)
         if self._corners_m.size:
             self._turn_away(tick, active)
-        for what, column in self._held.over(tick.now):
-            self._report(
-                tick, column, f"no longer {what}" if what == AWAY else f"height no longer {what}", begins=False
-            )
+        self._held.report_ends(tick)
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
         least_m, most_m = self._fence.heights_m
@@ -98,8 +99,8 @@ class FenceLimits:
             if height_m < least_m or height_m > most_m:
                 limit_m = least_m if height_m < least_m else most_m
                 tick.replace(column, (speed_mps, heading_rad, limit_m))
-                if self._held.begins((f"held at {limit_m:g} m", column), tick.now):
-                    self._report(tick, column, f"height held at {limit_m:g} m", begins=True)
+                held = f"held at {limit_m:g} m"
+                self._held.hold(tick, column, f"height {held}", f"height no longer {held}")
 
     def _turn_away(self, tick: Tick, active: Mask) -> None:
         if not active.any():
@@ -136,11 +137,8 @@ class FenceLimits:
         self._side[:] = 0.0
         self._side[which] = side
         for column, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):
-            if away and self._held.begins((AWAY, column), tick.now):
-                self._report(tick, column, f"{AWAY}, {distance_m:.0f} m inside", begins=True)
-
-    def _report(self, tick: Tick, column: int, text: str, *, begins: bool) -> None:
-        tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": begins}))
+            if away:
+                self._held.hold(tick, column, f"turned away, {distance_m:.0f} m inside", "no longer turned away")
 
 
 class HeightFloor:
@@ -158,12 +156,12 @@ class HeightFloor:
         self._ground, self._level = scenario.ground, scenario.terrain is None
         self._clearance_m: float = scenario.safety.clearance_m
         self._room_m = 0.0 if self._level else ROOM_M
-        self._models, self._identities = models, column_ids(scenario)
-        self._first = 0 if self._identities[0] is not None else 1
+        self._models = models
+        self._first = 0 if scenario.leader else 1
         """The first column that is a vehicle."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
         """Each one's place, north and east, at the last search for the highest ground, and a height clear of it."""
-        self._held = HeldEvents()
+        self._held = HeldEvents(scenario)
 
     def keep(self, tick: Tick) -> None:
         """Replace those of a tick's heights that aren't clear of the ground."""
@@ -174,10 +172,9 @@ class HeightFloor:
                 if height_m < least_m:
                     speed_mps, heading_rad, _ = tick.setpoints[column]
                     tick.replace(column, (speed_mps, heading_rad, least_m))
-                    self._begin(tick, column, least_m)
-        for _, column in self._held.over(tick.now):
-            text = "height no longer held above the ground"
-            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": False}))
+                    held = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
+                    self._held.hold(tick, column, held, "height no longer held above the ground")
+        self._held.report_ends(tick)
 
     def _clear_m(self, column: int, state: FlightState) -> float:
         """Return a height that is clear of all ground that a vehicle may be over soon."""
@@ -214,11 +211,6 @@ class HeightFloor:
         ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
         found: list[float] = ground_m.tolist()
         return [-math.inf if math.isnan(each) else each + self._clearance_m for each in found]
-
-    def _begin(self, tick: Tick, column: int, least_m: float) -> None:
-        if self._held.begins(("held above the ground", column), tick.now):
-            text = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
-            tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": True}))
 
 
 def _climbs(state: FlightState, told_m: float, model: AutopilotModel) -> list[float]:

@@ -10,24 +10,29 @@ from hypothesis import strategies as st
 
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.path import SplinePath
-from gcs_formation.guidance.tracking import MotionRates, project, track, track_turn
+from gcs_formation.guidance.tracking import project, track, track_turn
 
 ROUTE = SplinePath([[0, 0, 100], [900, 0, 100], [1700, 500, 120], [2300, 1300, 110], [3300, 1500, 100]])
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
 SPEED_MPS = 22.0
 
 
-def moved(state: FlightState, rates: MotionRates, seconds: float) -> FlightState:
+Rates = tuple[tuple[float, float], float, tuple[float, float]]
+"""Of position, heading and wind; of position and wind north and east."""
+
+
+def moved(state: FlightState, rates: Rates, seconds: float) -> FlightState:
     """Return a state some time later, at constant rates."""
+    place_mps, turn_rps, wind_mps2 = rates
     return FlightState(
-        state.north_m + rates.place_mps[0] * seconds,
-        state.east_m + rates.place_mps[1] * seconds,
+        state.north_m + place_mps[0] * seconds,
+        state.east_m + place_mps[1] * seconds,
         state.height_m,
         state.climb_mps,
         state.airspeed_mps,
-        state.heading_rad + rates.turn_rps * seconds,
-        state.wind_north_mps + rates.wind_mps2[0] * seconds,
-        state.wind_east_mps + rates.wind_mps2[1] * seconds,
+        state.heading_rad + turn_rps * seconds,
+        state.wind_north_mps + wind_mps2[0] * seconds,
+        state.wind_east_mps + wind_mps2[1] * seconds,
     )
 
 
@@ -56,7 +61,7 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
     east_m = point.east_m + right_m * math.cos(point.course_rad)
     state = FlightState(north_m, east_m, 100.0, 0.0, SPEED_MPS, point.course_rad + off_rad, *wind_mps)
     north_mps, east_mps = state.ground_mps()
-    rates = MotionRates((north_mps + carried_mps, east_mps - carried_mps), turn_rps, wind_mps2)
+    rates = (north_mps + carried_mps, east_mps - carried_mps), turn_rps, wind_mps2
 
     def told_rad(seconds: float) -> float:
         later = moved(state, rates, seconds)
@@ -65,7 +70,7 @@ def test_the_told_turn_is_the_derivative_of_the_told_heading(
 
     measured_rps = math.remainder(told_rad(0.001) - told_rad(-0.001), math.tau) / 0.002
     abreast = ROUTE.at(project(ROUTE, north_m, east_m, at_m))
-    assert track_turn(abreast, state, MODEL, SPEED_MPS, rates) == pytest.approx(measured_rps, abs=3e-4)
+    assert track_turn(abreast, state, MODEL, SPEED_MPS, *rates) == pytest.approx(measured_rps, abs=3e-4)
 
 
 @given(st.floats(950.0, 2200.0), st.floats(-20.0, 20.0))
@@ -75,9 +80,9 @@ def test_who_stands_faces_along_the_route_however_far_beside_it(at_m: float, rig
     north_m = point.north_m - right_m * math.sin(point.course_rad)
     east_m = point.east_m + right_m * math.cos(point.course_rad)
     state = FlightState(north_m, east_m, 100.0, 0.0, 0.0, point.course_rad, 0.0, 0.0)
-    drifts = MotionRates((0.2, -0.1), 0.0, (0.0, 0.0))
+    drifts = (0.2, -0.1), 0.0, (0.0, 0.0)
     assert track(point, state, MODEL, 0.0).heading_rad == point.course_rad
-    assert abs(track_turn(point, state, MODEL, 0.0, drifts)) <= 0.25 * abs(point.curvature_1pm)
+    assert abs(track_turn(point, state, MODEL, 0.0, *drifts)) <= 0.25 * abs(point.curvature_1pm)
 
 
 @given(st.floats(-200.0, 3400.0), st.floats(-100.0, 100.0), st.floats(-60.0, 60.0))
