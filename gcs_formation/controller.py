@@ -21,7 +21,6 @@ from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
-from gcs_formation.assembly import Assembly
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
 from gcs_formation.control.situation import Lead, Situation
@@ -35,6 +34,7 @@ from gcs_formation.guidance.leader_guidance import (
     way_ahead,
 )
 from gcs_formation.guidance.slots import UP, FormationPlan, TrackAhead
+from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.resolver import ConflictResolver

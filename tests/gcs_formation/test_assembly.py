@@ -10,8 +10,8 @@ from airlink.clock import Instant, after
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
-from gcs_formation.assembly import ASSEMBLED_S, KEEPS, Assembly
 from gcs_formation.control.situation import Decided
+from gcs_formation.phases import ASSEMBLED_S, KEEPS, Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from tests.flights.conftest import scenario
 
