@@ -271,7 +271,7 @@ class FormationController:
             state = amid(states, slots.each[1:], self.guidance.speed_mps, self._turn_rps, self._frame)
             if self._leader_amid:
                 stamp = Instant(sum(each.stamp for each in followers) // len(followers))
-        self.estimator.place(VIRTUAL, state, stamp)
+        self.estimator.filters[VIRTUAL].place(state, stamp)
 
     def _flown_on(self, now: Instant) -> FlightState | None:
         """Return a virtual leader's present state, predicted through its setpoints; None before it has a place."""

@@ -16,7 +16,7 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import UNKNOWN, Slot, Triple
 from formation_scenario.formation import Frame
-from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, GainRange, Gains, Pid
+from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, Gains, Pid
 from gcs_formation.control.setpoint import (
     TRAIL_S,
     Envelope,
@@ -61,7 +61,6 @@ class LawParameters:
     speed: ChannelConstants
     heading: ChannelConstants
     height: ChannelConstants
-    gain_range: GainRange
     scheduler: FuzzyGainScheduler | None
     """None for the plain PID: gains stay nominal."""
     gust_radps: float
@@ -111,11 +110,10 @@ class Controller(ABC):
 
     def __init__(self, parameters: LawParameters) -> None:
         """Start with empty integrators and filters, and no decision."""
-        gain_range, scheduler = parameters.gain_range, parameters.scheduler
-        self._parameters = parameters
-        self._forward = Pid(parameters.speed, gain_range, scheduler)
-        self._right = Pid(parameters.heading, gain_range, scheduler)
-        self._height = Pid(parameters.height, gain_range, scheduler)
+        self._parameters, scheduler = parameters, parameters.scheduler
+        self._forward = Pid(parameters.speed, scheduler)
+        self._right = Pid(parameters.heading, scheduler)
+        self._height = Pid(parameters.height, scheduler)
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     @property

@@ -69,13 +69,65 @@ def _parse(table: str) -> Array:
     return np.array([LEVELS[word] for word in table.split()]).reshape(SETS, SETS)
 
 
+@dataclass(frozen=True)
+class PidGains:
+    """Gains of kp + ki/s + kd s/(filter_s s + 1)."""
+
+    kp: float
+    ki: float
+    kd: float
+    filter_s: float = 0.1
+
+    def slowed(self, bandwidth: float) -> PidGains:
+        """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
+
+        Near crossover the loop of (13), (7) and the derivative falls like an integrator, so its crossover frequency is
+        proportional to its gain. The integral's corner ki/kp is lowered with it, or its phase lag would grow; the
+        derivative's corner kp/kd stays, because it cancels the autopilot's own lag.
+        """
+        return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
+
+    def transfer(self) -> tuple[Array, Array]:
+        """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
+        numerator = np.array([self.kp * self.filter_s + self.kd, self.kp + self.ki * self.filter_s, self.ki])
+        denominator = np.array([self.filter_s, 1.0, 0.0])
+        return (numerator[:-1], denominator[:-1]) if self.ki == 0.0 else (numerator, denominator)
+
+
+@dataclass(frozen=True)
+class GainRange:
+    """Range of a gain under the fuzzy scheduler: nominal (base + span F), F in [0, 1]; it only adds (item 29e)."""
+
+    base: float = 0.7
+    span: float = 0.6
+
+    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
+        """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
+        f_p, f_i, f_d = outputs
+        return PidGains(
+            nominal.kp * (self.base + self.span * f_p),
+            nominal.ki * (self.base + self.span * f_i),
+            nominal.kd * (self.base + self.span * f_d),
+            nominal.filter_s,
+        )
+
+
+FUZZY_GAINS = GainRange()
+FIXED_GAINS = GainRange(base=1.0, span=0.0)
+
+
 class FuzzyGainScheduler:
     """Infers how far each gain moves from its base value towards its maximum."""
 
     def __init__(
-        self, tables: Literal["printed", "symmetric"] = "printed", rules: tuple[Rules, Rules, Rules] = PAPERS
+        self,
+        tables: Literal["printed", "symmetric"] = "printed",
+        rules: tuple[Rules, Rules, Rules] = PAPERS,
+        gain_range: GainRange = FUZZY_GAINS,
     ) -> None:
         """Use the paper's tables, or `rules` of kp, ki and kd in their place; as they are, or symmetrised."""
+        self.gain_range = gain_range
+        """What the gains are at factors of 0 and 1."""
         factors: list[list[float]] = rule_tables(tables, rules).reshape(SETS * SETS, 3).T.tolist()
         self._p, self._i, self._d = vec[float](factors[0]), vec[float](factors[1]), vec[float](factors[2])
 
@@ -120,52 +172,6 @@ def _between(table: vec[float], corner: i64, across: float, down: float) -> floa
 
 
 @dataclass(frozen=True)
-class PidGains:
-    """Gains of kp + ki/s + kd s/(filter_s s + 1)."""
-
-    kp: float
-    ki: float
-    kd: float
-    filter_s: float = 0.1
-
-    def slowed(self, bandwidth: float) -> PidGains:
-        """Gains of a loop whose crossover frequency is reduced to the share `bandwidth` of its present one.
-
-        Near crossover the loop of (13), (7) and the derivative falls like an integrator, so its crossover frequency is
-        proportional to its gain. The integral's corner ki/kp is lowered with it, or its phase lag would grow; the
-        derivative's corner kp/kd stays, because it cancels the autopilot's own lag.
-        """
-        return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
-
-    def transfer(self) -> tuple[Array, Array]:
-        """Numerator and denominator in s; without integral gain the integrator is no part of the loop."""
-        numerator = np.array([self.kp * self.filter_s + self.kd, self.kp + self.ki * self.filter_s, self.ki])
-        denominator = np.array([self.filter_s, 1.0, 0.0])
-        return (numerator[:-1], denominator[:-1]) if self.ki == 0.0 else (numerator, denominator)
-
-
-@dataclass(frozen=True)
-class GainRange:
-    """Range of a gain under the fuzzy scheduler: nominal (base + span F), F in [0, 1]; it only adds (item 29e)."""
-
-    base: float = 0.7
-    span: float = 0.6
-
-    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
-        """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
-        f_p, f_i, f_d = outputs
-        return PidGains(
-            nominal.kp * (self.base + self.span * f_p),
-            nominal.ki * (self.base + self.span * f_i),
-            nominal.kd * (self.base + self.span * f_d),
-            nominal.filter_s,
-        )
-
-
-FIXED_GAINS = GainRange(base=1.0, span=0.0)
-
-
-@dataclass(frozen=True)
 class ChannelConstants:
     """Constants of one channel's controller."""
 
@@ -180,10 +186,9 @@ class ChannelConstants:
 class Pid:
     """One channel's controller, with its state."""
 
-    def __init__(self, channel: ChannelConstants, gain_range: GainRange, scheduler: FuzzyGainScheduler | None) -> None:
+    def __init__(self, channel: ChannelConstants, scheduler: FuzzyGainScheduler | None) -> None:
         """Start with the integrator at trim (29); without a scheduler gains stay nominal."""
         self._channel = channel
-        self._gain_range = gain_range
         self._scheduler = scheduler
         self.kp, self.ki, self.kd = channel.nominal.kp, channel.nominal.ki, channel.nominal.kd
         self._kept, self._kept_for_s = 1.0, 0.0
@@ -210,9 +215,10 @@ class Pid:
     def schedule(self, error: float, bandwidth: float) -> None:
         """Set the gains k_0 + F Delta k_max (14) by error and rate; `bandwidth` is a share of the loop's own."""
         nominal, channel, p, i, d = self._channel.nominal, self._channel, 1.0, 1.0, 1.0
-        if self._scheduler is not None:
-            f_p, f_i, f_d = self._scheduler.factors(error / channel.error_scale, self.rate / channel.rate_scale)
-            base, span = self._gain_range.base, self._gain_range.span
+        scheduler = self._scheduler
+        if scheduler is not None:
+            f_p, f_i, f_d = scheduler.factors(error / channel.error_scale, self.rate / channel.rate_scale)
+            base, span = scheduler.gain_range.base, scheduler.gain_range.span
             p, i, d = base + span * f_p, base + span * f_i, base + span * f_d
         self.kp = p * nominal.kp * bandwidth
         self.ki = i * nominal.ki * (bandwidth * bandwidth)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -171,7 +171,7 @@ class FormationLaw(Law):
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
         leader = situation.states.of(self._leader, column)
         return Pair(
-            led(situation.lead.commanded[column], leader, its_model),
+            leader_motion(situation.lead.commanded[column], leader, its_model),
             state,
             situation.slots[column],
             self._models[column].held(dt_s),
@@ -182,7 +182,7 @@ class FormationLaw(Law):
         )
 
 
-def led(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> LeaderMotion:
+def leader_motion(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> LeaderMotion:
     """Return the motion of a leader in `state`, which follows `commanded` by (7), through a `held` model.
 
     Turn rates are limited to the leader's: its heading setpoint jumps where its route changes.
@@ -226,27 +226,26 @@ def law_parameters(scenario: Scenario) -> LawParameters:
     law = scenario.law
     speed, heading, height = (
         ChannelConstants(
-            PidGains(gains.kp, gains.ki, gains.kd, max(gains.filter_s, LEAST_FILTER_S)),
+            replace(gains, filter_s=max(gains.filter_s, LEAST_FILTER_S)),
             channel.error_scale,
             channel.rate_scale,
             law.anti_windup_s,
         )
         for gains, channel in zip(nominal_gains(scenario), _channels(scenario), strict=True)
     )
+    scheduler, fuzzy = None, law.fuzzy
+    if law_kind(scenario).scheduled:
+        rules = fuzzy.table_p, fuzzy.table_i, fuzzy.table_d
+        scheduler = FuzzyGainScheduler(fuzzy.tables, rules, gain_range(scenario))
     return LawParameters(
         mixer=Mixer(**law.mixer.model_dump()),
         frame=scenario.formation.frame,
         speed=speed,
         heading=heading,
         height=height,
-        gain_range=gain_range(scenario),
-        scheduler=_scheduler(law.fuzzy) if law_kind(scenario).scheduled else None,
+        scheduler=scheduler,
         gust_radps=law.disturbance_observer_radps,
     )
-
-
-def _scheduler(fuzzy: keys.Fuzzy) -> FuzzyGainScheduler:
-    return FuzzyGainScheduler(fuzzy.tables, (fuzzy.table_p, fuzzy.table_i, fuzzy.table_d))
 
 
 def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:

@@ -29,8 +29,8 @@ from gcs_formation.estimation.kalman import (
 )
 from gcs_formation.estimation.noise_and_plausibility import (
     IMPLAUSIBLE_SIGMAS,
-    STRAYED,
-    PlaceStray,
+    UNKNOWN_MOTION,
+    PositionDrift,
     Values,
     VehicleNoise,
     excesses,
@@ -128,7 +128,7 @@ class VehicleFilter:
     def __init__(self, noise: VehicleNoise, wind_radps: float, telemetry_hz: float, *, updraughts: bool) -> None:
         """Start with nothing known; the arguments are those of `StateEstimator`."""
         self.noise = noise
-        self.stray = PlaceStray()
+        self.drift = PositionDrift()
         self.state: FlightState | None = None
         self.stamp = 0
         """Time stamp of the state, ns."""
@@ -181,7 +181,7 @@ class VehicleFilter:
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
-        self.stray.begin(values)
+        self.drift.begin(values)
 
     def correct(
         self,
@@ -200,7 +200,7 @@ class VehicleFilter:
         follows = commanded and before is not None and abs(before.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
         walk = COMMANDED_WALK if follows else UNCOMMANDED_WALK
         variances = self.noise.values
-        self.stray.learn(values, elapsed_s, variances)
+        self.drift.learn(values, elapsed_s, variances)
         self._carry(elapsed_s, model, walk)
         along.linearise(predicted)
         difference = innovation(values, predicted, along)
@@ -211,7 +211,7 @@ class VehicleFilter:
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
         self._move(predicted, along, difference, weighed(variances, own, excess))
-        self.updraught.feel(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
+        self.updraught.learn(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
         along.linearise(predicted)
@@ -248,7 +248,7 @@ class VehicleFilter:
         self.height.carry(elapsed_s, model)
         of_place, wind = squared(WITHOUT_WIND), 0.0
         if self.wind_radps > 0.0:
-            of_place, noise_mps = self.stray.variance, math.sqrt(variances[3] + variances[6])
+            of_place, noise_mps = self.drift.variance, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
         of_wind = squared(wind)
         self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
@@ -285,7 +285,7 @@ class VehicleFilter:
         north_mps, east_mps = self._wind_of(values)
         size = (squared(north_mps - predicted.wind_north_mps) + squared(east_mps - predicted.wind_east_mps)) / 2
         known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
-        if GUST_SIGMAS**2 * known < size < IMPLAUSIBLE_SIGMAS**2 * STRAYED:
+        if GUST_SIGMAS**2 * known < size < IMPLAUSIBLE_SIGMAS**2 * UNKNOWN_MOTION:
             self.level.gust(size, elapsed_s)
 
 
@@ -333,11 +333,7 @@ class StateEstimator:
         """Reset the filter of a vehicle that has restarted."""
         self.filters[column].state = None
         self.filters[column].noise.begin()
-        self.filters[column].stray = PlaceStray()
-
-    def place(self, column: int, state: FlightState, stamp: Instant) -> None:
-        """Set a column's state."""
-        self.filters[column].place(state, stamp)
+        self.filters[column].drift = PositionDrift()
 
     def take(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest samples, None where there is none; `commanded`: who follows our setpoints; (C,) each.

@@ -163,7 +163,7 @@ class Updraught:
     def __init__(self, *, followed: bool) -> None:
         """Start in still air. `followed`: whether the vehicle's state includes the updraught; else that stays 0."""
         self._followed = followed
-        self._felt_mps = 0.0
+        self._shown_mps = 0.0
         """The updraught that samples show; the state's follows it with a lag."""
         self._known_s = 0.0
         self.sway_m2 = 0.0
@@ -171,9 +171,9 @@ class Updraught:
 
     def forget(self) -> None:
         """Reset the updraught with the vehicle's state, but keep `sway_m2`."""
-        self._felt_mps = 0.0
+        self._shown_mps = 0.0
 
-    def feel(
+    def learn(
         self, state: FlightState, climbs_mps: float, variance: float, elapsed_s: float, model: AutopilotModel
     ) -> None:
         """Update the estimate by a sample, and the updraught of the sample's `state`.
@@ -190,9 +190,9 @@ class Updraught:
         """
         lags_s = model.tau_ha_s + model.tau_hb_s
         left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
-        self._felt_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._felt_mps)
+        self._shown_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._shown_mps)
         noise = squared(UPDRAUGHT_SIGMAS) * variance
-        certain_mps = max(1.0 - noise / max(squared(self._felt_mps), noise), 0.0) * self._felt_mps
+        certain_mps = max(1.0 - noise / max(squared(self._shown_mps), noise), 0.0) * self._shown_mps
         self._known_s = min(self._known_s + elapsed_s, SWAY_MEMORY_S)
         if self._known_s > 0.0:
             self.sway_m2 += elapsed_s / self._known_s * (squared(lags_s * certain_mps) - self.sway_m2)

@@ -44,19 +44,19 @@ CLIPPED_AT: Final = 2.0
 """Standard deviations at which increments are clipped, so that an outlier isn't taken for noise."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
 """Standard deviations beyond which a sample's value has less weight, by the square of the excess."""
-STRAYED: Final = 1.0
+UNKNOWN_MOTION: Final = 1.0
 """Added to their variance, (m/s)²: motion between two samples that the model doesn't know. For positions and heights it
 is the square of the interval, in m²."""
-STRAYED_ROUND: Final = 0.1 * 0.1
+UNKNOWN_TURN: Final = 0.1 * 0.1
 """The same for headings, rad²."""
-MOST_STRAY: Final = 0.05 * 0.05
+MOST_DRIFT: Final = 0.05 * 0.05
 """Largest variance per second of the drift of positions from integrated velocities, m²: with it, positions are followed
 anyway."""
-STRAY_S: Final = 3.0
+DRIFT_S: Final = 3.0
 """Memory of the sum of what positions gain on integrated velocities; an autopilot corrects both more slowly."""
-STRAY_EXCESS: Final = 4.0
+DRIFT_EXCESS: Final = 4.0
 """Positions drift where the mean square of that sum exceeds this many times the one that noise gives."""
-STRAY_GAP_S: Final = 0.3
+DRIFT_GAP_S: Final = 0.3
 """After a longer interval between samples velocities can't be integrated accurately."""
 
 
@@ -150,7 +150,7 @@ def _within_sigmas(increment: float, variance: float) -> float:
     return within(increment, -bound, bound)
 
 
-class PlaceStray:
+class PositionDrift:
     """Drift of a vehicle's positions from the integral of its velocities: an autopilot's filter corrects both.
 
     What positions gain on integrated velocities from sample to sample is summed. A drift adds up in the sum. Noise of
@@ -172,20 +172,20 @@ class PlaceStray:
     def learn(self, values: Values, elapsed_s: float, noise: Values) -> None:
         """Take the next sample and the variances of its values."""
         before = self._values
-        if not 0.0 < elapsed_s < STRAY_GAP_S:
+        if not 0.0 < elapsed_s < DRIFT_GAP_S:
             self.begin(values)
             return
         half_s = elapsed_s / 2.0 * _arc_ratio(before[3], before[4], values[3], values[4])
-        bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MOST_STRAY * elapsed_s)
+        bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MOST_DRIFT * elapsed_s)
         north_m = within(values[0] - before[0] - (values[3] + before[3]) * half_s, -bound_m, bound_m)
         east_m = within(values[1] - before[1] - (values[4] + before[4]) * half_s, -bound_m, bound_m)
-        kept = 1.0 - elapsed_s / STRAY_S
+        kept = 1.0 - elapsed_s / DRIFT_S
         self._north_m, self._east_m = kept * self._north_m + north_m, kept * self._east_m + east_m
         self._samples += 1.0
         square = (squared(self._north_m) + squared(self._east_m)) / 2.0
         self._square += (square - self._square) / min(self._samples + FIRST_MEMORY, MEMORY)
-        by_noise = noise[0] + noise[3] * elapsed_s * STRAY_S / 2.0
-        self.variance = within(2.0 / STRAY_S * (self._square - STRAY_EXCESS * by_noise), 0.0, MOST_STRAY)
+        by_noise = noise[0] + noise[3] * elapsed_s * DRIFT_S / 2.0
+        self.variance = within(2.0 / DRIFT_S * (self._square - DRIFT_EXCESS * by_noise), 0.0, MOST_DRIFT)
         self._values = values
 
 
@@ -206,16 +206,16 @@ def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
         _excess(difference[0], own[0], place),
         _excess(difference[1], own[1], place),
         _excess(difference[2], own[2], place),
-        _excess(difference[3], own[3], STRAYED),
-        _excess(difference[4], own[4], STRAYED),
-        _excess(difference[5], own[5], STRAYED),
-        _excess(difference[6], own[6], STRAYED),
-        _excess(difference[7], own[7], STRAYED_ROUND),
+        _excess(difference[3], own[3], UNKNOWN_MOTION),
+        _excess(difference[4], own[4], UNKNOWN_MOTION),
+        _excess(difference[5], own[5], UNKNOWN_MOTION),
+        _excess(difference[6], own[6], UNKNOWN_MOTION),
+        _excess(difference[7], own[7], UNKNOWN_TURN),
     )
 
 
-def _excess(difference: float, own: float, strayed: float) -> float:
-    excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + strayed))
+def _excess(difference: float, own: float, unknown: float) -> float:
+    excess = squared(difference) / (IMPLAUSIBLE_SIGMAS**2 * (own + unknown))
     return excess if excess > 1.0 else 1.0
 
 

@@ -32,7 +32,7 @@ from flight_model.gain_design import (
 from formation_scenario import load_scenario
 from formation_scenario.gains import figures
 from formation_scenario.vehicles import EnergyAirframe
-from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, Pid, PidGains
+from gcs_formation.control.fuzzy_pid import ChannelConstants, Pid, PidGains
 
 WEIGHTS = {"k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 QUIET = DelayAndNoise(0.1, 0.1, 0.0, 0.0, 0.0)
@@ -98,7 +98,7 @@ def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
     )
     known = DelayAndNoise(0.1, 0.0, 0.02, 0.03, 0.0)
     found = judged_channels(dict.fromkeys(("speed", "heading", "height"), gains), plants, 22.0, weights, known)
-    pid = Pid(ChannelConstants(PidGains(*gains, 0.3), 1.0, 1.0, math.inf), FIXED_GAINS, None)
+    pid = Pid(ChannelConstants(PidGains(*gains, 0.3), 1.0, 1.0, math.inf), None)
     rng, setpoints = np.random.default_rng(1), []
     for error, slope in np.sqrt(2.0) * rng.normal(0.0, (0.02, 0.03), (20000, 2)):
         pid.filter_rate(slope, 0.1)

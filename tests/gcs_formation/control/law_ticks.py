@@ -12,7 +12,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.formation import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
-from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, PidGains
 from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.setpoint import AS_DECIDED, Mixer
 from gcs_formation.control.situation import Lead, Situation
@@ -80,7 +80,7 @@ def parameters(
     """Return the constants of that law."""
     each = zip(kp.tolist(), ki.tolist(), kd.tolist(), strict=True)
     speed, heading, height = (ChannelConstants(PidGains(p, i, d, 1e-9), *scales, 2.0) for p, i, d in each)
-    return LawParameters(MIXER, frame, speed, heading, height, GainRange(0.7, 0.6), scheduler, 2.0)
+    return LawParameters(MIXER, frame, speed, heading, height, scheduler, 2.0)
 
 
 def state(rows: Array) -> FlightStates:

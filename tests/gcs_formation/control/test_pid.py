@@ -10,7 +10,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Slot
 from formation_scenario import load_scenario
 from gcs_formation.control.follower import FollowerController, Pair
-from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, Pid, PidGains
+from gcs_formation.control.fuzzy_pid import ChannelConstants, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, LeaderMotion
 
@@ -18,7 +18,7 @@ DT_S = 0.1
 
 
 def pid(kp: float = 1.0, ki: float = 1.0, kd: float = 1.0, filter_s: float = 0.1, windup_s: float = 1.0) -> Pid:
-    return Pid(ChannelConstants(PidGains(kp, ki, kd, filter_s), 1.0, 1.0, windup_s), FIXED_GAINS, None)
+    return Pid(ChannelConstants(PidGains(kp, ki, kd, filter_s), 1.0, 1.0, windup_s), None)
 
 
 def clip(value: float, most: float) -> float:

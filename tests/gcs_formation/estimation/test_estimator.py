@@ -200,7 +200,7 @@ def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_a
 
     def fly(seconds, climbs_mps):
         for _ in range(10 * seconds):
-            updraught.feel(still, climbs_mps, 1e-6, 0.1, model)
+            updraught.learn(still, climbs_mps, 1e-6, 0.1, model)
         return updraught.sway_m2
 
     rough_m2 = fly(60, 0.2)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.noise_and_plausibility import MOST_STRAY, PlaceStray, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import MOST_DRIFT, PositionDrift, VehicleNoise
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)
@@ -69,11 +69,11 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
 def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma_mps: float = 0.003) -> list[float]:
     """Return the learned straying of positions (n, 2) at each sample, m per square root of a second."""
     place, rate = sigma**2, sigma_mps**2
-    stray, noise = PlaceStray(), (place, place, place, rate, rate, rate, rate, rate)
+    drift, noise = PositionDrift(), (place, place, place, rate, rate, rate, rate, rate)
     found = list[float]()
     for (north, east), (north_mps, east_mps) in zip(places.tolist(), velocities.tolist(), strict=True):
-        stray.learn((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
-        found.append(math.sqrt(stray.variance))
+        drift.learn((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
+        found.append(math.sqrt(drift.variance))
     return found
 
 
@@ -101,8 +101,8 @@ def test_one_position_that_is_off_does_not_stray():
 def test_positions_that_stray_are_followed_by_as_much_up_to_a_limit(walk):
     places = walk * math.sqrt(0.1) * np.cumsum(np.random.default_rng(3).standard_normal((3000, 2)), axis=0)
     found = np.array(strayed(places, np.zeros((3000, 2)), 0.1, 0.003))[300:]
-    assert np.sqrt(np.mean(found**2)) == pytest.approx(min(walk, math.sqrt(MOST_STRAY)), rel=0.25)
-    assert found.max() <= math.sqrt(MOST_STRAY)
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(min(walk, math.sqrt(MOST_DRIFT)), rel=0.25)
+    assert found.max() <= math.sqrt(MOST_DRIFT)
 
 
 def test_nothing_is_learnt_over_a_gap():
