@@ -250,16 +250,9 @@ class Station(Engine):
             self._begin(now)
 
     def _begin(self, now: Instant) -> None:
-        """Begin to command the formation if its leader follows setpoints."""
+        """Begin to command the formation if its leader follows setpoints; a flight resumed while ending is ended."""
         takeover, resumed = self._takeover, self._takeover.resumed
-        if resumed is None or not resumed.near:
-            leads = self._starting.leader_ready(self.scenario.leader)
-        else:
-            leader = takeover.leader(now)
-            leads = leader is not None
-            if leader is not None:
-                self._reconfiguration.lead(leader, now)
-        reason, leads = takeover.failure(now), leads and self.preflight.passed
+        leads, reason = self._has_leader(now) and self.preflight.passed, takeover.failure(now)
         if reason is not None:
             self.course.fail(reason, now, begun=takeover.took_any)
         elif resumed is not None and resumed.ending:
@@ -269,6 +262,16 @@ class Station(Engine):
                 self.course.stop(now)
         elif leads and self.course.move(Cause.LEADER_READY, now):
             self.design.watch(now, begins=True)
+
+    def _has_leader(self, now: Instant) -> bool:
+        """Return whether the leader follows setpoints; in a resumed flight, let another vehicle lead if needed."""
+        resumed = self._takeover.resumed
+        if resumed is None or not resumed.near:
+            return self._starting.leader_ready(self.scenario.leader)
+        leader = self._takeover.leader(now)
+        if leader is not None:
+            self._reconfiguration.lead(leader, now)
+        return leader is not None
 
     def _send_commands(self, now: Instant) -> None:
         commands = list[tuple[Vehicle, Message]]()
@@ -329,7 +332,7 @@ class Station(Engine):
         links, _ = self._dispatch.links(self.controller.plan.leader, self._conformance.doubted, now)
         seen = dict[int, tuple[FlightState, float]]()
         for vehicle in self._each:
-            found = vehicle.sampler.carried_on(now)
+            found = vehicle.sampler.extrapolated(now)
             if found is not None:
                 seen[vehicle.column] = found
         mission_s, phase = self.flight.mission_time_s(now), self.flight.phase.value

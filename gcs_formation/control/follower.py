@@ -28,7 +28,7 @@ from gcs_formation.control.setpoint import (
     error_rate,
     feed_forward,
     formation_error,
-    lead,
+    lead_velocity,
     mix,
     slot_target,
 )
@@ -203,7 +203,7 @@ class FollowerController(Controller):
         forward = (speed_mps + led_mps, heading_rad + led_rad, height_m)
         slopes = self._slopes(pair, axis_rad, target, forward, dt_s)
         output = self._output(slopes, self._heading_bandwidth(pair), pair, dt_s)
-        against_gust = lead(target, slot_axis_rad, -along_mps2, -across_mps2, model)
+        against_gust = lead_velocity(target, slot_axis_rad, -along_mps2, -across_mps2, model)
         self.setpoint = self._limited(pair, target, forward, output, against_gust, dt_s)
 
     def _target(

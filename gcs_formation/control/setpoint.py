@@ -185,7 +185,7 @@ def feed_forward(
     along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - turn_rps * slot.right_mps
     across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
     across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
-    speed_mps, heading_rad = lead(target, axis_rad, along_mps2, across_mps2, model)
+    speed_mps, heading_rad = lead_velocity(target, axis_rad, along_mps2, across_mps2, model)
     height_m = lead_height(leader, slot, model, updraught_mps)
     return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
 
@@ -197,7 +197,7 @@ def lead_height(leader: LeaderMotion, slot: Slot, model: AutopilotModel, updraug
     return height_m + model.tau_ha_s * model.tau_hb_s * (leader.climb_change_mps2 + slot.up_mps2)
 
 
-def lead(
+def lead_velocity(
     target: Target, axis_rad: float, along_mps2: float, across_mps2: float, model: AutopilotModel
 ) -> tuple[float, float]:
     """Return the leads of the speed and heading setpoints for an acceleration along and across the axes."""

@@ -135,7 +135,7 @@ class VehicleFilter:
         self.level = LevelCovariance((0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.height = HeightCovariance(0.0, 0.0)
         self.updraught = Updraught(followed=updraughts)
-        self._along = VelocityJacobian()
+        self._jacobian = VelocityJacobian()
         """The Jacobian of the velocity over ground at the present state."""
         self.wind_radps = wind_radps
         """Highest bandwidth of the wind estimate for changes that aren't gusts, rad/s."""
@@ -147,7 +147,7 @@ class VehicleFilter:
     def place(self, state: FlightState, stamp: int) -> None:
         """Set the state."""
         self.state, self.stamp = state, stamp
-        self._along.linearise(state)
+        self._jacobian.linearise(state)
 
     def read_by(self, ratio: float) -> None:
         """Use another airspeed ratio: the state's airspeed and wind change, its velocity over ground doesn't."""
@@ -174,7 +174,7 @@ class VehicleFilter:
         self.state = FlightState(
             values[0], values[1], values[2], values[5], airspeed_mps, heading_rad, wind_north, wind_east
         )
-        self._along.linearise(self.state)
+        self._jacobian.linearise(self.state)
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
         self.updraught.forget()
@@ -196,35 +196,35 @@ class VehicleFilter:
 
         `commanded`: the vehicle follows our setpoints.
         """
-        elapsed_s, along, before = (stamp - self.stamp) / NANOSECONDS, self._along, self.state
+        elapsed_s, jacobian, before = (stamp - self.stamp) / NANOSECONDS, self._jacobian, self.state
         follows = commanded and before is not None and abs(before.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
         walk = COMMANDED_WALK if follows else UNCOMMANDED_WALK
         variances = self.noise.values
         self.drift.learn(values, elapsed_s, variances)
-        self._carry(elapsed_s, model, walk)
-        along.linearise(predicted)
-        difference = innovation(values, predicted, along)
+        self._predict_covariances(elapsed_s, model, walk)
+        jacobian.linearise(predicted)
+        difference = innovation(values, predicted, jacobian)
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, elapsed_s)
-        own = innovation_variances(self.level, self.height, along, variances)
+        own = innovation_variances(self.level, self.height, jacobian, variances)
         self.noise.learn(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
-        self._move(predicted, along, difference, weighed(variances, own, excess))
+        self._move(predicted, jacobian, difference, weighed(variances, own, excess))
         self.updraught.learn(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
         self.state, self.stamp = predicted, stamp
-        along.linearise(predicted)
-        self._residual = innovation(values, predicted, along)
+        jacobian.linearise(predicted)
+        self._residual = innovation(values, predicted, jacobian)
         self._implausible = 0 if plausible(excess) else self._implausible + 1
         if self._implausible >= IMPLAUSIBLE_SAMPLES:
             # The wind estimate is kept: it doesn't depend on who flies the vehicle.
             level, winds = self.level, (predicted.wind_north_mps, predicted.wind_east_mps)
             self._begin(values, stamp, winds, (level.wind_north[WIND_NORTH], level.wind_east[WIND_EAST]))
 
-    def _move(self, state: FlightState, along: VelocityJacobian, difference: Values, variances: Values) -> None:
+    def _move(self, state: FlightState, jacobian: VelocityJacobian, difference: Values, variances: Values) -> None:
         """Correct a predicted state, and the covariances, by a sample's innovations and their noise variances."""
-        north, east, speed, heading, wind_north, wind_east = correct_level(self.level, along, difference, variances)
+        north, east, speed, heading, wind_north, wind_east = correct_level(self.level, jacobian, difference, variances)
         up, climb = correct_height(self.height, difference, variances)
         state.north_m += north
         state.east_m += east
@@ -240,12 +240,12 @@ class VehicleFilter:
         """Variance of each component of the wind, (m/s)²."""
         return (self.level.wind_north[WIND_NORTH] + self.level.wind_east[WIND_EAST]) / 2
 
-    def _carry(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
+    def _predict_covariances(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Predict the covariances for the time of a sample."""
         variances = self.noise.values
         climb, speed, heading = walk
-        self.level.carry(self._along, elapsed_s, model)
-        self.height.carry(elapsed_s, model)
+        self.level.predict(self._jacobian, elapsed_s, model)
+        self.height.predict(elapsed_s, model)
         of_place, wind = squared(WITHOUT_WIND), 0.0
         if self.wind_radps > 0.0:
             of_place, noise_mps = self.drift.variance, math.sqrt(variances[3] + variances[6])

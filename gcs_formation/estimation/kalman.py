@@ -49,15 +49,15 @@ class LevelCovariance:
         self.wind_east: Level = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.grow(variances, 1.0)
 
-    def carry(self, along: VelocityJacobian, elapsed_s: float, model: AutopilotModel) -> None:
+    def predict(self, jacobian: VelocityJacobian, elapsed_s: float, model: AutopilotModel) -> None:
         """Predict it over `elapsed_s` by F P F^T; F is the derivative of the later states by the present ones.
 
-        F takes the heading to be constant: `along` is of the state before.
+        F takes the heading to be constant: `jacobian` is of the state before.
         """
         speed_left, heading_left = math.exp(-elapsed_s / model.tau_v_s), math.exp(-elapsed_s / model.tau_psi_s)
         speed_s, heading_s = model.tau_v_s * (1.0 - speed_left), model.tau_psi_s * (1.0 - heading_left)
-        north_v, north_psi = along.north_by_speed * speed_s, along.north_by_heading * heading_s
-        east_v, east_psi = along.east_by_speed * speed_s, along.east_by_heading * heading_s
+        north_v, north_psi = jacobian.north_by_speed * speed_s, jacobian.north_by_heading * heading_s
+        east_v, east_psi = jacobian.east_by_speed * speed_s, jacobian.east_by_heading * heading_s
         speed, heading = self.speed, self.heading
         north = plus(plus(plus(self.north, north_v, speed), north_psi, heading), elapsed_s, self.wind_north)
         east = plus(plus(plus(self.east, east_v, speed), east_psi, heading), elapsed_s, self.wind_east)
@@ -87,13 +87,13 @@ class LevelCovariance:
         self.wind_north = plus(self.wind_north, 1.0, (both, 0.0, 0.0, 0.0, variance, 0.0))
         self.wind_east = plus(self.wind_east, 1.0, (0.0, both, 0.0, 0.0, 0.0, variance))
 
-    def of_north_mps(self, along: VelocityJacobian) -> Level:
+    def of_north_mps(self, jacobian: VelocityJacobian) -> Level:
         """Return the covariances of the states with the velocity over ground to the north."""
-        return plus(plus(self.wind_north, along.north_by_speed, self.speed), along.north_by_heading, self.heading)
+        return plus(plus(self.wind_north, jacobian.north_by_speed, self.speed), jacobian.north_by_heading, self.heading)
 
-    def of_east_mps(self, along: VelocityJacobian) -> Level:
+    def of_east_mps(self, jacobian: VelocityJacobian) -> Level:
         """Return the covariances of the states with the velocity over ground to the east."""
-        return plus(plus(self.wind_east, along.east_by_speed, self.speed), along.east_by_heading, self.heading)
+        return plus(plus(self.wind_east, jacobian.east_by_speed, self.speed), jacobian.east_by_heading, self.heading)
 
     def update(self, seen: Level, spread: float, off: float) -> Level:
         """Update the covariance by a scalar measurement, and return the correction of the states.
@@ -145,7 +145,7 @@ class HeightCovariance:
         self.cross: float = 0.0
         self.climb = climb
 
-    def carry(self, elapsed_s: float, model: AutopilotModel) -> None:
+    def predict(self, elapsed_s: float, model: AutopilotModel) -> None:
         """Predict it over `elapsed_s` through the height's two poles, which may be equal."""
         slow_s, fast_s = max(model.tau_ha_s, model.tau_hb_s), min(model.tau_ha_s, model.tau_hb_s)
         slow, fast = math.exp(-elapsed_s / slow_s), math.exp(-elapsed_s / fast_s)
@@ -201,15 +201,15 @@ class Updraught:
             state.updraught_mps += share * (certain_mps - state.updraught_mps)
 
 
-def innovation(sample: Values, state: FlightState, along: VelocityJacobian) -> Values:
-    """Return a sample minus the one expected from a vehicle in `state`; `along` is of that state."""
+def innovation(sample: Values, state: FlightState, jacobian: VelocityJacobian) -> Values:
+    """Return a sample minus the one expected from a vehicle in `state`; `jacobian` is of that state."""
     a, b, c, d, e, f, g, h = sample
     return (
         a - state.north_m,
         b - state.east_m,
         c - state.height_m,
-        d - (along.east_by_heading + state.wind_north_mps),  # V cos(psi) is the derivative of V sin(psi) by psi
-        e - (state.wind_east_mps - along.north_by_heading),
+        d - (jacobian.east_by_heading + state.wind_north_mps),  # V cos(psi) is the derivative of V sin(psi) by psi
+        e - (state.wind_east_mps - jacobian.north_by_heading),
         f - state.climb_mps,
         g - state.airspeed_mps,
         wrap(h - state.heading_rad),
@@ -224,22 +224,22 @@ def minus(values: Values, others: Values) -> Values:
 
 
 def innovation_variances(
-    level: LevelCovariance, height: HeightCovariance, along: VelocityJacobian, noise: Values
+    level: LevelCovariance, height: HeightCovariance, jacobian: VelocityJacobian, noise: Values
 ) -> Values:
     """Return the variances of a sample's innovations: the state's contribution plus the values' own `noise`."""
     return (
         level.north[NORTH] + noise[0],
         level.east[EAST] + noise[1],
         height.height + noise[2],
-        along.north_mps(level.of_north_mps(along)) + noise[3],
-        along.east_mps(level.of_east_mps(along)) + noise[4],
+        jacobian.north_mps(level.of_north_mps(jacobian)) + noise[3],
+        jacobian.east_mps(level.of_east_mps(jacobian)) + noise[4],
         height.climb + noise[5],
         level.speed[SPEED] + noise[6],
         level.heading[HEADING] + noise[7],
     )
 
 
-def correct_level(covariance: LevelCovariance, along: VelocityJacobian, off: Values, noise: Values) -> Level:
+def correct_level(covariance: LevelCovariance, jacobian: VelocityJacobian, off: Values, noise: Values) -> Level:
     """Return the correction of the states by a sample's values, and update the covariance.
 
     `off` and `noise` are the innovations and noise variances of all eight values.
@@ -248,12 +248,12 @@ def correct_level(covariance: LevelCovariance, along: VelocityJacobian, off: Val
     found = covariance.update(seen, seen[NORTH] + noise[0], off[0])
     seen = covariance.east
     found = plus(found, 1.0, covariance.update(seen, seen[EAST] + noise[1], off[1] - found[EAST]))
-    seen = covariance.of_north_mps(along)
-    left = off[3] - along.north_mps(found)
-    found = plus(found, 1.0, covariance.update(seen, along.north_mps(seen) + noise[3], left))
-    seen = covariance.of_east_mps(along)
-    left = off[4] - along.east_mps(found)
-    found = plus(found, 1.0, covariance.update(seen, along.east_mps(seen) + noise[4], left))
+    seen = covariance.of_north_mps(jacobian)
+    left = off[3] - jacobian.north_mps(found)
+    found = plus(found, 1.0, covariance.update(seen, jacobian.north_mps(seen) + noise[3], left))
+    seen = covariance.of_east_mps(jacobian)
+    left = off[4] - jacobian.east_mps(found)
+    found = plus(found, 1.0, covariance.update(seen, jacobian.east_mps(seen) + noise[4], left))
     seen = covariance.speed
     found = plus(found, 1.0, covariance.update(seen, seen[SPEED] + noise[6], off[6] - found[SPEED]))
     seen = covariance.heading

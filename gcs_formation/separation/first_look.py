@@ -21,7 +21,7 @@ act against the formation."""
 
 
 class KeptDistance:
-    """The distance that two commanded vehicles keep: less where their slots are near each other."""
+    """The distance that vehicles keep: for two that are commanded less where their slots are near each other."""
 
     __slots__ = ("each_m", "most_m", "rows")
 
@@ -29,7 +29,7 @@ class KeptDistance:
         """Take the largest distance, and those of pairs whose slots are moving.
 
         Args:
-            most_m: for vehicles whose slots are far apart, or that are far from their slots.
+            most_m: from uncommanded vehicles, and where slots are far apart, or vehicles far from their slots.
             each_m: (C, C); None where slots rest: then it follows from the slots' distance.
             first: the first column that is a vehicle.
         """

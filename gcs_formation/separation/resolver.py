@@ -80,9 +80,9 @@ class ConflictResolver:
         self._afar = [False] * count
         self._slots_known: list[Triple] | None = None
         """The list that `_slots` was made from; the same object means no change."""
-        self._kept_from_others_m = self._keys.distance_m + ROOM_M
+        self._kept_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
-        self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_from_others_m)
+        self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_m)
         self._apart_m: Array | None = None
         """The planned distances that `_kept_moving` was made from."""
         self._identities = column_ids(scenario)
@@ -125,8 +125,8 @@ class ConflictResolver:
         if apart_m is not self._apart_m:
             self._apart_m, limit_m = apart_m, self._limit_m
             least_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
-            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_from_others_m)
-            self._kept_moving = KeptDistance(self._kept_from_others_m, kept_m, self._first)
+            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_m)
+            self._kept_moving = KeptDistance(self._kept_m, kept_m, self._first)
         return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
@@ -175,7 +175,7 @@ class ConflictResolver:
             if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or tick.links[column].flew)
         ]
         if self._hovers:
-            near_m = min(self._kept_from_others_m, SLOT_SHARE * _nearest_m(np.array(self._slots[self._first :])))
+            near_m = min(self._kept_m, SLOT_SHARE * _nearest_m(np.array(self._slots[self._first :])))
             counted.sort(key=lambda column: math.hypot(*tick.error_of(column)) > near_m)
         if tick.leader in counted:
             counted.remove(tick.leader)
@@ -224,7 +224,6 @@ class ConflictResolver:
             vehicles=np.array(vehicles, dtype=np.intp),
             kept=kept,
             slots_m=np.array([self._slot(each) for each in vehicles]).T,
-            kept_from_others_m=self._kept_from_others_m,
             timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
             floor=self._floor_m,
             times_s=self._times_s,
@@ -269,7 +268,7 @@ class ConflictResolver:
 
     def _watch_errors(self, tick: Tick) -> None:
         """Store which vehicles are far from their slots; at the end of a flight, without slots, keep the result."""
-        far_m2 = squared(AFAR * self._kept_from_others_m)
+        far_m2 = squared(AFAR * self._kept_m)
         for column in range(len(self._afar)):
             forward_m, right_m, up_m = tick.error_of(column)
             if not math.isnan(forward_m):

@@ -49,11 +49,9 @@ class TrafficPicture:
     vehicles: Indices
     """(N,) the vehicle of each column: one that may be in two places has two columns, which needn't keep apart."""
     kept: KeptDistance
-    """Distance between two commanded vehicles, as far as their slots allow it."""
+    """Distance between two commanded vehicles, as far as their slots allow it, and from uncommanded ones."""
     slots_m: Array
     """(3, N) their slots, from the leader; NaN for a vehicle far from its slot."""
-    kept_from_others_m: float
-    """Distance from uncommanded vehicles."""
     timing_s: Array
     """(N,) how much earlier or later than predicted a vehicle may be at a position."""
     floor: Callable[[FlightStates], Array]
@@ -118,7 +116,7 @@ class TrafficPicture:
         if each_m is not None:
             kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
         kept_m = np.fmin(kept_m, self.kept.most_m)
-        distance_m: Array = np.where(both, kept_m, self.kept_from_others_m)
+        distance_m: Array = np.where(both, kept_m, self.kept.most_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
@@ -284,7 +282,7 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
 def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
     """Return a distance beyond which no two come too near."""
     most_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
-    return float(most_m) + max(picture.kept.most_m, picture.kept_from_others_m)
+    return float(most_m) + picture.kept.most_m
 
 
 def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:

@@ -83,11 +83,6 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
     }
 
 
-def follower_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
-    """Return the loops x, y and z around every follower, with small-signal gains, for each of its planned slots."""
-    return {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
-
-
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
     """Return the loops x, y and z around the scenario's leader while another vehicle leads, for every planned slot."""
     leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
@@ -101,6 +96,7 @@ def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[flo
 
 
 def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
+    """Return the loops x, y and z around a follower, with small-signal gains, for each of its planned slots."""
     gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
     aircraft = aircraft_responses(model, scenario.path.speed_mps)
@@ -146,7 +142,8 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     followers; with `succession` also around the leader, for when another vehicle leads.
     """
     if not law_kind(scenario).mutual:
-        return follower_loops(scenario) | (leader_loops(scenario) if succession else {})
+        loops_of = {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
+        return loops_of | (leader_loops(scenario) if succession else {})
     loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 

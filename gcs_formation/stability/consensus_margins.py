@@ -29,6 +29,8 @@ class Component(NamedTuple):
     """A strongly connected part of a graph."""
 
     members: Indices
+    matrix: Array
+    """Rows and columns of the graph's Laplacian that belong to its members."""
     hears_nobody_outside: bool
 
 
@@ -57,9 +59,8 @@ def consensus_delay_margin(
     """
     weights = as_adjacency(adjacency)
     gains = _checked_gains(len(weights), k1, k2, k3, h)
-    matrix = laplacian(weights)
     return min(
-        _component_margin(_restricted(matrix, part), part, gains._replace(damping=gains.damping[part.members]))
+        _component_margin(part, gains._replace(damping=gains.damping[part.members]))
         for part in spanning_components(weights)
     )
 
@@ -84,9 +85,7 @@ def ground_consensus_loops(
     """
     weights, c, d = as_adjacency(adjacency), onboard_damping, delayed_damping
     _checked_gains(len(weights), k1, k2, c, 1.0)
-    matrix = laplacian(weights)
-    parts = [(_restricted(matrix, part), part) for part in spanning_components(weights)]
-    found = {complex(value) for of_part, part in parts for value in _nonzero_eigenvalues(of_part, part).tolist()}
+    found = {complex(value) for part in spanning_components(weights) for value in _nonzero_eigenvalues(part).tolist()}
     eigenvalues = sorted(found, key=lambda value: (value.real, value.imag))
     modes = [Plant(((0.0, 1.0), (0.0, -c)), (0.0, 1.0), (value * k1, value * k2 + d)) for value in eigenvalues]
     group = [Plant(((-c, 0.0), (0.0, -1.0)), (1.0, 0.0), (d, 0.0))] if d and d > -c else []
@@ -120,12 +119,13 @@ def components(adjacency: Array) -> list[Component]:
     """
     import scipy  # noqa: PLC0415 - only mutual laws have such a graph
 
-    linked = adjacency > 0
+    linked, matrix = adjacency > 0, laplacian(adjacency)
     count, labels = scipy.sparse.csgraph.connected_components(adjacency, directed=True, connection="strong")
     parts: list[Component] = []
     for label in range(int(count)):
         inside = labels == label
-        parts.append(Component(np.flatnonzero(inside), not bool(linked[np.ix_(inside, ~inside)].any())))
+        outside = linked[np.ix_(inside, ~inside)]
+        parts.append(Component(np.flatnonzero(inside), matrix[np.ix_(inside, inside)], not bool(outside.any())))
     return parts
 
 
@@ -157,21 +157,18 @@ def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike
     return _Gains(float(k1), float(k2), k3 * np.broadcast_to(weights, (count,)))
 
 
-def _restricted(matrix: Array, part: Component) -> Array:
-    return matrix[np.ix_(part.members, part.members)]
-
-
-def _component_margin(matrix: Array, part: Component, gains: _Gains) -> float:
-    if len(matrix) == 1 and part.hears_nobody_outside:
+def _component_margin(part: Component, gains: _Gains) -> float:
+    if part.members.size == 1 and part.hears_nobody_outside:
         return float("inf")
     if gains.k1 == 0.0:
         return 0.0
     if np.ptp(gains.damping) == 0.0:
-        return float(_mode_margins(_nonzero_eigenvalues(matrix, part), gains, gains.damping[0]).min())
-    return _unlike_margin(matrix, part, gains)
+        return float(_mode_margins(_nonzero_eigenvalues(part), gains, gains.damping[0]).min())
+    return _unlike_margin(part, gains)
 
 
-def _nonzero_eigenvalues(matrix: Array, part: Component) -> Complex:
+def _nonzero_eigenvalues(part: Component) -> Complex:
+    matrix = part.matrix
     symmetric = np.array_equal(matrix, matrix.T)
     values = np.asarray(np.linalg.eigvalsh(matrix) if symmetric else np.linalg.eigvals(matrix), np.complex128)
     return values[np.argsort(np.abs(values))][int(part.hears_nobody_outside) :]
@@ -190,10 +187,10 @@ def _mode_margins(eigenvalues: Complex, gains: _Gains, damping: float) -> Array:
     return (lead - np.abs(np.angle(eigenvalues))) / w
 
 
-def _unlike_margin(matrix: Array, part: Component, gains: _Gains) -> float:
-    crossings = _locus_crossings(matrix, part, gains)
+def _unlike_margin(part: Component, gains: _Gains) -> float:
+    crossings = _locus_crossings(part, gains)
     w, phase = crossings[:, 0], crossings[:, 1]
-    if np.linalg.eigvals(_undelayed(matrix, part, gains)).real.max() > -_MARGINAL * float(w.max()):
+    if np.linalg.eigvals(_undelayed(part, gains)).real.max() > -_MARGINAL * float(w.max()):
         return min(float(np.min(phase / w)), 0.0)
     return float(np.min(np.where(phase < 0.0, phase + 2.0 * np.pi, phase) / w))
 
@@ -207,17 +204,17 @@ def _loci(w: Array | float, matrix: Array, gains: _Gains) -> Complex:
     return np.take_along_axis(values, order, axis=-1).astype(np.complex128)
 
 
-def _crossover_grid(matrix: Array, part: Component, gains: _Gains) -> Array:
+def _crossover_grid(part: Component, gains: _Gains) -> Array:
     """Frequencies between one at which every locus is outside the unit circle and one at which none is."""
-    norm = float(np.linalg.norm(matrix, 2))
+    norm = float(np.linalg.norm(part.matrix, 2))
     highest = 1.01 * float(_crossover(norm, gains.k1, gains.k2, float(gains.damping.min())))
     lowest = highest / 10.0
-    while np.abs(_loci(lowest, matrix, gains)[int(part.hears_nobody_outside)]) < 1.0:
+    while np.abs(_loci(lowest, part.matrix, gains)[int(part.hears_nobody_outside)]) < 1.0:
         lowest /= 2.0
     return np.geomspace(lowest, highest, _GRID)
 
 
-def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
+def _locus_crossings(part: Component, gains: _Gains) -> Array:
     """Rows (w, w tau) at which an eigenvalue of G L exp(-iw tau) is -1.
 
     The graph rotates a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
@@ -225,10 +222,12 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     """
     import scipy  # noqa: PLC0415 - only for the consensus law with vehicles whose lags differ
 
+    matrix = part.matrix
+
     def excess(w: float, locus: int) -> float:
         return float(np.abs(_loci(w, matrix, gains)[locus])) - 1.0
 
-    grid = _crossover_grid(matrix, part, gains)
+    grid = _crossover_grid(part, gains)
     above = np.abs(_loci(grid, matrix, gains)) > 1.0
     found: list[tuple[float, float]] = []
     for index, locus in np.argwhere(above[1:] != above[:-1]).tolist():
@@ -239,12 +238,12 @@ def _locus_crossings(matrix: Array, part: Component, gains: _Gains) -> Array:
     return np.array(found)
 
 
-def _undelayed(matrix: Array, part: Component, gains: _Gains) -> Array:
+def _undelayed(part: Component, gains: _Gains) -> Array:
     """System matrix of position and velocity deviations without delay, without the group's neutral common motion."""
     whole = np.eye(len(gains.damping))
     positions = whole[:, int(part.hears_nobody_outside) :]
     relative = positions.T.copy()
     if part.hears_nobody_outside:
         relative[:, 0] = -1.0  # deviations from the first vehicle
-    damped = -gains.k2 * matrix - np.diag(gains.damping)
-    return np.block([[np.zeros((len(relative),) * 2), relative], [-gains.k1 * matrix @ positions, damped]])
+    damped = -gains.k2 * part.matrix - np.diag(gains.damping)
+    return np.block([[np.zeros((len(relative),) * 2), relative], [-gains.k1 * part.matrix @ positions, damped]])

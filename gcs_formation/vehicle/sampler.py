@@ -15,7 +15,7 @@ from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
-CARRIED_ON_S: Final = 2.0
+EXTRAPOLATED_S: Final = 2.0
 """Largest age of a position that is extrapolated to now, s; an older one tells nothing of the present position."""
 
 
@@ -75,17 +75,17 @@ class Sampler:
             airspeed_ratio=self._autopilot.true_airspeed(1.0),
         )
 
-    def carried_on(self, now: Instant) -> tuple[FlightState, float] | None:
+    def extrapolated(self, now: Instant) -> tuple[FlightState, float] | None:
         """Return the state extrapolated from its newest position to `now`, and the position's age, s.
 
-        Velocity and, for a fixed wing, turn rate are held constant. The place is NaN if the age exceeds `CARRIED_ON_S`;
-        the wind is always NaN. None before the first position, or while the vehicle's clock is unknown.
+        Velocity and, for a fixed wing, turn rate are held constant. The place is NaN if the age exceeds
+        `EXTRAPOLATED_S`; the wind is always NaN. None before the first position, or while the clock is unknown.
         """
         motion, attitude = self._telemetry.motion, self._telemetry.attitude
         if motion is None or not self._round_trips.clock.samples:
             return None
         age_s = seconds_between(self._round_trips.clock.to_instant(motion.stamp_s), now)
-        for_s = age_s if age_s <= CARRIED_ON_S else math.nan
+        for_s = age_s if age_s <= EXTRAPOLATED_S else math.nan
         turn_radps = attitude.yawspeed_radps if attitude is not None else 0.0
         heading_rad = attitude.yaw_rad + turn_radps * for_s if attitude is not None else math.nan
         half_rad = 0.0 if self._telemetry.stands else turn_radps * for_s / 2.0

@@ -94,7 +94,6 @@ def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s
         vehicles=np.arange(count),
         kept=KeptDistance(KEPT_M),
         slots_m=100.0 * np.arange(count) * np.ones((3, 1)),
-        kept_from_others_m=KEPT_M,
         timing_s=np.full(count, 0.1 * (2 * vehicles.delay_s + age_s)),
         floor=lambda state: np.full(state.north_m.size, vehicles.floor_m),
         times_s=TIMES_S,

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gcs_formation.separation.approach import sample_times
-from gcs_formation.separation.first_look import KeptDistance
 from gcs_formation.separation.traffic import free_heights
 from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
@@ -38,7 +37,7 @@ def test_the_wind_carries_those_who_go_on_as_they_are() -> None:
 def test_two_that_are_commanded_keep_less_than_from_others_and_nothing_from_themselves() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [0, 50, 100, 22, 0, 0], [0, 90, 100, 22, 0, 0]], [True, True, False])
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
-    made = replace(made, kept=KeptDistance(6.0), timing_s=np.array((0.1, 0.2, 0.4)))
+    made = replace(made, slots_m=np.diag((7.5, 0.0, 100.0)), timing_s=np.array((0.1, 0.2, 0.4)))
     minimum = made.minimum(np.array((0, 0, 1)), np.array((1, 2, 2)))
     np.testing.assert_allclose(minimum.distance_m, (6.0, KEPT_M, KEPT_M))
     np.testing.assert_allclose(minimum.timing_s, (0.3, 0.5, 0.6))

@@ -38,7 +38,6 @@ def picture(
         vehicles=np.arange(2),
         kept=KeptDistance(KEPT_M),
         slots_m=100.0 * np.arange(2) * np.ones((3, 1)),
-        kept_from_others_m=KEPT_M,
         timing_s=np.full(2, 0.04),
         floor=lambda state: np.full(state.north_m.size, 15.0),
         times_s=TIMES_S,

@@ -17,7 +17,7 @@ from gcs_formation.link.link_health import Connection
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.sampler import CARRIED_ON_S, Sampler
+from gcs_formation.vehicle.sampler import EXTRAPOLATED_S, Sampler
 from gcs_formation.vehicle.telemetry import APART_LIMIT_S, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
@@ -110,8 +110,8 @@ def test_a_place_is_carried_on_along_its_turn_and_a_multirotors_straight_on(
     motion.north_mps, motion.east_mps, motion.climb_mps = 0.0, 22.0, 1.0
     vehicle.telemetry.stands = stands
     vehicle.telemetry.take(Attitude(STAMP_S, 0.0, 0.0, math.pi / 2, 0.0, 0.0, turn_radps))
-    for age_s in (0.0, 0.3, 1.0, CARRIED_ON_S):
-        state, found_s = vehicle.sampler.carried_on(Instant(round(age_s * NANOSECONDS))) or (None, math.nan)
+    for age_s in (0.0, 0.3, 1.0, EXTRAPOLATED_S):
+        state, found_s = vehicle.sampler.extrapolated(Instant(round(age_s * NANOSECONDS))) or (None, math.nan)
         assert state is not None
         assert found_s == pytest.approx(age_s, abs=1e-6)
         turn = 0.0 if stands else turn_radps
@@ -123,12 +123,12 @@ def test_a_place_is_carried_on_along_its_turn_and_a_multirotors_straight_on(
 
 
 def test_where_one_is_that_was_last_heard_long_ago_isnt_known(vehicle: Vehicle, telemetry: Telemetry) -> None:
-    state, age_s = vehicle.sampler.carried_on(Instant(round((CARRIED_ON_S + 0.1) * NANOSECONDS))) or (None, 0.0)
+    state, age_s = vehicle.sampler.extrapolated(Instant(round((EXTRAPOLATED_S + 0.1) * NANOSECONDS))) or (None, 0.0)
     assert state is not None
     assert math.isnan(state.north_m)
-    assert age_s == pytest.approx(CARRIED_ON_S + 0.1)
+    assert age_s == pytest.approx(EXTRAPOLATED_S + 0.1)
     vehicle.round_trips.clock.samples = 0
-    assert vehicle.sampler.carried_on(NOW) is None
+    assert vehicle.sampler.extrapolated(NOW) is None
 
 
 def test_a_reading_in_thin_air_is_a_higher_true_airspeed(vehicle: Vehicle) -> None:
