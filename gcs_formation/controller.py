@@ -169,7 +169,7 @@ class FormationController:
         self._turn_rps = lead.path.turn_rps
         self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
         if self.columns > 1:
-            self._lead_bandwidth(bandwidth)
+            self._follow_bandwidth(bandwidth)
             self._by_law(tick, states, lead)
             self._await_followers(tick)
             self._at_heights(tick, heights_m)
@@ -228,7 +228,7 @@ class FormationController:
         stamps = vec[i64]([leader.stamp if each.state is None else each.stamp for each in filters])
         return Measured(states, stamps, active, acts)
 
-    def _lead_bandwidth(self, wanted: list[list[float]]) -> None:
+    def _follow_bandwidth(self, wanted: list[list[float]]) -> None:
         """Move the loops' bandwidths towards those wanted, with a time constant of `GAINS_CHANGE_S`."""
         for column, shares in enumerate(self._bandwidth):
             goals = wanted[column]

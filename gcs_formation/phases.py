@@ -99,7 +99,7 @@ OVER: Final = (Phase.ENDING, Phase.LOITERING)
 """Phases in which no vehicle is started any more."""
 ASSEMBLED_S: Final = 2.0
 """How long followers must stay in their slots to count as assembled."""
-KEEPS: Final = 2.0
+HYSTERESIS: Final = 2.0
 """Multiple of the tolerance within which an assembled formation stays so on the straight before the path.
 
 Positions of two real vehicles drift against each other by a metre or more within half a minute.
@@ -169,7 +169,7 @@ class Assembly:
         if guidance.rounds > self._laps:
             self._laps = guidance.rounds
             self._report_lap(tick)
-        most_m = self._tolerance_m * (KEEPS if guidance.on_path and self.complete else 1.0)
+        most_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
         self._in_slots_s = self._in_slots_s + self._dt_s if slots_rest and self._all_within(most_m, tick) else 0.0
 
     def _report_lap(self, tick: Tick) -> None:

@@ -149,7 +149,7 @@ class VehicleFilter:
         self.state, self.stamp = state, stamp
         self._jacobian.linearise(state)
 
-    def read_by(self, ratio: float) -> None:
+    def use_airspeed_ratio(self, ratio: float) -> None:
         """Use another airspeed ratio: the state's airspeed and wind change, its velocity over ground doesn't."""
         if ratio == self._airspeed_ratio:
             return
@@ -354,7 +354,7 @@ class StateEstimator:
     def _predict(self, column: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
         """Return a column's state predicted for its newest sample; None if the filter starts from that sample."""
         each, stamp = self.filters[column], int(sample.stamp)
-        each.read_by(sample.airspeed_ratio)
+        each.use_airspeed_ratio(sample.airspeed_ratio)
         state = each.state
         if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
             each.begin(sample.values(_least_mps(model)), stamp)

@@ -72,17 +72,17 @@ class FirstLook:
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
-        self._spots = [VehicleBounds(place, model) for place, model in enumerate(models)]
-        self._order = list(self._spots)
+        self._vehicles = [VehicleBounds(place, model) for place, model in enumerate(models)]
+        self._order = list(self._vehicles)
         """Sorted along the axis on which they are farthest apart; the order seldom changes from tick to tick."""
         self._first_s, self._horizon_s = first_s, horizon_s
-        self._its: FlightState | None = None
+        self._reference: FlightState | None = None
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def begin(self, reference: FlightState) -> None:
         """Begin a test: `see` every vehicle, then ask whether `all_apart`."""
-        self._its = reference
+        self._reference = reference
         self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
@@ -107,31 +107,33 @@ class FirstLook:
             early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
             timing_s: timing uncertainty of its state.
         """
-        its, spot, until_s = self._its, self._spots[place], early_s + self._first_s
-        assert its is not None
-        spot.slot_m = slot_m
-        its_mps, model = its.airspeed_mps, spot.model
+        reference, vehicle, until_s = self._reference, self._vehicles[place], early_s + self._first_s
+        assert reference is not None
+        vehicle.slot_m = slot_m
+        reference_mps, model = reference.airspeed_mps, vehicle.model
         accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
-        along_mps = within(its_mps, model.speed_min_mps, model.speed_max_mps)
+        along_mps = within(reference_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
-            slow_mps = _apart_mps(state, along_mps, its.heading_rad)
-            step_mps, turn_rad = _apart_mps(state, speed_mps, heading_rad), 0.0
-            off_rad = 0.0
+            slow_mps = _apart_mps(state, along_mps, reference.heading_rad)
+            step_mps = _apart_mps(state, speed_mps, heading_rad)
+            off_rad = turn_rad = 0.0
         else:
-            slow_mps, off_rad = abs(along_mps - state.airspeed_mps), abs(wrap(its.heading_rad - state.heading_rad))
+            slow_mps = abs(along_mps - state.airspeed_mps)
+            off_rad = abs(wrap(reference.heading_rad - state.heading_rad))
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
-        north_mps, east_mps = state.wind_north_mps - its.wind_north_mps, state.wind_east_mps - its.wind_east_mps
-        drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - its_mps)
-        spot.north_m = state.north_m + self._frame_north_mps * early_s
-        spot.east_m = state.east_m + self._frame_east_mps * early_s
-        spot.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
-        spot.fast_mps, spot.timing_s = slow_mps + along_mps * off_rad + drift_mps, timing_s
-        self._far_most_m = max(self._far_most_m, spot.far_m)
-        self._fast_most_mps = max(self._fast_most_mps, spot.fast_mps)
+        north_mps = state.wind_north_mps - reference.wind_north_mps
+        east_mps = state.wind_east_mps - reference.wind_east_mps
+        drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - reference_mps)
+        vehicle.north_m = state.north_m + self._frame_north_mps * early_s
+        vehicle.east_m = state.east_m + self._frame_east_mps * early_s
+        vehicle.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
+        vehicle.fast_mps, vehicle.timing_s = slow_mps + along_mps * off_rad + drift_mps, timing_s
+        self._far_most_m = max(self._far_most_m, vehicle.far_m)
+        self._fast_most_mps = max(self._fast_most_mps, vehicle.fast_mps)
         self._off_most_s = max(self._off_most_s, timing_s)
 
     def all_apart(self, kept: KeptDistance) -> bool:
@@ -160,18 +162,18 @@ class FirstLook:
         order = self._order
         south = north = order[0].north_m
         west = east = order[0].east_m
-        for spot in order:
-            south, north = min(south, spot.north_m), max(north, spot.north_m)
-            west, east = min(west, spot.east_m), max(east, spot.east_m)
+        for vehicle in order:
+            south, north = min(south, vehicle.north_m), max(north, vehicle.north_m)
+            west, east = min(west, vehicle.east_m), max(east, vehicle.east_m)
         northwards = north - south >= east - west
         for place in range(len(order)):
-            spot = order[place]
-            along_m = spot.along_m = spot.north_m if northwards else spot.east_m
+            vehicle = order[place]
+            along_m = vehicle.along_m = vehicle.north_m if northwards else vehicle.east_m
             to = place
             while to > 0 and order[to - 1].along_m > along_m:
                 order[to] = order[to - 1]
                 to -= 1
-            order[to] = spot
+            order[to] = vehicle
 
 
 def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> float:

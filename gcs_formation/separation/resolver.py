@@ -211,7 +211,7 @@ class ConflictResolver:
             heights_m: list[float] = loitering.state.height_m.tolist()
             setpoints += [(math.nan, math.nan, each) for each in heights_m + told_m + told_m]
             vehicles += 3 * [members[at] for at in circling]
-        wandering = self._wandering.about(tick, members, measured)
+        wandering = self._wandering.intents(tick, members, measured)
         if wandering:
             traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
             setpoints += [setpoint for _, setpoint in wandering]

@@ -22,9 +22,9 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
 known only roughly."""
-SEEMS_AFTER_S: Final = 0.5
+ACCELERATION_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor."""
-SEEMS_FOR_S: Final = 2.0
+ACCELERATES_S: Final = 2.0
 """How long an astray or uncommanded multirotor is assumed to keep accelerating."""
 ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
 """A multirotor is astray if its velocity is so far from the commanded one and departs from it that fast."""
@@ -101,20 +101,20 @@ class Unresponsive:
 
         For each position: the column, the vehicle's assumed intent, and its column of the traffic.
         """
-        columns, about, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
+        columns, intents, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
         for place in self._places(members, now, links, measured.stamps):
             state = measured.states[place.column].copy()
             found = self._flies(state, place, measured.stamps[place.column], at)
             if found is not None:
                 setpoint, lead_s = found
                 columns.append(place.column)
-                about.append(setpoint)
+                intents.append(setpoint)
                 states.append(state)
                 leads_s.append(lead_s)
         if not columns:
-            return columns, about, None
+            return columns, intents, None
         models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros(len(columns))
-        return columns, about, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
+        return columns, intents, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
@@ -202,18 +202,18 @@ class Wandering:
                     turned_rad = wrap(now.heading_rad - then.heading_rad)
                     self.turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
 
-    def about(self, tick: Tick, members: list[int], measured: Measured) -> list[tuple[int, Triple]]:
+    def intents(self, tick: Tick, members: list[int], measured: Measured) -> list[tuple[int, Triple]]:
         """Return other possible intents of multirotors: their indices in `members`, and velocities as setpoints."""
         if not self._hovers:
             return []
         free = [at for at, each in enumerate(members) if self.astray[each] or not tick.active[each]]
-        found = [(at, self._seems_about(members[at], measured)) for at in free]
+        found = [(at, self._accelerated(members[at], measured)) for at in free]
         return found + [(at, home) for at in free if (home := self._homewards(tick, members[at], measured))]
 
     def _watch_velocity(
         self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
     ) -> None:
-        share, (north_mps2, east_mps2) = min(elapsed_s / SEEMS_AFTER_S, 1.0), self._accel_mps2[column]
+        share, (north_mps2, east_mps2) = min(elapsed_s / ACCELERATION_S, 1.0), self._accel_mps2[column]
         north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
         self._accel_mps2[column] = north_mps2, east_mps2
@@ -234,10 +234,10 @@ class Wandering:
         back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
         return back_mps2 < -ASTRAY_MPS2 or (self.astray[column] and back_mps2 < ASTRAY_MPS2)
 
-    def _seems_about(self, column: int, measured: Measured) -> Triple:
+    def _accelerated(self, column: int, measured: Measured) -> Triple:
         """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
-        north_mps, east_mps = north_mps + SEEMS_FOR_S * north_mps2, east_mps + SEEMS_FOR_S * east_mps2
+        north_mps, east_mps = north_mps + ACCELERATES_S * north_mps2, east_mps + ACCELERATES_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
     def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:

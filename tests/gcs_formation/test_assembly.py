@@ -11,13 +11,13 @@ from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
 from gcs_formation.control.situation import Decided
-from gcs_formation.phases import ASSEMBLED_S, KEEPS, Assembly
+from gcs_formation.phases import ASSEMBLED_S, HYSTERESIS, Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from tests.flights.conftest import scenario
 
 TOLERANCE_M, RATE_HZ = 1.5, 10.0
 ASSEMBLED_TICKS = round(ASSEMBLED_S * RATE_HZ)
-LEAVES_M = KEEPS * TOLERANCE_M
+LEAVES_M = HYSTERESIS * TOLERANCE_M
 STANDS = FlightState(0.0, 0.0, 100.0, 0.0, 20.0, 0.0, 0.0, 0.0)
 
 
