@@ -191,7 +191,7 @@ class Autopilot(ABC):
         return self._command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_HOME_POSITION)
 
     def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        """Return the requests for those messages that aren't sent without one."""
+        """Return the requests for all messages that aren't sent without one."""
         return tuple(self.set_message_interval(i, rates_hz[i]) for i in rates_hz if i not in self.unasked_hz)
 
     @abstractmethod
@@ -219,13 +219,9 @@ class Autopilot(ABC):
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, StartUpStep]:
         """Return the first two steps: telemetry streams, ready to arm."""
         asks = StartUpStep(
-            "asked for telemetry", lambda seen: seen.complete, lambda _: self._questions(rates_hz), ASKED_S, True
+            "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
         )
         return asks, self._ready_step()
-
-    def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        """Return the requests of the first step."""
-        return self.requests(rates_hz)
 
     def _ready_step(self) -> StartUpStep:
         """Return the step that waits until it would arm, or flies."""

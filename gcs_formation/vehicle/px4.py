@@ -160,10 +160,10 @@ class Px4(Autopilot, ABC):
         own = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         return self._command(m.MAV_CMD_DO_SET_MODE, own, mode >> 16 & 0xFF, mode >> 24)
 
-    def _questions(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
-        """Return the requests, and one for CURRENT_MODE: heartbeats, once a second, show modes too late."""
+    def requests(self, rates_hz: Mapping[int, float]) -> tuple[Command, ...]:
+        """Return also one for CURRENT_MODE: heartbeats, once a second, show modes too late."""
         changes = self.set_message_interval(m.MAVLINK_MSG_ID_CURRENT_MODE, CHANGES_HZ)
-        return (*self.requests(rates_hz), changes)
+        return (*super().requests(rates_hz), changes)
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
         """Return NAV_TAKEOFF at its position; the altitude is above sea level."""
