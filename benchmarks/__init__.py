@@ -17,7 +17,7 @@ import gcs_formation
 from gcs_formation.record.run_directory import EVENTS
 
 if TYPE_CHECKING:
-    from gcs_formation.app.operator import ClockName
+    from gcs_formation.app.operator_at_terminal import ClockName
 
 PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
 Result = TypeVar("Result")

@@ -10,12 +10,12 @@ from flight_model.arrays import Array, beside
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, room_along_m
 from flight_model.lift_and_displacement import SAMPLE_M, STEP_M, sample_places
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.begin_and_end import planned_end_s, planned_m, start_states
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
 from formation_scenario.source import Finding, KeyPath, dotted
+from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
 from formation_scenario.surroundings import Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle

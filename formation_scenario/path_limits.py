@@ -9,12 +9,12 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints, SplinePath
-from formation_scenario.begin_and_end import over_ground_mps, wind_mps
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.source import Finding, KeyPath
+from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 BETWEEN_SAMPLES_M = 5.0

@@ -9,7 +9,6 @@ from pathlib import Path
 from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
-from formation_scenario.begin_and_end import latest_end_s
 from formation_scenario.expectation import (
     LINK_METRICS,
     OF_FOLLOWERS,
@@ -33,6 +32,7 @@ from formation_scenario.links import (
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.source import Finding, KeyPath
+from formation_scenario.start_states_and_end_times import latest_end_s
 from formation_scenario.surroundings import PASSING, DrydenTurbulence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle

@@ -8,9 +8,9 @@ from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.begin_and_end import StartState, start_states
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.start_states_and_end_times import StartState, start_states
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
 

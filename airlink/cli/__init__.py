@@ -1,4 +1,4 @@
-"""Shared parts of all command lines: commands imported on use, option types, directories, output, exit statuses."""
+"""Shared parts of all command lines: commands imported on use, option types, output, exit statuses."""
 
 from __future__ import annotations
 
@@ -10,13 +10,10 @@ import signal
 import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
 from difflib import get_close_matches
 from enum import IntEnum
 from importlib import import_module
 from io import TextIOWrapper
-from itertools import chain, count
-from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
@@ -25,10 +22,6 @@ import click
 from airlink import clock
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-RUN = "run.yaml"
-"""The file that marks the directory of a run."""
-LONGEST_NAME = 200
-"""Most bytes of a scenario's name in its directory's name; file systems allow 255 in all."""
 OBJECTS = 100_000
 """Threshold of the garbage collector, instead of 700: start-up, and a flight of a hundred, are a tenth faster."""
 COMPILED = not str(clock.__file__).endswith(".py")
@@ -173,74 +166,10 @@ class Number(click.FloatRange):
         return number
 
 
-class Directory(click.Path):
-    """A directory to write into; "" isn't one."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def convert(
-        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
-    ) -> str | bytes | os.PathLike[str]:
-        """Return the path."""
-        if not os.fspath(value):
-            self.fail("found ''; allowed: a directory", param, ctx)
-        return super().convert(value, param, ctx)
-
-
 SECONDS = Number(0)
 """A duration or a mission time, s."""
-OUT = Directory()
-"""Output directory of a command."""
 SEED = WholeNumber(0, 2**63 - 1)
 """A seed of the random streams: the same range as the scenario's key `seed`."""
-
-
-def refusal(path: Path, *, overwrite: bool, mark: str = RUN) -> str | None:
-    """Return why a command may not write into a directory, as a message; None if it may.
-
-    Args:
-        path: a directory, which need not exist.
-        overwrite: whether the output of an earlier command there may be replaced.
-        mark: the file that marks the output of such a command.
-
-    Raises:
-        OSError: the directory can't be read.
-    """
-    encoding = sys.getfilesystemencoding()
-    if encoding == "utf-8" and not _is_encodable(str(path), encoding):
-        return f"found {str(path)!a}; allowed: a name whose bytes are UTF-8"
-    if not _is_encodable(str(path), encoding):
-        return f"found {str(path)!a}; allowed: a name in {encoding}, in which file names are written here"
-    if not path.is_dir() or next(path.iterdir(), None) is None:
-        return None
-    if not (path / mark).is_file():
-        return f"found files in {path}, and no {mark} of an earlier run; allowed: a new directory, or an empty one"
-    if overwrite:
-        return None
-    found = f"found an earlier run in {path}"
-    return f"{found}; allowed: another directory, or --overwrite (in Python overwrite=True), which replaces that run"
-
-
-def default_directory(name: str) -> Path:
-    """Return runs/NAME-TIME, with a number appended if that exists; a long NAME is cut.
-
-    Slashes in NAME are replaced, and so are characters that the file system's encoding lacks (`LC_ALL=C`).
-    """
-    encoding = sys.getfilesystemencoding()
-    written = "".join(each if _is_encodable(each, encoding) else "_" for each in name.replace(os.sep, "-"))
-    short = written.encode(encoding)[:LONGEST_NAME].decode(encoding, errors="ignore")
-    stem = f"{short}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    paths = (Path("runs") / each for each in chain([stem], (f"{stem}-{number}" for number in count(2))))
-    return next(path for path in paths if not path.exists())
-
-
-def _is_encodable(text: str, encoding: str) -> bool:
-    try:
-        text.encode(encoding)
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def counted(number: int, what: str, plural: str = "s") -> str:

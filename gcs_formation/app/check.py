@@ -12,12 +12,12 @@ import numpy as np
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.frequency_response import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
-from formation_scenario.begin_and_end import planned_end_s, planned_times_s
 from formation_scenario.expectation import CHANNEL_UNITS, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
+from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
 from gcs_formation.app import check_law, check_links, check_room
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind

@@ -21,10 +21,10 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Complex
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
-from formation_scenario.begin_and_end import planned_end_s
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
+from formation_scenario.start_states_and_end_times import planned_end_s
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
 from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since, ways_s

@@ -23,12 +23,12 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.earth import gravity_mps2, radii_m
 from flight_model.path import PathPoints
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.begin_and_end import planned_end_s, planned_m
 from formation_scenario.navigation import InertialNavigation, Navigation
 from formation_scenario.orders import parse_order
 from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
+from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.loop_delays import ways_s
 from gcs_formation.fleet.circle_heights import GroundFloor

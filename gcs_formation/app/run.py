@@ -29,7 +29,7 @@ from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import columns, slot_schedule
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError

@@ -17,7 +17,7 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import column_ids
 from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected, planned_end_s
-from gcs_formation.app.operator import Confirmation, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page

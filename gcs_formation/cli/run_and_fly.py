@@ -12,10 +12,11 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli import OUT, SECONDS, SEED, Number, Status, WholeNumber, default_directory, examples, fail, say, tell
+from airlink.cli import SECONDS, SEED, Number, Status, WholeNumber, examples, fail, say, tell
+from airlink.cli.output_directory import OUT, default_directory
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.check import never_reached
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import result_line, summary_text, unjudged
 from gcs_formation.app.run import fly as fly_scenario

@@ -12,21 +12,8 @@ from typing import Any
 
 import click
 
-from airlink.cli import (
-    OUT,
-    SECONDS,
-    SEED,
-    Status,
-    WholeNumber,
-    WithDefault,
-    counted,
-    default_directory,
-    examples,
-    fail,
-    interruptible,
-    refusal,
-    say,
-)
+from airlink.cli import SECONDS, SEED, Status, WholeNumber, WithDefault, counted, examples, fail, interruptible, say
+from airlink.cli.output_directory import OUT, default_directory, refusal
 from formation_scenario import ScenarioError
 from gcs_formation.cli import OVERRIDES
 from gcs_formation.errors import RecordError, RunAbortedError

@@ -13,7 +13,7 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.membership_and_succession import Membership
-from gcs_formation.fleet.routing import Dispatch
+from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending import Ending

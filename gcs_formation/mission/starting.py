@@ -106,7 +106,7 @@ class PreFlight:
         for identity, reader in self._readers.items():
             vehicle = self.vehicles[identity]
             if identity not in self._placed:
-                self._judge_place(vehicle, now)
+                self._report_place(vehicle, now)
             if identity in self._judged or not vehicle.connection.talks:
                 continue
             if reader.complete:
@@ -129,7 +129,7 @@ class PreFlight:
         self._judged.add(vehicle.identity)
         self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
 
-    def _judge_place(self, vehicle: Vehicle, now: Instant) -> None:
+    def _report_place(self, vehicle: Vehicle, now: Instant) -> None:
         """Record whether a vehicle is at the scenario's field, once it is ready and so knows its home."""
         motion = vehicle.telemetry.motion
         if motion is None or not _is_ready(vehicle.start_up):

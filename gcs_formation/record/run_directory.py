@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, TextIO, cast
 
-from airlink.cli import RUN, refusal
+from airlink.cli.output_directory import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario, dump_scenario

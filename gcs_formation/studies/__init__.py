@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, OneOf, Positive, key
-from gcs_formation.app.operator import Record
+from gcs_formation.app.operator_at_terminal import Record
 
 MOST_VALUES = 10_000
 INVARIANTS = "broken_invariants"

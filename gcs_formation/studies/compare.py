@@ -10,7 +10,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from airlink.cli import Status, interruptible, refusal
+from airlink.cli import Status, interruptible
+from airlink.cli.output_directory import refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean

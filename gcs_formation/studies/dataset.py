@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 import yaml
 from pydantic import ValidationError
 
-from airlink.cli import refusal
+from airlink.cli.output_directory import refusal
 from flight_model.arrays import Array, Mask
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError

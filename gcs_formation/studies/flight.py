@@ -17,7 +17,7 @@ from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
 from formation_scenario.load import settings
-from gcs_formation.app.operator import Interrupts, Record, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError

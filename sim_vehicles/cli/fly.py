@@ -17,9 +17,9 @@ from airlink.clock import NANOSECONDS, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver, resolved
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.begin_and_end import StartState
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
+from formation_scenario.start_states_and_end_times import StartState
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.cli import EXAMPLES
 from sim_vehicles.config import FleetConfig, VehicleConfig, fleet_config

@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from airlink.cli import OUT, SEED, Status, default_directory, fail, refusal
+from airlink.cli import SEED, Status, fail
+from airlink.cli.output_directory import OUT, default_directory, refusal
 from flight_model.arrays import Array
 from flight_model.earth import radii_m
 from formation_scenario import Scenario, ScenarioError, Vehicle, dump_scenario, load_scenario

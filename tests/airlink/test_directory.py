@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from airlink.cli import default_directory, refusal
+from airlink.cli.output_directory import default_directory, refusal
 
 
 def test_a_name_is_no_path(tmp_path: Path, monkeypatch) -> None:
@@ -36,7 +36,8 @@ def test_letters_that_file_names_cant_have_are_replaced(encoding: str, name: str
 
 
 def test_a_directory_can_be_made_for_any_name_in_a_locale_of_ascii(tmp_path: Path) -> None:
-    words = "from airlink.cli import default_directory; default_directory('\\xdc\\u2603').mkdir(parents=True)"
+    name = "default_directory"
+    words = f"from airlink.cli.output_directory import {name}; {name}('\\xdc\\u2603').mkdir(parents=True)"
     plain = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     subprocess.run([sys.executable, "-c", words], cwd=tmp_path, env=plain, check=True)
     assert [each.name[:3] for each in (tmp_path / "runs").iterdir()] == ["__-"]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from airlink.cli import Status, refusal
+from airlink.cli import Status
+from airlink.cli.output_directory import refusal
 from tests.processes import STATION, VEHICLES
 
 FULL = Path("/dev/full")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import FaultKind
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
 from gcs_formation.cli import main

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from airlink.clock import Instant
-from gcs_formation.app.operator import DECLINED, Confirmation
+from gcs_formation.app.operator_at_terminal import DECLINED, Confirmation
 from tests.flights.in_memory import Notes
 
 NOW = Instant(0)

@@ -11,7 +11,7 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.app import run
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from tests.flights.conftest import scenario
 

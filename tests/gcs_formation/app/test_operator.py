@@ -2,7 +2,7 @@ import signal
 
 import pytest
 
-from gcs_formation.app.operator import Interrupts
+from gcs_formation.app.operator_at_terminal import Interrupts
 
 
 @pytest.mark.usefixtures("foreground")

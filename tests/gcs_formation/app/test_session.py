@@ -13,7 +13,7 @@ import pytest
 from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
-from gcs_formation.app.operator import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import clock_behind, over, resolve_peers
 from gcs_formation.app.session import Session
