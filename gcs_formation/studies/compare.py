@@ -16,7 +16,7 @@ from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
-from gcs_formation.app.result_text import WIDE, ColumnGroup
+from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
@@ -160,7 +160,14 @@ def compared(
 
 def _none() -> dict[str, Any]:
     nothing = {"settled_at_s": None, **{name: dict.fromkeys(HEADS) for name in ERROR}, "effort": {}}
-    return {**nothing, "min_separation_m": None, "delay_margin_s": None, "margin_used": None, "warnings": ()}
+    return {
+        **nothing,
+        "followed_share": None,
+        "min_separation_m": None,
+        "delay_margin_s": None,
+        "margin_used": None,
+        "warnings": (),
+    }
 
 
 def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
@@ -175,6 +182,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
         "settled_at_s": settled_s,
         **{error: {name: worst_of(f"{error}.{name}") for name in HEADS} for error in ERROR},
         "effort": {channel: {name: worst_of(f"effort.{channel}.{name}") for name in EFFORTS} for channel in CHANNELS},
+        "followed_share": worst("in_slot_share", [each["followed_share"] for each in found]),
         "min_separation_m": least(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
@@ -223,11 +231,15 @@ def _cells(figures: Mapping[str, Any]) -> dict[str, str]:
 
 def _notes(comparison: Comparison) -> list[tuple[str, str]]:
     """Return the notes on each law."""
-    return [
-        (law, text)
-        for law, each in comparison["laws"].items()
-        for text in (*each["warnings"], *((f"could not go on: {each['aborted']}",) if each["aborted"] else ()))
-    ]
+    notes = list[tuple[str, str]]()
+    for law, each in comparison["laws"].items():
+        notes += [(law, text) for text in each["warnings"]]
+        share = each["followed_share"]
+        if share is not None and share < WHOLE:
+            notes.append((law, f"errors are of a part of the window: a follower had a leader for {share:.0%} of it"))
+        if each["aborted"]:
+            notes.append((law, f"could not go on: {each['aborted']}"))
+    return notes
 
 
 def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:

@@ -112,6 +112,18 @@ def test_of_an_earlier_comparison_nothing_is_left(scenario, tmp_path):
     assert {path.name for path in out.iterdir()} == files | {"pid", "own"}
 
 
+def test_errors_of_a_part_of_the_window_are_said_to_be_of_a_part(scenario, tmp_path):
+    """The leader crashes in the middle of the window, and nobody takes over."""
+    crash = "faults=[{at_s: 5, vehicles: [1], kind: crash}]"
+    keys = ["--set", crash, "--set", "formation.succession=none", "--set", "expect=[]", "--set", "duration_s=8"]
+    command = ["compare", scenario, "--laws", "pid", "--from", "2", *keys, "--out", str(tmp_path / "laws")]
+    result = CliRunner().invoke(main, command)
+    assert "pid: errors are of a part of the window: a follower had a leader for 5" in result.stdout
+    assert "pid: errors are of a part of the window" in (tmp_path / "laws" / "comparison.html").read_text().replace(
+        '</td><td class="text">', ": "
+    )
+
+
 def test_laws_differ_only_in_what_their_names_say():
     assert len({tuple(sorted(settings)) for settings in LAWS.values()}) == len(LAWS)
     assert all(("_uncompensated" in law) == ("law.delay_compensation=false" in LAWS[law]) for law in LAWS)
