@@ -13,7 +13,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
 from airlink.frame import MANY_REMOTES, MAX_REMOTES, StreamParser, first_system
-from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]

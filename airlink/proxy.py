@@ -15,7 +15,7 @@ from airlink.clock import Instant, RealClock
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
 from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
-from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
 from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, resolved, select_for
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from airlink.clock import Instant, after
 from airlink.impaired_link import Channel
-from airlink.impairment_settings import Distribution, Impairment
+from airlink.impairment import Distribution, Impairment
 from gcs_formation.studies.dataset import markdown
 
 DELAY_S = 0.150

@@ -11,13 +11,13 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from formation_scenario.derived_defaults import resolve, with_models
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import WINDOWED
 from formation_scenario.feasibility import check
 from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
-from formation_scenario.resolve import resolve, with_models
 from formation_scenario.rules import expectations, inconsistencies
 from formation_scenario.source import (
     MOST_DIGITS,

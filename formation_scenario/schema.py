@@ -15,11 +15,11 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticUndefined
 
+from formation_scenario.derived_defaults import MAY_BE_EMPTY, MODELS
 from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS, range_text
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario
-from formation_scenario.resolve import MAY_BE_EMPTY, MODELS
 from formation_scenario.source import Dumper, Plain, show
 from formation_scenario.vehicles import VehicleGroup
 

@@ -17,11 +17,12 @@ from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
+from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
-from gcs_formation.fleet.telemetry_watch import CommonClock, MessageIntervals, TelemetryWatch
+from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders

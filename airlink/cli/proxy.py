@@ -13,7 +13,7 @@ import click
 
 from airlink.cli import SEED, SIGNALS, VERSION, Command, Status, fail
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
-from airlink.impairment_settings import Direction, Impairment
+from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
 
 LONGEST_LINE: Final = 4096

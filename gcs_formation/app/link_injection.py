@@ -14,7 +14,7 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.impaired_link import ChannelStatistics, ImpairedEngine
-from airlink.impairment_settings import UNIMPAIRED, Impairment
+from airlink.impairment import UNIMPAIRED, Impairment
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.links import Impairment as PlannedImpairment

@@ -1,16 +1,14 @@
-"""Watches telemetry in flight: messages that stop coming as requested, noise, airspeeds, and UTC.
+"""Watches telemetry in flight: messages that stop coming as requested, noise, and airspeeds.
 
 Another ground station may have set rates (REQUEST_DATA_STREAM) or switched messages off (MAV_CMD_SET_MESSAGE_INTERVAL):
-a vehicle has one set of intervals for everybody on a link. All vehicles' stamps are mapped to one clock by their UTC,
-once that is consistent with causality and with the other vehicles' UTC.
+a vehicle has one set of intervals for everybody on a link.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from statistics import median
-from typing import Final, NamedTuple
+from collections.abc import Mapping
+from typing import Final
 
 from librt.vecs import vec
 from mypy_extensions import i64, mypyc_attr
@@ -23,7 +21,7 @@ from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleN
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 NOISE_OFF: Final = 1.8
 """Ratio to the declared noise, or its inverse, from which a difference is reported."""
@@ -214,125 +212,3 @@ class TelemetryWatch:
             else:
                 self._unbelieved.remove(identity)
                 self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})
-
-
-UTC_SLACK_S = 5e-3
-"""How far UTC may be outside the bounds of causality: the errors of stamps and round trips."""
-UTC_IN_USE_S = 10e-3
-"""The same for UTC already in use."""
-UTC_AGAIN_S = 10.0
-"""UTC that was rejected is used again once it has been consistent for this long."""
-UTC_SLEW = 0.01
-"""Rate at which the mapping of stamps changes in flight, s a second."""
-
-
-UTC_LOOKED_AT = 12
-"""Number of round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
-
-
-class UtcBounds(NamedTuple):
-    """Bounds on UTC minus our clock by one vehicle, s: causality allows `middle_s` plus or minus `reach_s`."""
-
-    middle_s: float
-    """The value for equal delays up and down."""
-    reach_s: float
-    """Half of the shortest round trip."""
-
-    def allows(self, utc_s: float, slack_s: float = UTC_SLACK_S) -> bool:
-        """Return whether no datagram would arrive before it was sent."""
-        return abs(utc_s - self.middle_s) <= self.reach_s + slack_s
-
-
-def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
-    """Return the value of UTC minus our clock that most vehicles allow; NaN if no value has a majority.
-
-    The earlier value is kept while most allow it. Otherwise it's the median of those that agree, within their bounds.
-    """
-    if not bounds:
-        return math.nan
-    if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
-        return before_s
-    edges = [each.middle_s + sign * each.reach_s for each in bounds for sign in (-1.0, 1.0)]
-    most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
-    agreeing = [each for each in bounds if each.allows(most)]
-    if 2 * len(agreeing) <= len(bounds):
-        return math.nan
-    low_s = max(each.middle_s - each.reach_s for each in agreeing)
-    high_s = min(each.middle_s + each.reach_s for each in agreeing)
-    return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
-
-
-class CommonClock:
-    """Decides whose UTC is used, and estimates UTC minus our clock."""
-
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
-        """Start without UTC; `known_s` is UTC minus our clock, None if our clock isn't set to UTC."""
-        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.round_trips.gnss is not None]
-        self._known_s = known_s
-        self._note = note
-        self._utc_s = math.nan
-        """UTC minus our clock as used; NaN before the first estimate."""
-        self._said: dict[VehicleId, tuple[bool, bool]] = {}
-        self._given_up: dict[VehicleId, tuple[Instant, str]] = {}
-        """Vehicles whose UTC was in use and was rejected: when it was last inconsistent, and how."""
-        self._last: Instant | None = None
-
-    def watch(self, now: Instant) -> None:
-        """Check all clocks, at each tick: estimate UTC, and use or reject each vehicle's."""
-        if not self._vehicles:
-            return
-        elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
-        self._last = now
-        bounds = {each.identity: _bounds(each) for each in self._vehicles}
-        known = [each for each in bounds.values() if each is not None]
-        flying = any(each.member is Member.FLYING for each in self._vehicles)
-        found_s = self._known_s if self._known_s is not None else agreed_s(known, self._utc_s if flying else math.nan)
-        self._move(found_s, UTC_SLEW * elapsed_s if flying else math.inf)
-        for vehicle in self._vehicles:
-            self._judge(vehicle, bounds[vehicle.identity], now, UTC_SLEW * elapsed_s)
-
-    def _move(self, found_s: float, most_s: float) -> None:
-        if not math.isnan(found_s):
-            change_s = 0.0 if math.isnan(self._utc_s) else found_s - self._utc_s
-            self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
-
-    def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
-        why = self._still(vehicle, self._why_not(vehicle, bounds), now)
-        flies = vehicle.member is Member.FLYING
-        vehicle.round_trips.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
-        jump_s = vehicle.round_trips.gnss.jump_s if vehicle.round_trips.gnss else 0.0
-        state = (why is None, bool(jump_s))
-        if vehicle.clock.samples >= UTC_LOOKED_AT and state != self._said.get(vehicle.identity):
-            self._said[vehicle.identity] = state
-            went_on = f"its UTC jumped by {jump_s:+.3f} s in flight; its clock goes on as before"
-            found = went_on if jump_s else "its stamps are mapped by its UTC"
-            self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
-
-    def _still(self, vehicle: Vehicle, why: str | None, now: Instant) -> str | None:
-        """Return why a vehicle's UTC isn't used; after rejection it must be consistent for `UTC_AGAIN_S`."""
-        given_up = self._given_up.get(vehicle.identity)
-        if why is not None and (given_up or vehicle.round_trips.stamps.by_utc):
-            self._given_up[vehicle.identity] = now, why
-        elif given_up and seconds_between(given_up[0], now) < UTC_AGAIN_S:
-            return given_up[1]
-        elif given_up:
-            del self._given_up[vehicle.identity]
-        return why
-
-    def _why_not(self, vehicle: Vehicle, bounds: UtcBounds | None) -> str | None:
-        stamps = vehicle.round_trips.stamps
-        if bounds is None:
-            return stamps.gnss.why_not(used=stamps.by_utc) if stamps.gnss else None
-        if math.isnan(self._utc_s):
-            return "vehicles disagree about it, and no majority is right"
-        if bounds.allows(self._utc_s, UTC_IN_USE_S if stamps.by_utc else UTC_SLACK_S):
-            return None
-        least_s = abs(bounds.middle_s - self._utc_s) - bounds.reach_s
-        return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
-
-
-def _bounds(vehicle: Vehicle) -> UtcBounds | None:
-    clock = vehicle.round_trips.gnss
-    if clock is None or clock.why_not(used=vehicle.round_trips.stamps.by_utc) is not None:
-        return None
-    return UtcBounds(clock.station_utc_s(), clock.reach_s)

@@ -18,16 +18,14 @@ from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
-    JoinRoute,
     RouteHeading,
-    join,
-    joins,
     nearest,
     project,
     route_heading,
     track,
     track_turn,
 )
+from gcs_formation.guidance.way_to_run_in import JoinRoute, join, joins
 
 DECISION_S: Final = 2.0
 """How long before the path's start it is decided whether to begin the path or to fly another lap."""

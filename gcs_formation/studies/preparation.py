@@ -12,10 +12,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from formation_scenario import Problem, ScenarioError
+from formation_scenario.derived_defaults import standalone, with_absolute_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import pointless
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.resolve import standalone, with_absolute_files
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies import DRAWN, LISTED, Bisection, Cases, Parameter, Range, Study, Value, Wanted, levels_of
 from gcs_formation.studies.dataset import ROW

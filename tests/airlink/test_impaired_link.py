@@ -9,7 +9,7 @@ from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, MemoryNetwork
 from airlink.frame import MAX_REMOTES, FrameWriter, StreamParser
 from airlink.impaired_link import ImpairedEngine
-from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.messages.system import Heartbeat, SystemTime
 from tests.airlink.engines import PlainEngine
 

@@ -11,7 +11,7 @@ import airlink.proxy
 from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, main, summary
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
-from airlink.impairment_settings import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.proxy import Proxy, Relay
 from airlink.udp import MAX_DATAGRAM, open_socket
 

@@ -11,7 +11,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages.system import Timesync
-from gcs_formation.fleet.telemetry_watch import CommonClock
+from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
 from gcs_formation.vehicle.vehicle import Member

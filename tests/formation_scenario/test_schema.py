@@ -9,7 +9,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from formation_scenario import dump_scenario, load_scenario
-from formation_scenario.resolve import MAY_BE_EMPTY
+from formation_scenario.derived_defaults import MAY_BE_EMPTY
 from formation_scenario.schema import example, scenario_reference, scenario_schema, written_model
 from formation_scenario.source import read_text
 from tests.formation_scenario.test_load import EVERY_KEY

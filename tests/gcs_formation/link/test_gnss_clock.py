@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.fleet.telemetry_watch import UTC_SLACK_S, UtcBounds, agreed_s
+from gcs_formation.fleet.common_clock import UTC_SLACK_S, UtcBounds, agreed_s
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.round_trips_and_gnss_clock import UNKNOWN_DRIFT_S, GnssClock, StampMap
 
