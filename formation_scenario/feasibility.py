@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.lift_and_displacement import Rise
 from flight_model.path import Route, SplinePath
+from flight_model.path_lift_and_displacement import Rise
 from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain

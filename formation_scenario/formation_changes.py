@@ -9,7 +9,8 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.lift_and_displacement import (
+from flight_model.path import PathPoints, Route, SplinePath
+from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
     PEAK_JERK,
     PEAK_RATE,
@@ -21,7 +22,6 @@ from flight_model.lift_and_displacement import (
     least_lift,
     sample_places,
 )
-from flight_model.path import PathPoints, Route, SplinePath
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import Arrangement, assigned, column_models, column_names
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
-from flight_model.lift_and_displacement import Bounds
 from flight_model.path import SplinePath
+from flight_model.path_lift_and_displacement import Bounds
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
     WHOLE,

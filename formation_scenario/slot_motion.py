@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.lift_and_displacement import minimum_jerk
 from flight_model.path import PathPoints
+from flight_model.path_lift_and_displacement import minimum_jerk
 from flight_model.slot import Slot
 from formation_scenario.formation import Frame
 

@@ -14,8 +14,8 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
-from flight_model.lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from flight_model.path import PathPoints, SplinePath
+from flight_model.path_lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from formation_scenario.fields import FileError
 from formation_scenario.surroundings import Hill, Terrain
 

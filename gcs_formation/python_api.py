@@ -13,8 +13,8 @@ import pyarrow as pa
 from airlink.cli.output_directory import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.load import settings
 from formation_scenario.orders import Answer, parse_order
+from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order

@@ -19,7 +19,6 @@ from gcs_formation.estimation.kalman import (
     WIND_NORTH,
     HeightCovariance,
     LevelCovariance,
-    Updraught,
     VelocityJacobian,
     correct_height,
     correct_level,
@@ -38,6 +37,7 @@ from gcs_formation.estimation.noise_and_plausibility import (
     weighed,
 )
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.updraught import Updraught
 
 LEAST_AIRSPEED_MPS: Final = 1.0
 """Lower bound of airspeeds: equations divide by them, and a vehicle that can't hover flies faster."""

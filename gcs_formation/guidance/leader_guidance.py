@@ -12,8 +12,8 @@ from airlink.clock import Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
-from flight_model.lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.path import Route, SplinePath
+from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.tracking import (

@@ -18,8 +18,8 @@ import numpy as np
 from flight_model.arrays import Array, Mask, beside
 from flight_model.autopilot_model import FlightState
 from flight_model.curve import PathPoint
-from flight_model.lift_and_displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from flight_model.path import Route
+from flight_model.path_lift_and_displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
 from formation_scenario import Scenario
 from formation_scenario.formation import FormationChange, Frame
 from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule

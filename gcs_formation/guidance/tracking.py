@@ -9,8 +9,8 @@ from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, crab_rad, rotated, squared, within
 from flight_model.curve import PathPoint
-from flight_model.lift_and_displacement import Rise
 from flight_model.path import Route
+from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 BANDWIDTH_RADPS: Final = 0.15

@@ -16,7 +16,7 @@ from airlink.cli import Status
 from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
-from formation_scenario.load import settings
+from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run

@@ -1,4 +1,4 @@
-"""One vehicle's start-up steps, its take-off, and the mode that its pilot chose meanwhile."""
+"""One vehicle's start-up steps, and its take-off."""
 
 from __future__ import annotations
 
@@ -8,36 +8,10 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.autopilot_family import StartUpStep
-from gcs_formation.vehicle.command_delivery import SHOWN_IN_HEARTBEATS, CommandQueue, Outcome
+from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0
-
-
-class PilotsChoice:
-    """Remembers a pilot's choice of mode made between setpoints that command the guided mode.
-
-    Setpoints then stop, and the pilot's mode is commanded once more, so that it arrives after the last setpoint. Two
-    heartbeats after its acknowledgement the vehicle is in that mode, or the pilot has handed the vehicle back.
-    """
-
-    def __init__(self) -> None:
-        """Start with no choice."""
-        self.mode: int | None = None
-        """The pilot's mode; while it is set, a guided mode in heartbeats may be due to our setpoints."""
-        self._heartbeats = 0
-
-    def see(self, mode: int, guided_mode: int, seen: Telemetry) -> None:
-        """Record the mode of a vehicle that is being sent setpoints."""
-        if mode != guided_mode:
-            self.mode, self._heartbeats = mode, seen.heartbeats
-
-    def watch(self, seen: Telemetry, *, waiting: bool) -> None:
-        """Forget the mode once heartbeats show the result of commanding it; `waiting`: not acknowledged yet."""
-        if self.mode is not None and waiting:
-            self._heartbeats = seen.heartbeats
-        elif seen.heartbeats >= self._heartbeats + SHOWN_IN_HEARTBEATS:
-            self.mode = None
 
 
 @dataclass

@@ -31,8 +31,9 @@ from gcs_formation.vehicle.command_delivery import (
     Outcome,
     SetpointChannel,
 )
+from gcs_formation.vehicle.pilots_choice import PilotsChoice
 from gcs_formation.vehicle.sampler import Sampler
-from gcs_formation.vehicle.startup import PilotsChoice, StartUp, TakeOff
+from gcs_formation.vehicle.startup import StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError
-from formation_scenario.load import apply_overrides
+from formation_scenario.overrides import apply_overrides
 from formation_scenario.source import Dumper, plain_mapping, read_file, read_text, show
 
 

@@ -13,9 +13,9 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample, StateEstimator
-from gcs_formation.estimation.kalman import Updraught
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.updraught import Updraught
 from gcs_formation.from_scenario import declared_noise
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables

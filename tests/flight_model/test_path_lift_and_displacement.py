@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.lift_and_displacement import Bounds, least_lift, sample_places
+from flight_model.path_lift_and_displacement import Bounds, least_lift, sample_places
 from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import Hills
 
