@@ -1,0 +1,166 @@
+"""QGroundControl's plan files (.plan): JSON with simple and complex items, fence and rally points.
+
+Source: QGroundControl developer guide, "Plan File Format"; of structure scans, its mission manager's behaviour.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any, cast
+
+from formation_scenario.mission_files.mission import (
+    FenceCircle,
+    FencePolygon,
+    LatLon,
+    Mission,
+    MissionFileError,
+    MissionItem,
+    degrees,
+    number,
+)
+from formation_scenario.mission_files.structure_scan import structure_scan
+
+JsonObject = dict[str, Any]
+NOT_FLOWN = ("fwLandingPattern", "vtolLandingPattern")
+
+
+def read_plan(text: str, file: str) -> Mission:
+    """Return the mission of a plan file's text; `file` names it in messages.
+
+    Raises:
+        MissionFileError: no JSON, no plan, or an item that isn't complete.
+    """
+    try:
+        plan: object = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise MissionFileError(f"{file}: not JSON: {error}") from error
+    if not isinstance(plan, dict) or plan.get("fileType") != "Plan" or not isinstance(plan.get("mission"), dict):
+        raise MissionFileError(f"{file}: no plan; allowed: JSON with `fileType: Plan` and `mission`, of QGroundControl")
+    mission = cast("JsonObject", plan["mission"])
+    reader = _Items(file)
+    reader.read(_list(mission, "items", file))
+    home = mission.get("plannedHomePosition")
+    return Mission(
+        file,
+        tuple(reader.items),
+        tuple(reader.jump_targets),
+        None if home is None else _place(home, f"{file}: plannedHomePosition"),
+        tuple(_fence(plan.get("geoFence"), file)),
+        tuple(_rally(plan.get("rallyPoints"), file)),
+        remarks=tuple(reader.remarks),
+    )
+
+
+class _Items:
+    """Flattens simple and complex items."""
+
+    def __init__(self, file: str) -> None:
+        self.items = list[MissionItem]()
+        self.jump_targets = list[int]()
+        self.remarks = list[str]()
+        self._file = file
+
+    def read(self, entries: list[Any], within: str = "") -> None:
+        for index, entry in enumerate(entries, 1):
+            where = f"{self._file}: {within}item {index}"
+            if not isinstance(entry, dict):
+                raise MissionFileError(f"{where}: found {type(entry).__name__}; allowed: a mission item")
+            if entry.get("type") == "ComplexItem":
+                self._complex(entry, where, f"{within}item {index}, ")
+            else:
+                self._simple(entry, where)
+
+    def _simple(self, entry: JsonObject, where: str) -> None:
+        params = _list(entry, "params", where)
+        if len(params) == 4:  # plans of 2017 have the position apart
+            params = [*params, *_list(entry, "coordinate", where)]
+        if len(params) != 7:
+            raise MissionFileError(f"{where}: found {len(params)} params; allowed: 7")
+        frame = int(number(entry.get("frame"), where, "frame"))
+        command = int(number(entry.get("command"), where, "command"))
+        values = [math.nan if each is None else number(each, where, f"param {i}") for i, each in enumerate(params, 1)]
+        first, second, third, fourth, lat, lon, height = values
+        if frame == 2:
+            lat = lon = height = math.nan
+        self.items.append(MissionItem(where, command, frame, (first, second, third, fourth), lat, lon, height))
+        target = entry.get("doJumpId")
+        self.jump_targets.append(target if isinstance(target, int) else len(self.items))
+
+    def _complex(self, entry: JsonObject, where: str, within: str) -> None:
+        kind = str(entry.get("complexItemType"))
+        if kind == "StructureScan":
+            for item in structure_scan(entry, where):
+                self.items.append(item)
+                self.jump_targets.append(-1)
+            return
+        transects = entry.get("TransectStyleComplexItem")
+        if isinstance(transects, dict):  # surveys and corridors hold the items that QGroundControl made of them
+            if items := transects.get("Items"):
+                self.read(items, within)
+            else:
+                self._transects(transects, where)
+        elif kind in NOT_FLOWN:
+            self.remarks.append(f"{where}: {kind} isn't flown: the path ends before it")
+            self.items.append(MissionItem(where, 189, 2, (math.nan,) * 4, math.nan, math.nan, math.nan))
+            self.jump_targets.append(-1)
+        else:
+            known = ("survey", "CorridorScan", "StructureScan", *NOT_FLOWN)
+            raise MissionFileError(f"{where}: found a complex item '{kind}'; allowed: {', '.join(known)}")
+
+    def _transects(self, transects: JsonObject, where: str) -> None:
+        """Take the turning points as drawn, where a plan was saved without the items made of them."""
+        points = _list(transects, "VisualTransectPoints", where)
+        camera = transects.get("CameraCalc")
+        height = camera.get("DistanceToSurface") if isinstance(camera, dict) else None
+        height_m = number(height, where, "CameraCalc.DistanceToSurface")
+        for point in points:
+            lat, lon = _lat_lon(point, where)
+            self.items.append(MissionItem(where, 16, 3, (math.nan,) * 4, lat, lon, height_m))
+            self.jump_targets.append(-1)
+
+
+def _fence(fence: object, file: str) -> Iterator[FenceCircle | FencePolygon]:
+    if not isinstance(fence, dict):
+        return
+    for index, circle in enumerate(_list(fence, "circles", file, optional=True), 1):
+        where = f"{file}: geoFence circle {index}"
+        shape = circle.get("circle") if isinstance(circle, dict) else None
+        if not isinstance(shape, dict):
+            raise MissionFileError(f"{where}: no circle")
+        radius_m = number(shape.get("radius"), where, "radius")
+        yield FenceCircle(_lat_lon(shape.get("center"), where), radius_m, circle.get("inclusion") is not False)
+    for index, polygon in enumerate(_list(fence, "polygons", file, optional=True), 1):
+        where = f"{file}: geoFence polygon {index}"
+        corners = tuple(_lat_lon(each, where) for each in _list(polygon, "polygon", where))
+        yield FencePolygon(corners, polygon.get("inclusion") is not False)
+    if only := _list(fence, "polygon", file, optional=True):  # version 1: one polygon to stay in
+        yield FencePolygon(tuple(_lat_lon(each, f"{file}: geoFence polygon") for each in only), inclusion=True)
+
+
+def _rally(rally: object, file: str) -> Iterator[tuple[float, float, float]]:
+    if isinstance(rally, dict):
+        for index, point in enumerate(_list(rally, "points", file, optional=True), 1):
+            yield _place(point, f"{file}: rally point {index}")
+
+
+def _place(point: object, where: str) -> tuple[float, float, float]:
+    """Return latitude, longitude and height; the height is NaN where there is none."""
+    height = point[2] if isinstance(point, list) and len(point) > 2 else None
+    return (*_lat_lon(point, where), math.nan if height is None else number(height, where, "height"))
+
+
+def _lat_lon(point: object, where: str) -> LatLon:
+    if not isinstance(point, list) or len(point) < 2:
+        raise MissionFileError(f"{where}: found {point!r:.40}; allowed: [latitude, longitude]")
+    return degrees(point[0], where, "latitude"), degrees(point[1], where, "longitude")
+
+
+def _list(mapping: object, key: str, where: str, *, optional: bool = False) -> list[Any]:
+    found = mapping.get(key) if isinstance(mapping, dict) else None
+    if found is None and optional:
+        return []
+    if not isinstance(found, list):
+        raise MissionFileError(f"{where}: found {type(found).__name__} at `{key}`; allowed: a list")
+    return found
