@@ -12,7 +12,9 @@ OPEN = math.nan
 
 def item(command, *params, lat=OPEN, height=100.0, frame=3, where=""):
     filled = (*params, OPEN, OPEN, OPEN, OPEN)[:4]
-    return MissionItem(where or f"item of {command}", command, frame, filled, lat, OPEN if math.isnan(lat) else 8.0, height)
+    return MissionItem(
+        where or f"item of {command}", command, frame, filled, lat, OPEN if math.isnan(lat) else 8.0, height
+    )
 
 
 def waypoint(lat, **keys):

@@ -1,0 +1,211 @@
+"""Writes paths in the formats of other programs: .plan, .waypoints, .kml, .gpx, .geojson, .csv.
+
+Missions (.plan, .waypoints) hold one path, as items that an autopilot takes; the others hold one line per path. A
+path's points are thinned to those that a polyline needs to stay within `TOLERANCE_M` of it (Douglas and Peucker, 1973).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
+from formation_scenario.mission_files.mission import MissionFileError
+
+TOLERANCE_M: Final = 0.5
+"""Greatest distance of an exported line from the path. Autopilots accept a waypoint from ten times as far."""
+KML: Final = "http://www.opengis.net/kml/2.2"
+GPX: Final = "http://www.topografix.com/GPX/1/1"
+
+
+@dataclass(frozen=True)
+class NamedPath:
+    """A path to write: north, east and height above the origin, (N, 3) m."""
+
+    name: str
+    points_m: Array
+
+
+@dataclass(frozen=True)
+class _Place:
+    lat_deg: float
+    lon_deg: float
+    above_sea_m: float
+    above_origin_m: float
+
+
+_Lines = Mapping[str, Sequence[_Place]]
+
+
+def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin) -> None:
+    """Write paths to a file in the format of its suffix.
+
+    Raises:
+        MissionFileError: another suffix, several paths for a format that holds one, or a file that can't be written.
+    """
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise MissionFileError(f"{path}: found a file '{path.suffix}'; allowed: {', '.join(WRITERS)}")
+    if writer in (_plan, _waypoints) and len(paths) != 1:
+        raise MissionFileError(f"{path}: found {len(paths)} paths; allowed: one in a mission ({path.suffix})")
+    lines = {each.name: [_place(point, origin) for point in thinned(each.points_m, TOLERANCE_M)] for each in paths}
+    try:
+        path.write_text(writer(lines, origin), encoding="utf-8")
+    except OSError as error:
+        raise MissionFileError(f"{path}: {error.strerror or error}") from error
+
+
+def thinned(points_m: Array, tolerance_m: float) -> Array:
+    """Return the points (K, 3) of a line (N, 3) without which it would leave the line by more than the tolerance."""
+    keep = np.zeros(len(points_m), dtype=bool)
+    keep[[0, -1]] = True
+    spans = [(0, len(points_m) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        away_m = _distances_m(points_m[first + 1 : last], points_m[first], points_m[last])
+        worst = int(np.argmax(away_m))
+        if away_m[worst] > tolerance_m:
+            middle = first + 1 + worst
+            keep[middle] = True
+            spans += [(first, middle), (middle, last)]
+    return points_m[keep]
+
+
+def _distances_m(points_m: Array, begin_m: Array, end_m: Array) -> Array:
+    """Return the distances (N,) of points (N, 3) from the line between two points."""
+    along = end_m - begin_m
+    squared = float(along @ along)
+    from_begin = points_m - begin_m
+    share = np.clip(from_begin @ along / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(points_m))
+    distances: Array = np.linalg.norm(from_begin - share[:, None] * along, axis=1)
+    return distances
+
+
+def _place(point: Array, origin: GeodeticOrigin) -> _Place:
+    north_m, east_m, height_m = point.tolist()
+    lat_rad, lon_rad, above_sea_m = origin.from_ned(north_m, east_m, -height_m)
+    return _Place(math.degrees(lat_rad), math.degrees(lon_rad), above_sea_m, height_m)
+
+
+def _home(origin: GeodeticOrigin) -> _Place:
+    return _Place(math.degrees(origin.lat_rad), math.degrees(origin.lon_rad), origin.alt_m, 0.0)
+
+
+def _plan(lines: _Lines, origin: GeodeticOrigin) -> str:
+    home, (points,) = _home(origin), lines.values()
+    items = [
+        {
+            "AMSLAltAboveTerrain": None,
+            "Altitude": round(point.above_origin_m, 3),
+            "AltitudeMode": 1,
+            "autoContinue": True,
+            "command": 16,
+            "doJumpId": number,
+            "frame": 3,
+            "params": [0, 0, 0, None, *_degrees(point), round(point.above_origin_m, 3)],
+            "type": "SimpleItem",
+        }
+        for number, point in enumerate(points, 1)
+    ]
+    mission = {
+        "cruiseSpeed": 15,
+        "firmwareType": 3,
+        "globalPlanAltitudeMode": 1,
+        "hoverSpeed": 5,
+        "items": items,
+        "plannedHomePosition": [*_degrees(home), round(home.above_sea_m, 3)],
+        "vehicleType": 1,
+        "version": 2,
+    }
+    fence, rally = {"circles": [], "polygons": [], "version": 2}, {"points": [], "version": 2}
+    plan = {"fileType": "Plan", "geoFence": fence, "groundStation": "gcs-formation", "mission": mission}
+    return json.dumps(plan | {"rallyPoints": rally, "version": 1}, indent=1) + "\n"
+
+
+def _waypoints(lines: _Lines, origin: GeodeticOrigin) -> str:
+    home, (points,) = _home(origin), lines.values()
+    rows = [
+        "QGC WPL 110",
+        f"0\t1\t0\t16\t0\t0\t0\t0\t{home.lat_deg:.8f}\t{home.lon_deg:.8f}\t{home.above_sea_m:.3f}\t1",
+    ]
+    for number, point in enumerate(points, 1):
+        lat, lon = _degrees(point)
+        rows.append(f"{number}\t0\t3\t16\t0\t0\t0\t0\t{lat:.8f}\t{lon:.8f}\t{point.above_origin_m:.3f}\t1")
+    return "\n".join(rows) + "\n"
+
+
+def _kml(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001 - every writer has the origin
+    root = ET.Element("kml", xmlns=KML)
+    document = ET.SubElement(root, "Document")
+    for name, points in lines.items():
+        placemark = ET.SubElement(document, "Placemark")
+        ET.SubElement(placemark, "name").text = name
+        line = ET.SubElement(placemark, "LineString")
+        ET.SubElement(line, "altitudeMode").text = "absolute"
+        triples = (f"{each.lon_deg:.8f},{each.lat_deg:.8f},{each.above_sea_m:.3f}" for each in points)
+        ET.SubElement(line, "coordinates").text = " ".join(triples)
+    return _xml(root)
+
+
+def _gpx(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+    root = ET.Element("gpx", xmlns=GPX, version="1.1", creator="gcs-formation")
+    for name, points in lines.items():
+        route = ET.SubElement(root, "rte")
+        ET.SubElement(route, "name").text = name
+        for each in points:
+            point = ET.SubElement(route, "rtept", lat=f"{each.lat_deg:.8f}", lon=f"{each.lon_deg:.8f}")
+            ET.SubElement(point, "ele").text = f"{each.above_sea_m:.3f}"
+    return _xml(root)
+
+
+def _geojson(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+    features = []
+    for name, points in lines.items():
+        positions = [[*reversed(_degrees(each)), round(each.above_sea_m, 3)] for each in points]
+        geometry = {"type": "LineString", "coordinates": positions}
+        features.append({"type": "Feature", "properties": {"name": name}, "geometry": geometry})
+    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n"
+
+
+def _csv(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+    written = io.StringIO()
+    table = csv.writer(written, lineterminator="\n")
+    table.writerow(["path", "lat_deg", "lon_deg", "alt_m"])
+    for name, points in lines.items():
+        table.writerows([name, *_degrees(each), round(each.above_sea_m, 3)] for each in points)
+    return written.getvalue()
+
+
+def _degrees(place: _Place) -> tuple[float, float]:
+    """Return latitude and longitude to 1e-8 degrees, 1 mm."""
+    return round(place.lat_deg, 8), round(place.lon_deg, 8)
+
+
+def _xml(root: ET.Element) -> str:
+    ET.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+WRITERS: Final[Mapping[str, Callable[[_Lines, GeodeticOrigin], str]]] = MappingProxyType(
+    {
+        ".plan": _plan,
+        ".waypoints": _waypoints,
+        ".kml": _kml,
+        ".gpx": _gpx,
+        ".geojson": _geojson,
+        ".csv": _csv,
+    }
+)
