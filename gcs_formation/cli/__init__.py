@@ -1,4 +1,4 @@
-"""The command `gcs-formation`: init, check, run, fly, tell, report, study, compare, stress, identify, schema."""
+"""The command `gcs-formation`: init, check, run, fly, tell, report, diff, study, compare, stress, identify, schema."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ EXAMPLES = examples(
 COMMANDS = {
     "check": ("gcs_formation.cli.no_flight", "Validate a scenario; print its graph and its delay margins."),
     "compare": ("gcs_formation.cli.study", "Fly a scenario by several laws and set them side by side."),
+    "diff": ("gcs_formation.cli.diff", "Say what differs first between two runs."),
     "fly": ("gcs_formation.cli.run_and_fly", "Fly a scenario with vehicles that are up already."),
     "identify": ("gcs_formation.cli.run_and_fly", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": ("gcs_formation.cli.no_flight", "Write an example scenario to begin with."),
