@@ -99,7 +99,7 @@ class Wanted(Keys):
     above: Number | None = key(None, "it must be larger")
     share: Annotated[Fraction, Field(gt=0.0), Allowed("a number > 0 and <= 1")] = key(1.0, "of the flights, at least")
     confidence: Annotated[Fraction, Field(gt=0.0, lt=1.0), Allowed("a number > 0 and < 1")] = key(
-        0.95, "of the interval that is stated for the share (Clopper and Pearson)"
+        0.95, "of the interval that is stated for the share (docs/studies.md)"
     )
     where: dict[str, Any] = key({}, "only flights whose parameters have these values")
 
@@ -198,6 +198,11 @@ class Study(Keys):
         """The values of parameters that list them; parameters with distributions are left out."""
         found = {name: levels_of(each) for name, each in self.parameters.items()}
         return {name: levels for name, levels in found.items() if levels is not None}
+
+    @property
+    def flights_of_a_sample(self) -> int:
+        """How many numbers of flights each sample takes: its seeds, and for each the steps of a search."""
+        return self.seeds.count * (self.bisect.most_flights if self.bisect else 1)
 
     @property
     def draws(self) -> bool:

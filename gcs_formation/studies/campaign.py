@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeAlias
 
 import click
+import numpy as np
 import pyarrow as pa
 from rich.console import Console
 from rich.live import Live
@@ -25,16 +26,15 @@ from gcs_formation.errors import RecordingError
 from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
+from gcs_formation.studies.intervals import Chance, by_cluster, clusters_of, share_interval
 from gcs_formation.studies.plan import (
     Plan,
     Planned,
     Row,
-    clopper_pearson,
     concerns,
     count_flights,
     keeps,
     replayed,
-    seed_changes_nothing,
 )
 from gcs_formation.studies.workers import Workers
 
@@ -100,10 +100,6 @@ def _time(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-SEED_CHANGES_NOTHING = "the seed changes nothing in these flights"
-ONE_SEED = "one seed, and nothing is drawn"
-
-
 class Verdict(NamedTuple):
     """An expectation and its result."""
 
@@ -111,8 +107,10 @@ class Verdict(NamedTuple):
     flights: int
     """Number of flights that it applies to."""
     kept: int
-    sure: str = ""
-    """Why the share is exact and has no interval, in words; "" if seeds or drawn values make it a sample's share."""
+    chance: Chance
+    """What is random in these flights."""
+    clusters: tuple[tuple[int, int], ...]
+    """How many flights of each cluster kept it, and how many it has."""
 
     @property
     def share(self) -> float | None:
@@ -126,25 +124,25 @@ class Verdict(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Confidence interval of the share by Clopper and Pearson (Biometrika 26, 1934); None if the share is exact."""
-        if self.sure:
-            return None
-        low, high = clopper_pearson(self.kept, self.flights, self.wanted.confidence)
-        return float(low), float(high)
+        """Confidence interval of the share, by clusters of flights; None if the share is exact."""
+        return None if self.chance.exact else share_interval(self.clusters, self.wanted.confidence)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of study.json."""
         said = self.wanted.model_dump(exclude_none=True)
         found = {"flights": self.flights, "kept": self.kept, "found_share": self.share}
-        return {**said, **found, "interval": self.interval and list(self.interval), "held": self.held}
+        clustered = {"by": self.chance.unit, "clusters": len(self.clusters), "method": self.chance.words}
+        interval = {"interval": self.interval and list(self.interval), "interval_of": clustered}
+        return {**said, **found, **interval, "held": self.held}
 
     def __str__(self) -> str:
         bound = bounds_text(self.wanted.below, self.wanted.above)
         where = "".join(f", {name} = {value}" for name, value in self.wanted.where.items())
         found = f"{self.kept} of {counted(self.flights, 'flight')}{where}"
-        sure = f"(no interval: {self.sure})"
+        sure = f"(no interval: {self.chance.exact})"
         if self.interval is not None:
-            sure = "({:.0%} confidence: {:.2%} to {:.2%})".format(self.wanted.confidence, *self.interval)
+            by = counted(len(self.clusters), self.chance.unit)
+            sure = "({:.0%} confidence, by {}: {:.2%} to {:.2%})".format(self.wanted.confidence, by, *self.interval)
         state = "held" if self.held else "broken"
         return f"{self.wanted.metric} {bound}: {found} {sure}; expected: {self.wanted.share:.2%} or more: {state}"
 
@@ -152,10 +150,9 @@ class Verdict(NamedTuple):
 def judge(study: Study, wanted: Wanted, rows: Sequence[Row]) -> Verdict:
     """Return the verdict on the rows that an expectation applies to."""
     concerned = [row for row in rows if concerns(wanted, row)]
-    kept = sum(keeps(wanted, row) for row in concerned)
-    sure = SEED_CHANGES_NOTHING if seed_changes_nothing(study, concerned) else ""
-    sure = ONE_SEED if study.seeds.count == 1 and not study.draws else sure
-    return Verdict(wanted, len(concerned), kept, sure)
+    kept = np.array([keeps(wanted, row) for row in concerned], dtype=np.bool_)
+    clusters = tuple(by_cluster(kept, clusters_of(study, concerned)))
+    return Verdict(wanted, len(concerned), int(kept.sum()), Chance.of(study, concerned), clusters)
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,17 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
-from gcs_formation.studies.dataset import Flights
+from gcs_formation.studies.dataset import NO_CLUSTERS, Flights
 from gcs_formation.studies.flight import LEAST_IS_WORST
-from gcs_formation.studies.plan import clopper_pearson
+from gcs_formation.studies.intervals import by_cluster, share_interval
 
 LEVELS_UP_TO = 12
 """Up to this many different values, each is a level; more are put into bins, at most this many."""
 WIDE = 30.0
 """Ratio of the largest to the median value from which a scale is logarithmic."""
 CONFIDENCE = 0.95
+BAND_POINTS = 64
+"""Largest number of values at which a band is computed."""
 PANELS = 3
 """Plots in a row."""
 CELL_CM = 4.6
@@ -46,25 +48,46 @@ class Curve(NamedTuple):
     high: Array
 
 
-def up_to(values: Array) -> Curve:
+def up_to(values: Array, clusters: Array = NO_CLUSTERS) -> Curve:
     """Return the share of flights up to each value; flights without a value (NaN) count as beyond all.
 
-    The band is that of Dvoretzky, Kiefer and Wolfowitz with Massart's constant: it holds the whole curve at once.
+    Args:
+        values: (N,) a figure of the flights.
+        clusters: (N,) which cluster each flight is in; empty: they are independent.
+
+    The band is that of `share_interval`, for each value by itself.
     """
-    known, count = np.sort(values[np.isfinite(values)]), max(values.size, 1)
-    share = np.arange(1, known.size + 1) / count
-    half = np.sqrt(np.log(2.0 / (1.0 - CONFIDENCE)) / (2.0 * count))
-    return Curve(known, share, np.clip(share - half, 0.0, 1.0), np.clip(share + half, 0.0, 1.0))
+    return _curve(np.where(np.isfinite(values), values, np.inf), clusters)
 
 
-def worse_than(values: Array, *, least_is_worst: bool) -> Curve:
+def worse_than(values: Array, clusters: Array = NO_CLUSTERS, *, least_is_worst: bool) -> Curve:
     """Return the share of flights that are worse than each value, the worst value last; NaN is worse than all.
 
-    The band is Clopper's and Pearson's, for each value by itself: it is narrow where few flights are.
+    Arguments and band are those of `up_to`.
     """
-    known, count = np.sort(values[np.isfinite(values)])[:: -1 if least_is_worst else 1], max(values.size, 1)
-    worse = count - np.arange(1, known.size + 1)
-    return Curve(known, worse / count, *clopper_pearson(worse, count, CONFIDENCE))
+    sign = -1.0 if least_is_worst else 1.0
+    up = _curve(np.where(np.isfinite(values), sign * values, np.inf), clusters)
+    return Curve(sign * up.values, 1.0 - up.share, 1.0 - up.high, 1.0 - up.low)
+
+
+def _curve(badness: Array, clusters: Array) -> Curve:
+    """Return the share of flights up to each finite badness.
+
+    The band is computed at up to `BAND_POINTS` values, more of them near the ends; in between it is as wide as at the
+    neighbour where it is wider.
+    """
+    order = np.argsort(badness, kind="stable")
+    known = int(np.isfinite(badness).sum())
+    spaced = np.sin(np.linspace(0.0, np.pi / 2.0, min(BAND_POINTS, known))) ** 2
+    at = np.unique(np.round(spaced * (known - 1)).astype(np.intp))
+    clusters = clusters if clusters.size else np.arange(badness.size, dtype=np.float64)
+    rank = np.empty(badness.size, dtype=np.intp)
+    rank[order] = np.arange(badness.size)
+    ends = [share_interval(by_cluster(rank <= each, clusters), CONFIDENCE) for each in at.tolist()]
+    low, high = np.array(ends).reshape(-1, 2).T
+    places = np.arange(known)
+    before, after = np.searchsorted(at, places, side="right") - 1, np.searchsorted(at, places)
+    return Curve(badness[order][:known], (1.0 + places) / max(badness.size, 1), low[before], high[after])
 
 
 def distributions(flights: Flights) -> Figure:
@@ -75,7 +98,8 @@ def distributions(flights: Flights) -> Figure:
         if not has_tail(values):
             _counts(axes, values)
             continue
-        _draw(axes, up_to(values), BAND, "share of flights up to this value", CLEAR if flights.by_chance else NONE)
+        curve, alpha = up_to(values, flights.clusters), NONE if flights.chance.exact else CLEAR
+        _draw(axes, curve, BAND, "share of flights up to this value", alpha, flights.chance.unit)
         axes.set_ylim(0.0, 1.02)
         _finish(axes, flights, name)
     legend_below(figure)
@@ -86,7 +110,7 @@ def exceedances(flights: Flights) -> Figure:
     """Draw the share of flights that are worse than each value of each figure that has a tail."""
     named = {name: values for name, values in flights.metrics.items() if has_tail(values)}
     figure, panels = panels_of(len(named))
-    label, alpha = "share of flights that are worse than this value", CLEAR if flights.by_chance else NONE
+    label, alpha = "share of flights that are worse than this value", NONE if flights.chance.exact else CLEAR
     for axes, (name, values) in zip(panels, named.items(), strict=False):
         _tail(axes, flights, name, np.ones(values.size, dtype=np.bool_), BAND, label, alpha)
         _finish_tail(axes, flights, name, values.size)
@@ -102,7 +126,8 @@ def by_level(flights: Flights, metric: str) -> Figure:
     for (left, right), name in zip(axes_grid(figure, len(names), 2), names, strict=True):
         groups = flights.groups(name)
         for colour, (level, inside) in zip(FOLLOWERS, groups.items(), strict=False):
-            _draw(left, up_to(values[inside]), colour, level, FAINT)
+            curve = up_to(values[inside], flights.clusters_within(inside))
+            _draw(left, curve, colour, level, FAINT, flights.chance.unit)
             _tail(right, flights, metric, inside, colour, level, FAINT)
             bounds(left, flights, metric, inside, colour, vertical=True)
             bounds(right, flights, metric, inside, colour, vertical=True)
@@ -120,7 +145,7 @@ def by_level(flights: Flights, metric: str) -> Figure:
 
 def split_by(flights: Flights) -> list[str]:
     """Return the parameters with few values, each of which enough flights have, in a random sample."""
-    if not flights.by_chance:
+    if flights.chance.exact:
         return []
     sizes = {name: [inside.sum() for inside in flights.groups(name).values()] for name in flights.parameters}
     return [name for name, each in sizes.items() if 2 <= len(each) <= SERIES and min(each) >= LEAST]
@@ -182,8 +207,8 @@ def _counts(axes: Axes, values: Array) -> None:
     axes.margins(x=0.2)
 
 
-def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float) -> None:
-    band = f"{100.0 * CONFIDENCE:g} % confidence" if alpha == CLEAR else None
+def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float, unit: str) -> None:
+    band = f"{100.0 * CONFIDENCE:g} % confidence, by {unit}" if alpha == CLEAR else None
     if alpha != NONE:
         axes.fill_between(curve.values, curve.low, curve.high, step="post", color=colour, alpha=alpha, lw=0, label=band)
     axes.step(curve.values, curve.share, where="post", color=colour, label=label)
@@ -191,13 +216,14 @@ def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float) -> No
 
 def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, label: str, alpha: float) -> None:
     """Draw the share of some flights that is worse; beyond the worst value the band goes on to the panel's edge."""
-    curve = worse_than(flights.metrics[metric][inside], least_is_worst=metric in LEAST_IS_WORST)
+    values, clusters = flights.metrics[metric][inside], flights.clusters_within(inside)
+    curve = worse_than(values, clusters, least_is_worst=metric in LEAST_IS_WORST)
     if curve.values.size:
         end = _end(_known(flights, metric, inside), metric in LEAST_IS_WORST)
         curve = Curve(np.append(curve.values, end), *(np.append(each, each[-1]) for each in curve[1:]))
     floor = _floor(inside.sum()) / 2.0
     above = curve._replace(share=np.maximum(curve.share, floor), low=np.maximum(curve.low, floor))
-    _draw(axes, above, colour, label, alpha)
+    _draw(axes, above, colour, label, alpha, flights.chance.unit)
 
 
 def _end(values: Array, least_is_worst: bool) -> float:

@@ -29,7 +29,8 @@ from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR
 from gcs_formation.record.run_directory import FIGURES, REPORT, lock
 from gcs_formation.studies import LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.plan import Crossing, Planned, Row, concerns, seed_changes_nothing
+from gcs_formation.studies.intervals import Chance, Unit, clusters_of
+from gcs_formation.studies.plan import Crossing, Planned, Row, concerns
 
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
@@ -237,6 +238,9 @@ def _text(plan: object) -> str:
     return yaml.dump(json.loads(json.dumps(plan)), Dumper=Dumper, sort_keys=False, allow_unicode=True)
 
 
+NO_CLUSTERS = np.zeros(0)
+
+
 class Flights(NamedTuple):
     """A study's flights that came to an end, as columns."""
 
@@ -250,8 +254,10 @@ class Flights(NamedTuple):
     concerned: Mapping[int, Mask] = MappingProxyType({})
     """(N,) which flights an expectation with `where` applies to, by the expectation's index in the study; one without
     applies to all, and isn't here."""
-    alike: bool = False
-    """Whether flights that differ in their seed only are all the same."""
+    clusters: Array = NO_CLUSTERS
+    """(N,) the number of the cluster that each flight is in; empty: each is a cluster of its own."""
+    chance: Chance = Chance(Unit.FLIGHT)
+    """What is random in the flights; if nothing is, shares of them are exact."""
 
     def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
         """Return the study's expectations of a figure that apply to exactly these flights, by default to all."""
@@ -264,10 +270,9 @@ class Flights(NamedTuple):
         numbered = enumerate(self.study.expect)
         return [each for i, each in numbered if each.metric == metric and applies(self.concerned.get(i))]
 
-    @property
-    def by_chance(self) -> bool:
-        """Whether the flights are a random sample, by seeds or drawn values; otherwise shares of them are exact."""
-        return (self.study.seeds.count > 1 and not self.alike) or self.study.draws
+    def clusters_within(self, inside: Mask) -> Array:
+        """Return the clusters of some flights."""
+        return self.clusters[inside] if self.clusters.size else NO_CLUSTERS
 
     def draws(self, name: str) -> bool:
         """Return whether a parameter's values are drawn from a distribution."""
@@ -300,7 +305,7 @@ def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
     known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
     some = {place: each for place, each in enumerate(study.expect) if each.where}
     concerned = {place: np.array([concerns(each, row) for row in ended]) for place, each in some.items()}
-    return Flights(study, parameters, known, levels, concerned, seed_changes_nothing(study, ended))
+    return Flights(study, parameters, known, levels, concerned, clusters_of(study, ended), Chance.of(study, ended))
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has

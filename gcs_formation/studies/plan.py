@@ -8,8 +8,7 @@ from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import betaincinv, ndtri
+from scipy.special import ndtri
 
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
@@ -188,18 +187,6 @@ def seed_changes_nothing(study: Study, rows: Iterable[Row]) -> bool:
 def concerns(wanted: Wanted, row: Row) -> bool:
     """Whether an expectation applies to a flight: the parameters have the values in its `where`."""
     return all(row.get(name) == value for name, value in wanted.where.items())
-
-
-def clopper_pearson(kept: npt.ArrayLike, flights: int, confidence: float) -> tuple[Array, Array]:
-    """Return the limits of the confidence intervals of binomial shares: `kept` (...) of `flights`.
-
-    Each interval has at least this confidence by itself: Clopper and Pearson, Biometrika 26 (1934).
-    """
-    kept = np.asarray(kept)
-    outside, missed = (1.0 - confidence) / 2.0, flights - kept
-    # Undefined if none or all are kept: the limits are then 0 and 1.
-    low = np.where(kept > 0, betaincinv(np.maximum(kept, 1), missed + 1, outside), 0.0)
-    return low, np.where(missed > 0, betaincinv(kept + 1, np.maximum(missed, 1), 1.0 - outside), 1.0)
 
 
 def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:

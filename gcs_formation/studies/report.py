@@ -49,6 +49,7 @@ RESULT_SHAPE: Shape = {
         {
             **{"metric": TEXT, "where": OBJECT, "interval": Kind("an array or null", (list, NoneType))},
             **{"kept": INTEGER, "flights": INTEGER, "share": NUMBER, "held": TRUTH_OR_NULL},
+            **{"confidence": NUMBER, "interval_of": Maybe({"by": TEXT, "clusters": INTEGER})},
         }
     ),
     "bisect": Maybe(Each({"seed": INTEGER, "kept": NUMBER_OR_NULL, "broken": NUMBER_OR_NULL})),
@@ -71,7 +72,8 @@ def write_study_report(directory: Path) -> Path:
     try:
         (directory / FIGURES).mkdir(exist_ok=True)
         gallery = "".join(_gallery(_plates(flights, result, rows), directory / FIGURES))
-        target.write_text(_page(study, rows, result, gallery, directory), encoding="utf-8")
+        page = _page(study, rows, result, gallery, directory, flights.chance.words)
+        target.write_text(page, encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {directory}: {error.strerror or error}") from error
     return target
@@ -113,7 +115,7 @@ def _over_parameters(flights: Flights, metric: str) -> Iterator[Plate]:
         yield f"maps-{metric}", f"{metric} over two parameters", partial(heat_maps, flights, metric)
 
 
-def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, directory: Path) -> str:
+def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, directory: Path, words: str) -> str:
     failed = [row for row in rows if row["exit"] > 1]
     heads = ["Flight", "Exit", "In words"]
     failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MOST_FAILED]], (2,))
@@ -122,7 +124,7 @@ def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, dir
         study.name,
         "study.html",
         subtitle=escape(f"{flown}; design: {study.design}; seeds {study.seeds.first} and on; {rows[0]['version']}"),
-        expectations=_expectations(result),
+        expectations=_expectations(result) + f'<p class="note">Intervals are {escape(words)}.</p>',
         crossings=_crossings(study, result),
         figures=gallery,
         worst=_worst(study, rows, directory),
@@ -153,7 +155,7 @@ def _expectations(result: Mapping[str, Any]) -> str:
             bounds_text(entry.get("below"), entry.get("above")),
             ", ".join(f"{name} = {value}" for name, value in entry["where"].items()),
             f"{entry['kept']} of {entry['flights']}",
-            " to ".join(f"{100 * end:.2f} %" for end in entry["interval"] or ()) or "none: the share is exact",
+            _interval(entry),
             f"{100 * entry['share']:g} %",
             badge(entry["held"], "held" if entry["held"] else "broken"),
         ]
@@ -161,6 +163,15 @@ def _expectations(result: Mapping[str, Any]) -> str:
     ]
     heads = ["Figure", "Bound", "Of flights with", "Kept", "Confidence interval", "Expected", ""]
     return table(heads, rows, (0, 1, 2, 6)) if rows else '<p class="note">None, or the study has not ended.</p>'
+
+
+def _interval(entry: Mapping[str, Any]) -> str:
+    """Return an expectation's interval in words, with the number of clusters that it is from."""
+    if entry["interval"] is None:
+        return "none: the share is exact"
+    ends, of = " to ".join(f"{100 * end:.2f} %" for end in entry["interval"]), entry.get("interval_of")
+    by = f", by {counted(of['clusters'], of['by'])}" if of else ""  # older versions took flights to be independent
+    return f"{ends} ({100 * entry['confidence']:g} %{by})"
 
 
 def _crossings(study: Study, result: Mapping[str, Any]) -> str:

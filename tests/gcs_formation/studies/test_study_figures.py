@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from scipy.stats import binomtest
 
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
 from gcs_formation.studies.dataset import Dataset, Flights, flights_of
@@ -21,6 +20,7 @@ from gcs_formation.studies.figures import (
     pairs,
     searched,
 )
+from gcs_formation.studies.intervals import share_interval
 from gcs_formation.studies.preparation import load_study
 from gcs_formation.studies.report import write_study_report
 
@@ -42,17 +42,32 @@ def places_of(axes, label):
     return [np.asarray(line.get_xdata()).tolist() for line in lines_of(axes, label)]
 
 
-def test_a_distribution_s_band_holds_the_whole_curve_and_flights_without_the_figure_are_beyond_it():
-    """Massart's constant: half the band is sqrt(ln(2 / 0.05) / 2 n)."""
+def independent(kept, flights):
+    return share_interval([(1, 1)] * kept + [(0, 1)] * (flights - kept), 0.95)
+
+
+def test_a_distribution_s_band_is_that_of_the_share_and_flights_without_the_figure_are_beyond_it():
     curve = up_to(np.array([*range(80), *[np.nan] * 20], dtype=float))
     assert curve.share[[0, -1]] == pytest.approx([0.01, 0.8])
-    half = np.sqrt(np.log(40.0) / 200.0)
-    assert curve.high[40] - curve.share[40] == pytest.approx(half)
-    assert curve.share[40] - curve.low[40] == pytest.approx(half)
-    assert (curve.low[0], curve.high[-1]) == pytest.approx((0.0, 0.8 + half))
+    for place in (0, 79):
+        assert (curve.low[place], curve.high[place]) == independent(place + 1, 100)
+    assert all(np.diff(curve.low) >= 0)
+    assert all(np.diff(curve.high) >= 0)
+    for place in range(80):
+        low, high = independent(place + 1, 100)
+        assert curve.low[place] <= low < high <= curve.high[place]
 
 
-def test_a_tail_s_band_is_clopper_and_pearson_s_of_the_flights_that_are_worse():
+def test_a_band_is_by_clusters_of_flights():
+    """Ten seeds of each of eight samples that all agree say as much as eight flights."""
+    values, samples = np.repeat(np.arange(8.0), 10), np.repeat(np.arange(8.0), 10)
+    for curve in (up_to(values, samples), worse_than(-values, samples, least_is_worst=True)):
+        assert (curve.low[39], curve.high[39]) == pytest.approx(independent(4, 8), abs=0.02)
+    alone = up_to(values)
+    assert alone.high[39] - alone.low[39] < 0.25 < curve.high[39] - curve.low[39]
+
+
+def test_a_tail_s_band_is_of_the_flights_that_are_worse():
     values = np.array([3.0, 1.0, 4.0, 2.0, np.nan])
     curve = worse_than(values, least_is_worst=False)
     assert curve.values.tolist() == [1, 2, 3, 4]
@@ -60,10 +75,10 @@ def test_a_tail_s_band_is_clopper_and_pearson_s_of_the_flights_that_are_worse():
     least = worse_than(values, least_is_worst=True)
     assert least.values.tolist() == [4, 3, 2, 1]
     for each in (curve, least):
-        expected = [binomtest(worse, 5).proportion_ci(0.95) for worse in (4, 3, 2, 1)]
+        expected = [independent(worse, 5) for worse in (4, 3, 2, 1)]
         assert np.stack((each.low, each.high), axis=1) == pytest.approx(np.array(expected))
     none_worse = worse_than(np.arange(10.0), least_is_worst=False)
-    assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(tuple(binomtest(0, 10).proportion_ci(0.95)))
+    assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(independent(0, 10))
 
 
 def test_a_tail_goes_on_beyond_its_worst_flight_to_what_is_expected():
@@ -234,7 +249,7 @@ def test_where_nothing_is_left_to_chance_there_is_no_confidence_to_state():
     planned, rows = by_law()
     for alike in (True, False):
         same = [{**row, "digest": "same" if alike else row["seed"]} for row in rows]
-        assert flights_of(planned, same).by_chance is not alike
+        assert bool(flights_of(planned, same).chance.exact) is alike
 
 
 def test_searches_stand_beside_the_margin_computed_for_their_loops():
