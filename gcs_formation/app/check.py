@@ -37,6 +37,7 @@ MOST_HZ = 1000.0
 """Largest allowed law.rate_hz."""
 STEEP_DEG = 65.0
 """Steepest bank that raises no doubt: the highest FW_R_LIM that PX4 takes; ArduPlane's ROLL_LIMIT_DEG is 45."""
+NO_MARGIN = "# delay margin: – (of this law none is computed; docs/own-law.md)"
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
@@ -47,13 +48,13 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
     lags_off, mismatch_lags_off_s = lag_margins(scenario)
     return {
         "valid": True,
-        "delay_margin_s": _finite(margins.small_signal),
-        "delay_margin_worst_s": _finite(margins.worst),
+        "delay_margin_s": _finite(margins.small_signal) or dict.fromkeys("xyz"),
+        "delay_margin_worst_s": _finite(margins.worst) or dict.fromkeys("xyz"),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
         "lag_margin": _finite(lags_off),
         "mismatch_margin_lags_off_s": _finite(mismatch_lags_off_s),
         **(
-            {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if by_design(scenario) else {}
+            {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if _designed(scenario) else {}
         ),
         "loop_delay_s": configured_loop_delay_s(scenario),
         "assembly": check_links.assembly(scenario)._asdict(),
@@ -69,7 +70,8 @@ def refusal_report(error: ScenarioError) -> dict[str, Any]:
 def check_text(scenario: Scenario) -> str:
     """Return the same as text: the resolved scenario, the graph, a line for each loop, the warnings."""
     law_text = _consensus_text if law_kind(scenario).mutual else _followers_text
-    lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario)]
+    own = law_kind(scenario).has_margins
+    lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario), *(() if own else (NO_MARGIN,))]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
     lags_off, mismatch_lags_off_s = lag_margins(scenario)
@@ -82,6 +84,11 @@ def check_text(scenario: Scenario) -> str:
     lines.extend(f"# {bounds}" for bounds in common_limits(scenario))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
+
+
+def _designed(scenario: Scenario) -> bool:
+    """Return whether the law has PID channels whose gains' figures are known."""
+    return law_kind(scenario).has_margins and by_design(scenario)
 
 
 def common_limits(scenario: Scenario) -> Iterator[str]:
@@ -133,7 +140,10 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     `lags_off`: the share by which every lag may be off its model's, by loop.
     """
     yield from _unstable_loops(scenario, margins, lags_off)
-    for channel, each in figures(scenario).items() if by_design(scenario) else ():
+    if scenario.law.on_delay != "warn" and not law_kind(scenario).has_margins:
+        found = f"found {scenario.law.on_delay}"
+        yield f"law.on_delay: {found}; it does nothing: law {scenario.law.type} has no delay margin of its own"
+    for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
     yield from check_law.gust_errors(scenario)
@@ -255,6 +265,8 @@ def _followers_text(scenario: Scenario) -> Iterator[str]:
     followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "nobody"
     leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
     yield f"# communication graph: star; {leader} is heard by {followers}"
+    if not law_kind(scenario).has_margins:
+        return
     yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
     for vehicle, each in follower_margins(scenario).items():
         axes = ", ".join(f"{axis} {_seconds(each.small_signal[axis])} / {_seconds(each.worst[axis])}" for axis in "xyz")
@@ -267,6 +279,8 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     for vehicle, row in zip(scenario.vehicles, scenario.adjacency, strict=True):
         heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
         yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
+    if not law_kind(scenario).has_margins:
+        return
     along_s, across_s = consensus_margins(scenario)
     yield "# delay margin of the consensus without prediction, s:"
     yield f"#   {_seconds(min(along_s, across_s))}: along {_seconds(along_s)}, across {_seconds(across_s)}"
@@ -274,7 +288,7 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
 
 def _design_text(scenario: Scenario) -> Iterator[str]:
     """Yield what the law's gains achieve with the vehicles' own responses, without delay compensation."""
-    if not by_design(scenario):
+    if not _designed(scenario):
         return
     whose = "by design" if scenario.law.gains == AUTO else "as given"
     yield f"# gains {whose}, around the vehicles' responses at {scenario.path.speed_mps:g} m/s:"

@@ -146,7 +146,8 @@ def _delay(station: Station) -> tuple[str, ...]:
     if not delays:
         return ("",)
     longest = f"delay {max(delays) * 1e3:.0f} ms"
-    return f"{longest}, {station.margins.most_used:.0%} of margin", longest
+    used = station.margins.most_used
+    return (longest,) if math.isnan(used) else (f"{longest}, {used:.0%} of margin", longest)
 
 
 def _links(station: Station) -> tuple[str, ...]:

@@ -276,6 +276,11 @@ class LawKind:
 
     A mutual law needs all states at one instant, and its loop is closed around all vehicles at once.
     """
+    has_margins: bool = False
+    """Whether `gcs_formation.stability` knows its loops: PID channels, or the consensus protocol of a mutual law.
+
+    A law with other feedback has no delay margin of its own there, and nothing may state another law's in its place.
+    """
     scheduled: bool = False
     """Whether gains are scheduled about the nominal ones."""
     variants: tuple[tuple[str, tuple[str, ...]], ...] = (("", ()),)
@@ -283,14 +288,15 @@ class LawKind:
 
 
 LAWS: dict[keys.LawType, LawKind] = {
-    "pid": LawKind("PID", formation_law),
+    "pid": LawKind("PID", formation_law, has_margins=True),
     "fuzzy_pid": LawKind(
         "fuzzy PID",
         formation_law,
+        has_margins=True,
         scheduled=True,
         variants=(("", (PRINTED,)), ("_symmetric", (SYMMETRIC,))),
     ),
-    "consensus": LawKind("consensus", consensus_law, mutual=True),
+    "consensus": LawKind("consensus", consensus_law, mutual=True, has_margins=True),
 }
 
 

@@ -126,8 +126,8 @@ class MarginWatch:
         """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
-        self.most_used = 0.0
-        """Largest share so far; infinite if a loop is unstable without delay."""
+        self.most_used = 0.0 if law_kind(scenario).has_margins else math.nan
+        """Largest share so far; infinite if a loop is unstable without delay, NaN for a law without known loops."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._mutual = law_kind(scenario).mutual

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
+from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
@@ -314,6 +316,7 @@ def _in_force(scenario: Scenario, events: Sequence[Mapping[str, Any]]) -> Scenar
 
 def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
     t_s = flight.common["t_s"]
+    none = 0.0 if law_kind(scenario).has_margins else math.nan
     return RunOutcome(
         scenario=scenario,
         clock="unknown",
@@ -332,7 +335,7 @@ def _outcome(scenario: Scenario, flight: RecordedFlight) -> RunOutcome:
         ticks_s=np.array((t_s, t_s, np.full(t_s.shape, np.nan))),
         delay_margin_s=if_finite(scenario_delay_margin(scenario)),
         worst_loop_delay_s=None,
-        margin_used=max(float(np.fmax.reduce(own["margin_used"], initial=0.0)) for own in flight.vehicles.values()),
+        margin_used=max(float(np.fmax.reduce(own["margin_used"], initial=none)) for own in flight.vehicles.values()),
         received=ParserCounts(),
         frames_refused=0,
         simulated_s=float(t_s[-1]),

@@ -122,7 +122,9 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
 
 
 def law_margins(scenario: Scenario) -> LawMargins:
-    """Return the margins of the law's loops: `consensus`, or x, y and z."""
+    """Return the margins of the law's loops: `consensus`, or x, y and z; empty for a law whose loops aren't known."""
+    if not law_kind(scenario).has_margins:
+        return LawMargins({}, {})
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
@@ -130,7 +132,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
 
 
 def scenario_delay_margin(scenario: Scenario) -> float:
-    """Return the least delay margin of all loops, s, at the small-signal gains."""
+    """Return the least delay margin of all loops, s, at the small-signal gains; infinite if no loop is known."""
     loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
     return min((loop.delay_margin_s() for loop in loops), default=math.inf)
 
@@ -139,8 +141,13 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     """Return, for each vehicle that the law commands, the loops that it is part of, by the name of their margin.
 
     A mutual law closes its loops around all vehicles at once, including the leader. Other laws close them around
-    followers; with `succession` also around the leader, for when another vehicle leads.
+    followers; with `succession` also around the leader, for when another vehicle leads. Vehicles of a law whose loops
+    aren't known have none.
     """
+    if not law_kind(scenario).has_margins:
+        following = planned_slots(scenario)
+        everyone = law_kind(scenario).mutual or (succession and bool(following))
+        return {each.vehicle_id: {} for each in scenario.vehicles if everyone or each.vehicle_id in following}
     if not law_kind(scenario).mutual:
         loops_of = {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
         return loops_of | (leader_loops(scenario) if succession else {})
