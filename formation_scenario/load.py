@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from formation_scenario.derived_defaults import resolve, with_models
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import WINDOWED
 from formation_scenario.feasibility import check
-from formation_scenario.fields import Problem, ScenarioError
+from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
@@ -30,6 +31,9 @@ from formation_scenario.source import (
 from formation_scenario.vehicles import VehicleGroup
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
+
+SCENARIO_ALONE, STUDY_ALONE = {"vehicles", "path"}, {"base", "random", "parameters"}
+"""Keys of every scenario that no study has, and of studies that no scenario has."""
 
 
 def load_scenario(
@@ -72,7 +76,13 @@ def dump_scenario(scenario: Scenario) -> str:
 def _read(source: str | Path | Mapping[Any, Any] | Scenario) -> Source:
     if isinstance(source, Scenario):
         return Source(None, _plain(source))
-    return Source(None, plain_mapping(source)) if isinstance(source, Mapping) else read_file(Path(source))
+    if isinstance(source, Mapping):
+        return Source(None, plain_mapping(source))
+    read = read_file(Path(source))
+    if STUDY_ALONE & read.data.keys() and not SCENARIO_ALONE & read.data.keys():
+        flies = f"gcs-formation study {shlex.quote(str(source))} --out DIR flies it"
+        raise refused("", "found a study", f"a scenario (`vehicles`, `path`); {flies}", str(source))
+    return read
 
 
 def _plain(scenario: Scenario) -> dict[Key, Plain]:

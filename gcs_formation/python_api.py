@@ -116,6 +116,7 @@ def study(
     scheduler: str | None = None,
     resume: bool = False,
     overwrite: bool = False,
+    quiet: bool = False,
 ) -> pa.Table:
     """Fly a study and return its flights, a row each, as `gcs-formation study` does.
 
@@ -128,6 +129,7 @@ def study(
         scheduler: fly on the cluster of this Dask scheduler instead, tcp://HOST:PORT.
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
+        quiet: show no progress on standard error.
 
     Raises:
         ScenarioError: the study is wrong; nothing was started.
@@ -140,8 +142,8 @@ def study(
 
     planned, base = prepare(Path(source) if isinstance(source, str) else source)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
-    with StudyProgress(quiet=True) as silent:
-        return fly_study(planned, base, Path(out), chosen, silent, resume=resume, overwrite=overwrite).table
+    with StudyProgress(quiet=quiet) as progress:
+        return fly_study(planned, base, Path(out), chosen, progress, resume=resume, overwrite=overwrite).table
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:

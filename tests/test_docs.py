@@ -9,6 +9,7 @@ import pytest
 
 from formation_scenario.schema import scenario_reference, scenario_schema
 from gcs_formation.studies import Study
+from tests.testing_reference import reference
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -76,6 +77,11 @@ def test_the_reference_of_scenario_keys_and_their_schema_are_those_of_the_models
 def test_the_page_of_studies_says_how_many_samples_there_are_by_default():
     (row,) = re.findall(r"^\| `samples` .*", (ROOT / "docs" / "studies.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert f"{Study().samples} by default" in row
+
+
+def test_the_reference_of_the_pytest_fixture_is_that_of_its_docstrings():
+    written_by = "write it again: python -m tests.testing_reference > docs/testing.md"
+    assert (ROOT / "docs" / "testing.md").read_text(encoding="utf-8") == reference(), written_by
 
 
 def noted_kinds(source):

@@ -110,6 +110,18 @@ class WithDefault(click.Group):
         named = args[0] in (*self.list_commands(ctx), *own) if args else self.no_args_is_help
         return super().parse_args(ctx, args if named or self.default is None else [self.default, *args])
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, those of the default command first, and the list of commands."""
+        default = None if self.default is None else self.get_command(ctx, self.default)
+        if default is None:
+            super().format_options(ctx, formatter)
+            return
+        options = (each for each in default.params if isinstance(each, click.Option))
+        records = [each.get_help_record(ctx) for each in (*options, *self.get_params(ctx))]
+        with formatter.section("Options"):
+            formatter.write_dl([each for each in records if each is not None])
+        self.format_commands(ctx, formatter)
+
 
 class ImportedWhenChosen(Command, WithDefault):
     """A group that imports a command only when it is used, so that none pays for the imports of another."""

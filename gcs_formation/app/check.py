@@ -141,8 +141,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     """
     yield from _unstable_loops(scenario, margins, lags_off)
     if scenario.law.on_delay != "warn" and not law_kind(scenario).has_margins:
-        found = f"found {scenario.law.on_delay}"
-        yield f"law.on_delay: {found}; it does nothing: law {scenario.law.type} has no delay margin of its own"
+        asked = f"found {scenario.law.on_delay}"
+        yield f"law.on_delay: {asked}; it does nothing: law {scenario.law.type} has no delay margin of its own"
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -57,9 +58,6 @@ def _options(command: Command) -> Command:
     """Add the options that `run` and `fly` have in common."""
     for option in reversed(
         (
-            click.option(
-                "--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable; `run` only."
-            ),
             click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Real clock: X times faster."),
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
@@ -76,6 +74,7 @@ def _options(command: Command) -> Command:
 
 @click.command(epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable.")
 @_options
 def run(**given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
@@ -84,6 +83,7 @@ def run(**given: Any) -> None:
 
 @click.command(epilog=FLY_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
+@click.option("--clock", type=CLOCKS, default="real", hidden=True)  # refused with the reason, not as unknown
 @_options
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
 @click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
@@ -188,6 +188,7 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         if sys.stderr is not None and not sys.stderr.isatty():
             tell(result_line(summary), err=True)
         tell(summary_text(summary, recorded_in(options.out), width), err=as_json)
+        tell(f"next: gcs-formation report {shlex.quote(str(recorded_in(options.out)))}", err=as_json)
     if interrupts.count:
         return _interrupted(options)
     for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches, *unjudged(summary)):

@@ -56,7 +56,7 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     cls=WithDefault, default="run", epilog=STUDY_EXAMPLES, subcommand_metavar="STUDY --out DIR | fly DIR FLIGHT"
 )
 def study() -> None:
-    """Fly one scenario many times, over parameters and seeds. `study STUDY --help` lists the options."""
+    """Fly one scenario many times, over parameters and seeds: STUDY is a YAML file (docs/studies.md)."""
 
 
 @study.command(hidden=True, epilog=STUDY_EXAMPLES)
@@ -177,7 +177,7 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     keys = {"name": "stress", "random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}}
     plan = Plan(Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"}))
     try:
-        with interruptible(), StudyProgress(quiet=not sys.stderr.isatty()) as progress:
+        with interruptible(), StudyProgress(quiet=False) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             if out is not None:  # the one flight, its record kept
                 rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]

@@ -16,6 +16,7 @@ from formation_scenario.derived_defaults import standalone, with_absolute_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import pointless
 from formation_scenario.fields import did_you_mean, refused
+from formation_scenario.load import SCENARIO_ALONE, STUDY_ALONE
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
 from gcs_formation.studies import DRAWN, LISTED, Bisection, Cases, Parameter, Range, Study, Value, Wanted, levels_of
 from gcs_formation.studies.dataset import ROW
@@ -28,8 +29,6 @@ EXTREMES = (0.5, 0.0, 1.0 - 1e-9)
 """Quantiles of a distribution that are tried: its median and its ends."""
 TRIED_WITH = 3
 """Number of drawn samples with which a value is tried that doesn't work with the others' first values."""
-SCENARIO_ALONE, STUDY_ALONE = {"vehicles", "path"}, {"base", "random", "parameters"}
-"""Keys of every scenario that no study has, and of studies that no scenario has."""
 RULES = {
     "bound": ("found no bound", "below, above or both"),
     "ends": ("found a low that isn't below high", "a high that is more than low"),

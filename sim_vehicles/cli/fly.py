@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
 from contextlib import nullcontext
@@ -46,7 +47,10 @@ APART_M = 20.0
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
-    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C (exit status 130) or SIGTERM (0)."""
+    """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C (exit status 130).
+
+    SIGTERM and the closing of its terminal end it too (0), the latter not under nohup.
+    """
     count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
     chosen: str | None = options.pop("chosen")
     if scenario is None and (overrides or chosen):
@@ -76,8 +80,10 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
     """
     clock, signals = RealClock(given["speedup"], given["clock_origin_ns"]), list[int]()
     until_s, parent_pid = given["until_s"], given["parent_pid"]
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _frame: signals.append(number))
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores it
+            signal.signal(number, lambda number, _frame: signals.append(number))
+    terminal = Terminal() if parent_pid is None else None
     recording = TruthWriter(truth, len(config.vehicles)) if truth else None
     with recording or nullcontext():
         begun = clock.now()
@@ -86,7 +92,8 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
 
         def over() -> bool:
             late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
-            return bool(signals) or late or parent_pid not in (None, os.getppid())
+            closed = terminal is not None and terminal.closed
+            return bool(signals) or late or closed or parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
             if not quiet:
@@ -95,6 +102,22 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
                 _greet("ready")
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
+
+
+class Terminal:
+    """The terminal as standard input, if there is one; `nohup` and services have none."""
+
+    def __init__(self) -> None:
+        """Watch it, unless SIGHUP is ignored."""
+        self._poll: select.poll | None = None
+        if sys.stdin is not None and sys.stdin.isatty() and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            self._poll = select.poll()
+            self._poll.register(sys.stdin.fileno(), 0)  # hang-ups are always reported
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has been closed; some shells then send no SIGHUP to what they started in the background."""
+        return self._poll is not None and bool(self._poll.poll(0))
 
 
 def _greet(text: str) -> None:
