@@ -4,6 +4,7 @@ The output is docs/testing.md; a test compares them.
 """
 
 import inspect
+import re
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -53,7 +54,8 @@ def _part(title: str, kind: type) -> Iterator[str]:
 def _arguments(made: Any) -> str:
     signature = inspect.signature(made)
     own = [each for name, each in signature.parameters.items() if name != "self"]
-    return str(signature.replace(parameters=own, return_annotation=inspect.Signature.empty))
+    text = str(signature.replace(parameters=own, return_annotation=inspect.Signature.empty))
+    return re.sub(r": '([^']*)'", r": \1", text)
 
 
 if __name__ == "__main__":

@@ -153,6 +153,10 @@ class ImportedWhenChosen(Command, WithDefault):
             ctx.fail(f"found command '{args[0]}'; allowed: {', '.join(names)}{nearest}")
         return super().resolve_command(ctx, args)
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the group's own options; those of a default command would take its import."""
+        click.Group.format_options(self, ctx, formatter)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):

@@ -23,9 +23,8 @@ REFUSED = {"fly": {"--clock"}}
 @pytest.mark.parametrize(("group", "name"), GROUPS, ids=[f"{group.name}-{name}" for group, name in GROUPS])
 def test_help_lists_every_option_that_a_command_takes_and_none_that_it_only_refuses(group, name):
     chosen: Any = group.get_command(click.Context(group), name)
-    takes: Any = (
-        chosen.get_command(click.Context(chosen), chosen.default) if isinstance(chosen, WithDefault) else chosen
-    )
+    default = chosen.default if isinstance(chosen, WithDefault) else None
+    takes: Any = chosen if default is None else chosen.get_command(click.Context(chosen), default)
     said = CliRunner().invoke(group, [name, "--help"]).stdout
     for option in (each for each in takes.params if isinstance(each, click.Option)):
         listed = max(option.opts, key=len) in said
