@@ -29,8 +29,8 @@ from gcs_formation.studies import DRAWN, Study
 from gcs_formation.studies.plan import Row, seed_changes_nothing
 
 SIDE = 0.3
-"""Each end's prior of p is beta(SIDE, 1 - SIDE), for the upper end mirrored. The largest at which all of 8 to 100
-clusters that are alike within (rho = 1) cover 92 % at every share; 0.4 leaves 90 % at some."""
+"""Each end's prior of p is beta(SIDE, 1 - SIDE), for the upper end mirrored. The largest at which 8 to 100 clusters of
+one flight cover 92 % at every share; 0.4 leaves 90 % at some."""
 SHARES, CORRELATIONS = 256, 13
 """Points of p and of rho, evenly spaced in arcsin(sqrt(·)): Jeffreys' prior of p is uniform there."""
 NEARLY = 1e-6
