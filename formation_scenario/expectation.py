@@ -50,10 +50,32 @@ LINK_METRICS = {
     "measured_loss": "share of the vehicle's frames that never came, 0 to 1; of the whole flight",
     "frames_bad": "frames that came damaged; of the whole flight",
 }
-SEPARATION = "min_separation_m"
-RUN_METRICS = {
+SEPARATION, FENCE = "min_separation_m", "fence_m"
+LIMIT_METRICS = {
     SEPARATION: "least distance of any two vehicles over the window, m",
     "min_clearance_m": "least height of any vehicle above the ground over the window, m",
+    FENCE: "how far outside `safety.fence` any vehicle was that its pilot didn't fly, over the window, m",
+}
+"""Limits of `safety`, judged at every instant at which positions are known."""
+_FROM_PATH = {
+    "across_m": "horizontal distance from the path, m",
+    "along_m": "distance along the path from where it was planned to be at the time, m",
+    "height_m": "difference in height from the path, m",
+}
+PATH_METRICS = {
+    f"{prefix}_{name}.{figure}": (who, f"{name}.{figure}")
+    for prefix, who in (("path", "leader"), ("centre", "centre"))
+    for name in _FROM_PATH
+    for figure in ("rms", "max")
+}
+"""Metrics of the distance from the path: whose, and which of its figures."""
+_WHOSE = {"leader": "the leader's", "centre": "the formation centre's"}
+RUN_METRICS = {
+    **LIMIT_METRICS,
+    **{
+        metric: f"{_WHOSE[who]} {_FROM_PATH[name.partition('.')[0]]}: {_FIGURES[name.partition('.')[2]]}"
+        for metric, (who, name) in PATH_METRICS.items()
+    },
     "violations": "how often the limits of `safety` were broken; of the whole flight",
     "late_ticks": "control ticks that began more than 10 ms late; of the whole flight",
     "period_ms.p50": "time between control ticks: median, ms; of the whole flight",
@@ -79,8 +101,8 @@ WINDOWED = (
     "measured_delay_ms.p99",
     "jitter_ms.p50",
     "jitter_ms.p99",
-    "min_separation_m",
-    "min_clearance_m",
+    *LIMIT_METRICS,
+    *PATH_METRICS,
 )
 """Metrics over the window from `from_s` to `to_s`; the others are of the whole flight."""
 SHARE, ANY = (0.0, 1.0), (-math.inf, math.inf)

@@ -113,7 +113,10 @@ class Safety(Keys):
     separation_m: Distance = key(5.0, "least distance of two vehicles, m", 20)
     avoidance: Avoidance = key(..., "", derived="its keys'")
     clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
-    fence: Fence | None = key(None, "where paths, slots and setpoints must stay; without it, anywhere")
+    fence: Fence | None = key(None, "where vehicles must stay, and so paths, slots and setpoints; without it, anywhere")
+    path_distance_m: Positive = key(
+        50.0, "largest distance of the leader from its path, across and in height, for longer than 10 s, m", 30
+    )
 
     @property
     def kept_m(self) -> float:

@@ -10,6 +10,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.expectation import (
+    FENCE,
     LINK_METRICS,
     OF_FOLLOWERS,
     RUN_METRICS,
@@ -223,6 +224,8 @@ def measurable(scenario: Scenario) -> Iterator[Finding]:
             yield path, found, "one or more followers, or a figure that needs none"
         elif entry.metric == SEPARATION and len(scenario.vehicles) == 1:
             yield path, f"found {entry.metric} of one vehicle", "two or more vehicles, or a figure that needs one alone"
+        elif entry.metric == FENCE and scenario.safety.fence is None:
+            yield path, f"found {entry.metric} without a fence", "safety.fence, or a figure that needs none"
 
 
 def ranges(scenario: Scenario) -> Iterator[Finding]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -96,10 +98,22 @@ def path_end_s(scenario: Scenario) -> float:
     return float(_progress(scenario)[1][-1])
 
 
-def planned_m(scenario: Scenario, mission_s: Array) -> Array:
-    """Return the leader's planned distances along its path at mission times, m, without orders."""
+def planned_m(scenario: Scenario, mission_s: Array, speeds_mps: Sequence[tuple[float, float]] = ()) -> Array:
+    """Return the leader's planned distances along its path at mission times, m.
+
+    `speeds_mps`: rising mission times at which another speed was ordered, and this speed.
+    """
     at_m, times_s = _progress(scenario)
-    return np.interp(mission_s, times_s, at_m)
+    found, plan = np.interp(mission_s, times_s, at_m), partial(np.interp, xp=times_s, fp=at_m)
+    for since_s, speed_mps in speeds_mps:
+        here_m = float(plan(since_s))
+        if speed_mps > 0.0:
+            _, times_s = _progress(scenario.at_speed(speed_mps))
+            plan = partial(np.interp, xp=times_s + (since_s - float(np.interp(here_m, at_m, times_s))), fp=at_m)
+        else:
+            plan = partial(np.interp, xp=np.array([since_s]), fp=np.array([here_m]))
+        found = np.where(mission_s >= since_s, plan(mission_s), found)
+    return found
 
 
 def _progress(scenario: Scenario) -> tuple[Array, Array]:

@@ -28,10 +28,12 @@ from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import FlightBuilder, Truth, tables
+from gcs_formation.record.flight import FlightBuilder, judged, tables
+from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
+from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
@@ -235,11 +237,12 @@ class Session:
         else:
             for _ in passing:
                 pass
+        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
         summary = summarise(
             RunOutcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
-                flight=gathering.flight(),
+                flight=judged(gathering.flight(), self.scenario, truth, events, ended_s),
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),

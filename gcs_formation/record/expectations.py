@@ -15,7 +15,9 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.expectation import (
     FOLLOWER_METRICS,
+    LIMIT_METRICS,
     LINK_METRICS,
+    PATH_METRICS,
     WINDOWED,
     Expectation,
     bounds_text,
@@ -23,7 +25,9 @@ from formation_scenario.expectation import (
     stays_broken,
 )
 from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record import path_distance
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.safety import value_within
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
 FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
@@ -358,16 +362,20 @@ def _link_value(
 
 
 def _run_value(wanted: Expectation, flight: RecordedFlight, parts: Mapping[str, Any]) -> float | None:
-    window = flight.window(wanted.from_s, wanted.to_s)
-    if wanted.metric == "min_separation_m":
-        return float(figures.separation_m(flight, window).min()) if window.any() else None
-    if wanted.metric == "min_clearance_m":
-        return figures.least(figures.clearance_m(flight, window)) if window.any() else None
+    if wanted.metric in LIMIT_METRICS:
+        return value_within(flight, wanted.metric, wanted.from_s, wanted.to_s)
+    if wanted.metric in PATH_METRICS and flight.off_path is not None:
+        who, name = PATH_METRICS[wanted.metric]
+        within = flight.window(wanted.from_s, wanted.to_s)
+        return figure_of(path_distance.figures(flight.off_path[who], within), name)
     return figure_of_run(parts, wanted.metric)
 
 
 def figure_of_run(summary: Mapping[str, Any], metric: str) -> float | None:
     """Return a figure of the whole run from summary.json or one of its sections; None if it isn't there."""
+    if metric in PATH_METRICS:
+        who, name = PATH_METRICS[metric]
+        return figure_of(summary["path"], f"{who}.{name}") if "path" in summary else None
     sections = [summary, *(summary[section] for section in SECTIONS)]
     return next((figure_of(each, metric) for each in sections if metric.partition(".")[0] in each), None)
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
+from gcs_formation.record.history import history
+from gcs_formation.record.limits_by_truth import LimitSeries, Truth, limit_series
+from gcs_formation.record.path_distance import Distances, path_distances
 from gcs_formation.record.timeseries import (
     AIRBORNE,
     ERROR,
@@ -20,6 +24,7 @@ from gcs_formation.record.timeseries import (
     PHASES,
     PLACE,
     SETPOINT,
+    SLOT,
     TRUTH,
     VIRTUAL_LEADER,
     flying,
@@ -27,13 +32,12 @@ from gcs_formation.record.timeseries import (
 )
 
 Columns = Mapping[str, Array]
-Truth = Callable[[float, float], Mapping[str, Array]]
-"""Returns the rows from the last at or before one time to the first after another."""
 WHOLE = slice(None)
 SCORED = frozenset(
     (
         *("t_s", "mission_time_s", "phase", "active", "leads", "yielding", "jitter_s"),
         *(AIRBORNE, *PLACE, *TRUTH[:3], *SETPOINT, *ERROR, GROUND[1]),
+        *("heading_rad", "true_heading_rad", *SLOT, *VIRTUAL_LEADER),
     )
 )
 """The columns that a summary needs."""
@@ -46,6 +50,10 @@ class RecordedFlight:
     """The time series by vehicle; each has a row for every tick, so that their columns are parallel."""
 
     vehicles: Mapping[VehicleId, Columns]
+    limits: LimitSeries | None = None
+    """How near it came to the limits of `safety`; None if that wasn't found out."""
+    off_path: Mapping[str, Distances] | None = None
+    """How far `leader` and `centre` were from the path at each tick; None if that wasn't found out."""
 
     @property
     def truth(self) -> bool:
@@ -184,6 +192,28 @@ def tables(
         for column in range(len(scenario.vehicles) if scenario.terrain else 0):
             ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
         yield columns | dict(zip(GROUND, (ground_m, height_m - ground_m), strict=True))
+
+
+def judged(
+    flight: RecordedFlight,
+    scenario: Scenario,
+    truth: Truth | None = None,
+    events: Sequence[Mapping[str, Any]] = (),
+    ended_s: float | None = None,
+) -> RecordedFlight:
+    """Return the flight with its distances from limits and path.
+
+    Args:
+        flight: with the columns of `SCORED`.
+        scenario: that was flown.
+        truth: as for `tables`.
+        events: the flight's, as recorded.
+        ended_s: when it ended on the run's clock, s; by default at its last tick.
+    """
+    past, t_s = history(events), flight.common["t_s"]
+    ended_s = (float(t_s[-1]) if t_s.size else 0.0) if ended_s is None else ended_s
+    limits = limit_series(scenario, flight.vehicles, truth, past.pilots_s, ended_s)
+    return replace(flight, limits=limits, off_path=path_distances(scenario, flight.vehicles, past.speeds_mps))
 
 
 def split(columns: Columns, scenario: Scenario) -> RecordedFlight:

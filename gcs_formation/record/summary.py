@@ -13,11 +13,11 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
-from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
+from gcs_formation.record import path_distance
 from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.timeseries import PHASES
+from gcs_formation.record.safety import safety
 
 SCHEMA = 1
 LATE_S = 0.010
@@ -50,9 +50,12 @@ def summarise(outcome: RunOutcome) -> Summary:
     from importlib.metadata import version  # noqa: PLC0415 - short commands don't need it
 
     scenario, flight = outcome.scenario, outcome.flight
+    limits, off_path = flight.limits, flight.off_path
+    assert limits is not None, "a flight as `judged` returns it"
+    assert off_path is not None
     window = flight.window(0.0, scenario.duration_s)
     time_s = flight.mission_time_s[window]
-    safety, breaches = _safety(outcome)
+    safe = safety(scenario, flight, limits)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
         "version": version("gcs-formation"),
@@ -68,10 +71,11 @@ def summarise(outcome: RunOutcome) -> Summary:
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
-        "safety": safety,
+        "path": {who: path_distance.figures(each, window) for who, each in off_path.items()},
+        "safety": safe.figures,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
-        "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *outcome.unsafe],
+        "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *safe.off_path, *outcome.unsafe],
         "failure": outcome.failure,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
@@ -85,7 +89,7 @@ def summarise(outcome: RunOutcome) -> Summary:
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
-    return Summary(parts, verdicts, (*breaches, *unsafe, *outcome.undone), measured=measured)
+    return Summary(parts, verdicts, (*safe.breaches, *unsafe, *outcome.undone), measured=measured)
 
 
 def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, LinkFigures]) -> Iterator[str]:
@@ -166,40 +170,3 @@ def _control(ticks_s: Array, rate_hz: float) -> dict[str, Any]:
         | {"max": float(period_ms.max()) if period_ms.size else None},
         "compute_ms": figures.percentiles(compute_s * 1e3, 50, 99),
     }
-
-
-def _safety(outcome: RunOutcome) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the figures of the whole flight, from the first take-off to the last acknowledgement at its end."""
-    flight, limits = outcome.flight, outcome.scenario.safety
-    whole = np.ones(flight.mission_time_s.shape, dtype=bool)
-    if not whole.size:
-        return {"min_separation_m": None, "min_clearance_m": None, "violations": 0, "avoidance_s": 0.0}, ()
-    separation = figures.separation_m(flight, whole)
-    clearance = figures.clearance_m(flight, whole)
-    breaches: list[str] = []
-    for name, values, allowed in (
-        ("separation", separation, limits.separation_m),
-        ("clearance", clearance, limits.clearance_m),
-    ):
-        if (values < allowed).any():
-            worst = int(np.nanargmin(values))
-            found, least = distinct_texts(float(values[worst]), allowed)
-            breaches.append(f"safety broken: {name} was {found} m {_when(flight, worst)}; allowed: {least} m or more")
-    violations = _episodes(separation < limits.separation_m) + _episodes(clearance < limits.clearance_m)
-    measured = {"min_separation_m": figures.least(separation), "min_clearance_m": figures.least(clearance)}
-    gave_way_s = figures.gave_way_s(flight, whole, outcome.scenario.law.rate_hz)
-    return measured | {"violations": violations, "avoidance_s": gave_way_s}, tuple(breaches)
-
-
-def _when(flight: RecordedFlight, tick: int) -> str:
-    """Return in words when a tick was, by mission time if there is one, and in which phase if not on the path."""
-    rows = next(iter(flight.vehicles.values()))
-    mission_s, phase = float(rows["mission_time_s"][tick]), PHASES[int(rows["phase"][tick])]
-    if np.isnan(mission_s):
-        return f"{rows['t_s'][tick]:.1f} s after the start ({phase})"
-    return f"at {mission_s:.1f} s" + ("" if phase == "flying" else f" ({phase})")
-
-
-def _episodes(broken: Mask) -> int:
-    """Return how many times a limit began to be broken."""
-    return int(broken[0]) + int((broken[1:] & ~broken[:-1]).sum())

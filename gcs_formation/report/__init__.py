@@ -22,7 +22,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.expectations import LinkFigures, RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
-from gcs_formation.record.flight import Columns, RecordedFlight, split, tables
+from gcs_formation.record.flight import Columns, RecordedFlight, judged, split, tables
 from gcs_formation.record.json_shape import (
     INTEGER,
     NUMBER,
@@ -303,7 +303,7 @@ def _unfinished(directory: Path, scenario: Scenario) -> RunData:
     unknown_s = np.full((columns["t_s"].size // len(scenario.vehicles), 2), np.nan)
     injected_s = {each.vehicle_id: unknown_s for each in scenario.vehicles}
     (whole,) = tables([columns], scenario, None if truth is None else truth.between, injected_s)
-    flight = split(whole, scenario)
+    flight = judged(split(whole, scenario), scenario, None if truth is None else truth.between, events)
     summary = _without_unknown(summarise(_outcome(_in_force(scenario, events), flight)).to_dict())
     words = _missing(scenario, flight, events, cut_off=cut_off)
     return _run_data(scenario, summary, events, flight, words)

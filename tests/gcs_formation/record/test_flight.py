@@ -7,8 +7,8 @@ from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
-from gcs_formation.record.flight import SCORED, FlightBuilder, split, tables
-from gcs_formation.record.timeseries import MEASURED, PHASES
+from gcs_formation.record.flight import SCORED, FlightBuilder, judged, split, tables
+from gcs_formation.record.timeseries import MEASURED, PHASES, VIRTUAL_LEADER
 
 LEADER, FOLLOWER, THIRD = (VehicleId(1, system) for system in (1, 2, 3))
 TIME_S = np.arange(0.0, 10.01, 0.1)
@@ -73,9 +73,9 @@ def truth(*crashed):
 
 def recorded(rows, true=None):
     """Return the flight from a spool's columns and the truth."""
-    injected = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2)))
-    (whole,) = tables([rows], SCENARIO, None if true is None else lambda *_: true, injected)
-    return split(whole, SCENARIO)
+    injected, read = dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((TIME_S.size, 2))), true and (lambda *_: true)
+    (whole,) = tables([rows], SCENARIO, read, injected)
+    return judged(split(whole, SCENARIO), SCENARIO, read)
 
 
 def flown(*crashed, third_leads_from_s=np.inf):
@@ -153,8 +153,8 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     assert [len(each["t_s"]) for each in passed[:-1]] == [ticks] * (len(blocks) - 1)
     whole = split(next(tables([rows], SCENARIO, lambda *_: true, injected)), SCENARIO)
     flight = gathering.flight()
-    assert set(flight.vehicles[THIRD]) == SCORED
-    for name in SCORED:
+    assert set(flight.vehicles[THIRD]) == SCORED - set(VIRTUAL_LEADER)
+    for name in flight.vehicles[THIRD]:
         np.testing.assert_array_equal(flight.vehicles[THIRD][name], whole.vehicles[THIRD][name])
     ways_s = np.concatenate([each["injected_up_s"] for each in passed])
     np.testing.assert_array_equal(ways_s[:, 2], injected[THIRD][:, 0])
