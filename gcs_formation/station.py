@@ -21,6 +21,7 @@ from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import planned
@@ -71,6 +72,7 @@ class Station(Engine):
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
         self._flood, self._telemetry = FloodWatch(note), TelemetryWatch(*fleet)
+        self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
         self._takeover = Takeover(resumed, *fleet)
@@ -188,6 +190,7 @@ class Station(Engine):
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         self._flood.watch(now, self.received(), self.frames_refused)
+        self._pilots_and_fence.watch(now)
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS

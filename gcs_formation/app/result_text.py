@@ -94,7 +94,14 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
     left = len(figures["followers"]) - MOST_ROWS
     after = [f"… and {left} more in summary.json"] if left > 0 else []
-    after += [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches, f"recorded in {directory}"]
+    after += [
+        *_partly(figures),
+        *_path(figures),
+        *_safety(figures),
+        *_verdicts(summary),
+        *summary.breaches,
+        f"recorded in {directory}",
+    ]
     return "\n".join([*_wrapped(words, width), *rows, *_wrapped(after, width)])
 
 
@@ -142,7 +149,7 @@ def _headline(figures: dict[str, Any]) -> str:
 
 def _source(figures: dict[str, Any]) -> str:
     source = "ground truth" if figures["truth"] else "telemetry"
-    frame = "|x|, |y|, |z|: forward, right, up"
+    frame = "|x|, |y|, |z|: forward, right, up; max and rms from t = 0 on, steady: from 30 s after settling on"
     return f"formation errors by {source}, m; {frame}" if figures["followers"] else "no vehicle followed"
 
 
@@ -155,6 +162,9 @@ def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
     ways = [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links]
     return [
         ColumnGroup(("vehicle", "max x", "y", "z"), largest, keep=4),
+        ColumnGroup(
+            ("steady x", "y", "z"), [[_number(axis["steady_max"]) for axis in own] for own in axes.values()], keep=2
+        ),
         ColumnGroup(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
         ColumnGroup(("settled s",), [(_settled(follower),) for follower in shown.values()], keep=3),
         ColumnGroup(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
@@ -169,13 +179,34 @@ def _partly(figures: dict[str, Any]) -> list[str]:
     return [f"errors of a part of the time, in which they followed: {', '.join(partly)}"] if partly else []
 
 
-def _safety(figures: dict[str, Any]) -> str:
-    safety, control = figures["safety"], figures["control"]
-    return (
-        f"least separation {_number(safety['min_separation_m'], 1)} m, clearance "
-        f"{_number(safety['min_clearance_m'], 1)} m, {safety['violations']} violations; "
-        f"{control['late_ticks']} of {control['ticks']} ticks late"
+def _path(figures: dict[str, Any]) -> list[str]:
+    """Return how far the leader and the formation's centre were from the path; nothing if it wasn't begun."""
+    words = {"across_m": "across", "along_m": "along", "height_m": "in height"}
+    said = (
+        ", ".join(f"{word} {_number(each[name]['rms'])}/{_number(each[name]['max'])}" for name, word in words.items())
+        for each in figures["path"].values()
     )
+    leader, centre = said
+    begun = figures["path"]["leader"]["across_m"]["rms"] is not None
+    return [f"from the path, rms/max m: the leader {leader}; the formation's centre {centre}"] if begun else []
+
+
+def _safety(figures: dict[str, Any]) -> list[str]:
+    """Return what is of the whole flight, take-off and end included, and what of it wasn't seen or doesn't count."""
+    safety, control = figures["safety"], figures["control"]
+    fence = "" if safety["fence_m"] is None else f", {_number(safety['fence_m'], 1)} m outside the fence"
+    pilots = ", ".join(f"vehicle {who} {_number(m, 1)} m" for who, m in safety["outside_by_pilot_m"].items())
+    return [
+        f"from take-off to the end: least separation {_number(safety['min_separation_m'], 1)} m, clearance "
+        f"{_number(safety['min_clearance_m'], 1)} m{fence}, {safety['violations']} violations; "
+        f"{control['late_ticks']} of {control['ticks']} ticks late",
+        *([f"outside the fence by its pilot or its failsafe, which doesn't count: {pilots}"] if pilots else []),
+        *_unseen(safety["unseen_s"]),
+    ]
+
+
+def _unseen(unseen_s: float) -> list[str]:
+    return [f"no positions for {unseen_s:.1f} s of the flight: no limit was judged then"] if unseen_s else []
 
 
 def _settled(follower: dict[str, Any]) -> str:

@@ -34,6 +34,7 @@ from gcs_formation.record.json_shape import (
     Shape,
     misfit,
 )
+from gcs_formation.record.path_distance import FIGURES
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, Spool, flying, read_parquet
@@ -62,6 +63,7 @@ NUMBERS = "biuf"
 EXPECTED = ("network", "vehicle", "phase", *MEASURED, *ERROR, *GROUND)
 """Columns that every time series must have."""
 AXIS: Shape = dict.fromkeys(("rms", "max", "steady_max"), NUMBER_OR_NULL)
+OFF_PATH: Shape = dict.fromkeys(("rms", "max"), NUMBER_OR_NULL)
 SUMMARY_SHAPE: Shape = {
     **dict.fromkeys(("name", "clock"), TEXT),
     **{"seed": INTEGER, "duration_s": NUMBER, "real_time_factor": NUMBER_OR_NULL},
@@ -88,7 +90,11 @@ SUMMARY_SHAPE: Shape = {
         "period_ms": dict.fromkeys(("p50", "p99", "max"), NUMBER_OR_NULL),
         "compute_ms": dict.fromkeys(("p50", "p99"), NUMBER_OR_NULL),
     },
-    "safety": {"violations": INTEGER, **dict.fromkeys(("min_separation_m", "min_clearance_m"), NUMBER_OR_NULL)},
+    "safety": {
+        **{"violations": INTEGER, "fence_m": Maybe(NUMBER_OR_NULL)},
+        **dict.fromkeys(("min_separation_m", "min_clearance_m"), NUMBER_OR_NULL),
+    },
+    "path": Maybe(dict.fromkeys(("leader", "centre"), dict.fromkeys(FIGURES, OFF_PATH))),
     "stability": dict.fromkeys(("delay_margin_s", "worst_loop_delay_s"), NUMBER_OR_NULL),
     "expect": Each(
         {

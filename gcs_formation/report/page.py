@@ -197,7 +197,7 @@ def page(run: RunData, figures: Iterable[Path]) -> str:
         missing=page_parts.missing(run.missing),
         cards=page_parts.cards(run),
         error_source=escape(_error_source(run)),
-        followers=page_parts.followers(summary),
+        followers=page_parts.followers(summary) + page_parts.from_path(summary),
         expectations=page_parts.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
         paper=compared and f'<section id="paper">\n<h2>Beside the paper</h2>\n{compared}\n</section>',

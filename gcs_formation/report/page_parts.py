@@ -26,6 +26,12 @@ STEP_MPS = 0.6
 """Disturbance that the paper adds north and east to every vehicle from 500 s on (figure 11)."""
 REPORTED_M = {"x": 0.22, "y": 0.5}
 """Largest errors that the paper reads from figure 12, without the initial transient."""
+WHOLE = "whole flight, take-off and end included"
+"""What the limits of `safety` are judged over; an expectation's window may be a part of it."""
+FROM_PATH = (
+    "Over the scored flight. Across and height: from the path's nearest point; along: from where the path's time puts "
+    "it. The centre is the mean of the members' positions less their own slots."
+)
 SIGNS = {"below": "<", "above": ">"}
 
 
@@ -119,17 +125,38 @@ def cards(run: RunData) -> str:
     factor, loop_delay_s = summary["real_time_factor"], number(stability["worst_loop_delay_s"], 2, " s")
     pace = f"{summary['clock']} clock" + (f", {factor:.1f} × real time" if factor else "")
     least = {"separation": run.scenario.safety.separation_m, "clearance": run.scenario.safety.clearance_m}
+    outside_m = summary["safety"].get("fence_m")
     found = [
         ("Flown", number(summary["duration_s"], 1, " s"), pace),
         *_settled(summary["followers"]),
         *(
-            (f"Least {what}", number(summary["safety"][f"min_{what}_m"], 1, " m"), f"limit {limit:g} m")
+            (f"Least {what}", number(summary["safety"][f"min_{what}_m"], 1, " m"), f"{WHOLE}; limit {limit:g} m")
             for what, limit in least.items()
         ),
+        *([("Outside the fence", number(outside_m, 1, " m"), WHOLE)] if outside_m is not None else []),
+        *_off_path(summary.get("path")),
         ("Late ticks", _count(control["late_ticks"]), f"of {control['ticks']}; {number(control['rate_hz'], 0)} Hz"),
         ("Delay margin", number(stability["delay_margin_s"], 2, " s"), f"longest loop delay {loop_delay_s}"),
     ]
     return "\n".join(map(_card, found))
+
+
+def _off_path(path: Mapping[str, Any] | None) -> list[tuple[str, str, str]]:
+    if path is None or path["leader"]["across_m"]["max"] is None:
+        return []
+    across, height = (path["leader"][name]["max"] for name in ("across_m", "height_m"))
+    return [("Leader from its path", number(across, 2, " m"), f"the most across; in height {number(height, 2, ' m')}")]
+
+
+def from_path(summary: Mapping[str, Any]) -> str:
+    """Return how far the leader and the formation's centre were from the path; nothing in an older record."""
+    path, names = summary.get("path"), {"leader": "Leader", "centre": "Formation's centre"}
+    if path is None:
+        return ""
+    keys = [(name, figure) for name in ("across_m", "along_m", "height_m") for figure in ("rms", "max")]
+    heads = ["From the path, m", *(f"{name.removesuffix('_m')} {figure}" for name, figure in keys)]
+    rows = [[words, *(number(path[who][name][figure]) for name, figure in keys)] for who, words in names.items()]
+    return f'{table(heads, rows)}<p class="note">{escape(FROM_PATH)}</p>'
 
 
 def _card(texts: tuple[str, str, str]) -> str:
