@@ -1,0 +1,164 @@
+"""Limits of `safety` and distances from the path, against recomputation from the vehicles' own truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gcs_formation
+from flight_model.arrays import Array
+from formation_scenario import load_scenario
+from gcs_formation.app import run as app_run
+from sim_vehicles.truth import TruthRecord
+from tests.flights.conftest import Fly, scenario
+
+LIFT = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 0, -3.5]}
+"""Air that rises faster than anybody can sink."""
+BENDS = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [500, 0, 100], [1000, 350, 108], [1600, 350, 108]]}
+
+
+@pytest.fixture
+def kept_truth(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Array]]:
+    """Keep the rows of each flight's truth, which `run` deletes."""
+    found = list[dict[str, Array]]()
+
+    def read(directory: Path) -> TruthRecord | None:
+        record = original(directory)
+        if record is not None:
+            found.append(record.between(-math.inf, math.inf))
+        return record
+
+    original = app_run.recorded_truth
+    monkeypatch.setattr(app_run, "recorded_truth", read)
+    return found
+
+
+def begun_s(tmp_path: Path) -> float:
+    lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
+    events = [json.loads(line) for line in lines]
+    return float(next(event["t_s"] for event in events if event["kind"] == "phase" and event["text"] == "flying"))
+
+
+def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(fly: Fly, kept_truth):
+    keys: dict[str, Any] = {"safety": {"fence": {"height_max_m": 115}}, "disturbances": [LIFT], "duration_s": 20}
+    wanted = [{"metric": "fence_m", "below": 0.1}, {"metric": "violations", "below": 1}]
+    summary = fly(**keys, expect=wanted)
+    safety, (truth,) = summary.to_dict()["safety"], kept_truth
+    flown_m = np.where(truth["airborne"] > 0, truth["height_m"], 0.0)
+    assert safety["fence_m"] == pytest.approx(flown_m.max() - 115.0, abs=0.01)
+    assert safety["fence_m"] > 15.0
+    assert safety["violations"] == 1
+    assert not summary.held
+    (said,) = [text for text in summary.breaches if "outside the fence" in text]
+    assert f"{safety['fence_m']:.3g} m" in said
+    assert [each.held for each in summary.verdicts] == [False, False]
+
+
+def test_a_fence_that_nobody_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
+    fence = {"height_min_m": 80, "height_max_m": 200}
+    safety = fly(safety={"fence": fence}, duration_s=3, start={"in_air": False}).to_dict()["safety"]
+    assert (safety["fence_m"], safety["violations"]) == (0.0, 0)
+
+
+@pytest.mark.slow
+def test_what_a_pilot_flies_outside_is_said_and_is_no_violation(fly: Fly, tmp_path: Path):
+    """At the end the others circle above it, and so outside themselves."""
+    taken = {"at_s": 2, "vehicles": [3], "kind": "pilot", "mode": "LOITER"}
+    lift = {"at_s": 4, "until_s": 9, "vehicles": [3], "velocity_mps": [0, 0, -14]}
+    inside = [{"metric": "fence_m", "below": 0.001}]
+    summary = fly(
+        safety={"fence": {"height_max_m": 140}}, faults=[taken], disturbances=[lift], duration_s=22, expect=inside
+    )
+    assert summary.to_dict()["safety"]["outside_by_pilot_m"]["3"] > 5.0
+    assert summary.verdicts[0].value == 0.0
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    said = [each for each in events if each["kind"] == "fence" and each.get("vehicle") == "3"]
+    assert [each["begins"] for each in said] == [True, False]
+    assert "by its pilot or its failsafe" in said[0]["text"]
+
+
+def test_separation_is_the_vehicles_whatever_the_station_s_ticks_did(fly: Fly, kept_truth):
+    """Two vehicles pass each other between two ticks, 2 s apart."""
+    gust = {"at_s": 5, "until_s": 6.5, "vehicles": [2], "velocity_mps": [0, 15, 0]}
+    summary = fly(law={"rate_hz": 0.5}, disturbances=[gust], duration_s=14).to_dict()
+    (truth,) = kept_truth
+    places = np.stack([truth[name] for name in ("north_m", "east_m", "height_m")])
+    apart_m = [np.linalg.norm(places[..., i] - places[..., j], axis=0).min() for i in range(3) for j in range(i)]
+    assert summary["safety"]["min_separation_m"] == pytest.approx(min(apart_m), abs=2e-3)
+    assert summary["safety"]["unseen_s"] == 0.0
+
+
+@pytest.mark.parametrize("virtual", [False, True])
+def test_the_leader_s_distance_from_its_path_is_that_of_its_true_places(fly: Fly, tmp_path: Path, virtual: bool):
+    """The nearest of points 0.05 m apart, and where the planned speed puts it; the column of a virtual leader."""
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    keys: dict[str, Any] = {"path": BENDS, "duration_s": 50}
+    keys |= {"vehicles": [{"id": 1}, {"id": 2}]} if virtual else {}
+    gust = {"at_s": 20, "until_s": 23, "vehicles": "all", "velocity_mps": [0, 6, -1]}
+    wanted = [{"metric": "path_across_m.max", "from_s": 10, "to_s": 30, "below": 100}]
+    summary = fly(**keys, disturbances=[gust], expect=wanted)
+    rows = pq.read_table(tmp_path / "run" / "timeseries.parquet")
+    of = {name: rows.column(name).to_numpy() for name in rows.column_names}
+    own = (of["vehicle"] == 1) & (rows.column("phase").to_numpy() == "flying")
+    names = ("leader_north_m", "leader_east_m", "leader_height_m") if virtual else (
+        "true_north_m", "true_east_m", "true_height_m")  # fmt: skip
+    mission_s, (north_m, east_m, height_m) = of["mission_time_s"][own], (of[name][own] for name in names)
+    at_m = np.arange(-10.0, 1300.0, 0.05)
+    point = load_scenario(scenario(**keys)).leader_path.at(at_m)
+    near = [int(np.hypot(point.north_m - n, point.east_m - e).argmin()) for n, e in zip(north_m, east_m, strict=True)]
+    across_m = np.hypot(point.north_m[near] - north_m, point.east_m[near] - east_m)
+    expected = {
+        "across_m": across_m,
+        "along_m": at_m[near] - 22.0 * mission_s,
+        "height_m": point.height_m[near] - height_m,
+    }
+    found = summary.to_dict()["path"]["leader"]
+    for name, values in expected.items():
+        assert found[name]["max"] == pytest.approx(np.abs(values).max(), abs=0.03), name
+        assert found[name]["rms"] == pytest.approx(np.sqrt(np.mean(values**2)), abs=0.03), name
+    window = (mission_s >= 10) & (mission_s <= 30)
+    assert summary.verdicts[0].value == pytest.approx(across_m[window].max(), abs=0.03)
+
+
+@pytest.mark.parametrize(("allowed_m", "safe"), [(50, True), (15, False)])
+def test_a_leader_off_its_path_for_10_s_is_unsafe(fly: Fly, allowed_m: float, safe: bool):
+    step = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 8, 0]}
+    summary = fly(disturbances=[step], duration_s=30, safety={"path_distance_m": allowed_m})
+    figures = summary.to_dict()
+    assert 25.0 < figures["path"]["leader"]["across_m"]["max"] < 45.0
+    assert figures["path"]["centre"]["across_m"]["max"] == pytest.approx(
+        figures["path"]["leader"]["across_m"]["max"], abs=1.0
+    )
+    assert (figures["safety"]["violations"] == 0, summary.held) == (safe, safe)
+    said = " ".join(figures["unsafe"])
+    assert safe or ("off its path" in said and "safety.path_distance_m" in said)
+
+
+def test_who_takes_the_lead_beside_the_path_may_be_as_far_from_it_until_it_has_come_near(fly: Fly):
+    """A follower 90 m aside leads from 4 s on: it flies to the path, as ordered, which takes longer than 10 s."""
+    formation = {"shape": "custom", "slots_m": {2: [-30, 90, 0], 3: [-30, -40, 0]}}
+    orders = [{"at_s": 4, "order": "leader 2"}]
+    summary = fly(formation=formation, orders=orders, duration_s=40, safety={"path_distance_m": 20})
+    figures = summary.to_dict()
+    assert figures["path"]["leader"]["across_m"]["max"] > 80.0
+    assert figures["unsafe"] == []
+
+
+def test_steps_that_the_scenario_adds_to_its_setpoints_lead_off_the_path_as_planned(fly: Fly):
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    path["steps"] = [{"at_s": 3, "for_s": 14, "height_m": 30}]
+    summary = fly(path=path, duration_s=30, safety={"path_distance_m": 10})
+    assert summary.to_dict()["path"]["leader"]["height_m"]["max"] > 20.0
+    assert summary.to_dict()["unsafe"] == []
+
+
+def test_a_fence_is_needed_to_be_outside_of_it():
+    keys = scenario(expect=[{"metric": "fence_m", "below": 1}])
+    with pytest.raises(gcs_formation.ScenarioError, match="found fence_m without a fence"):
+        load_scenario(keys)
