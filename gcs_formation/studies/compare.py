@@ -20,8 +20,10 @@ from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
+from gcs_formation.record import path_distance
 from gcs_formation.record.expectations import figure_of as figure_in
 from gcs_formation.record.figures_of_merit import least, of_follower, separation_m
+from gcs_formation.record.history import history
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import ERROR
 from gcs_formation.report import RunData, load_run
@@ -162,6 +164,7 @@ def _none() -> dict[str, Any]:
     nothing = {"settled_at_s": None, **{name: dict.fromkeys(HEADS) for name in ERROR}, "effort": {}}
     return {
         **nothing,
+        "path": {"leader": None, "centre": None},
         "followed_share": None,
         "min_separation_m": None,
         "delay_margin_s": None,
@@ -174,6 +177,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
     within, stability, scenario = run.flown.window(*window_s), run.summary["stability"], run.scenario
     settled_s = figure_of(run.summary, "settled_at_s")  # the last one's: no steady figure unless all have settled
     found = [of_follower(run.flown, vehicle, within, settled_s) for vehicle in run.followers]
+    off = path_distance.path_distances(scenario, run.flown.vehicles, history(run.events).speeds_mps)
 
     def worst_of(metric: str) -> float | None:
         return worst(metric, [figure_in(each, metric) for each in found])
@@ -181,6 +185,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
     return {
         "settled_at_s": settled_s,
         **{error: {name: worst_of(f"{error}.{name}") for name in HEADS} for error in ERROR},
+        "path": {who: path_distance.figures(each, within) for who, each in off.items()},
         "effort": {channel: {name: worst_of(f"effort.{channel}.{name}") for name in EFFORTS} for channel in CHANNELS},
         "followed_share": worst("in_slot_share", [each["followed_share"] for each in found]),
         "min_separation_m": least(separation_m(run.flown, within)),
@@ -223,6 +228,9 @@ def _cells(figures: Mapping[str, Any]) -> dict[str, str]:
         "settled, s": number(figures["settled_at_s"], 1),
         **{head: " / ".join(number(axis[name]) for axis in errors) for name, head in HEADS.items()},
         "steps, m/s / rad / m": " / ".join(number(each["step_p95"]) for each in figures["effort"].values()),
+        "leader from its path, max across / height, m": " / ".join(
+            number(figures["path"]["leader"][name]["max"], 2) for name in ("across_m", "height_m")
+        ),
         "separation, m": number(figures["min_separation_m"], 1),
         "margin, s": number(figures["delay_margin_s"], 2),
         "used, %": number(used, 0),
