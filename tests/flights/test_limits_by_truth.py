@@ -14,6 +14,8 @@ import gcs_formation
 from flight_model.arrays import Array
 from formation_scenario import load_scenario
 from gcs_formation.app import run as app_run
+from gcs_formation.app.result_text import summary_text
+from gcs_formation.report import load_run, page_parts
 from sim_vehicles.truth import TruthRecord
 from tests.flights.conftest import Fly, scenario
 
@@ -162,3 +164,16 @@ def test_a_fence_is_needed_to_be_outside_of_it():
     keys = scenario(expect=[{"metric": "fence_m", "below": 1}])
     with pytest.raises(gcs_formation.ScenarioError, match="found fence_m without a fence"):
         load_scenario(keys)
+
+
+def test_what_is_printed_and_shown_says_over_what_a_figure_is_taken(fly: Fly, tmp_path: Path):
+    """The whole flight's clearance stands apart from a window's, the start's error from that after settling."""
+    summary = fly(duration_s=4, safety={"fence": {}})
+    text, cards = summary_text(summary, tmp_path), page_parts.cards(load_run(tmp_path / "run"))
+    assert "steady x" in text
+    assert "max and rms from t = 0 on, steady: from 30 s after settling on" in text
+    assert "from take-off to the end: least separation" in text
+    assert "from the path, rms/max m: the leader across 0.00/0.00" in text
+    assert cards.count("whole flight, take-off and end included") == 3
+    assert "Leader from its path" in cards
+    assert "Formation&#x27;s centre" in page_parts.from_path(summary.to_dict())
