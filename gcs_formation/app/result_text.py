@@ -110,10 +110,22 @@ def result_line(summary: Summary) -> str:
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 
 
+HELD = {True: "held", False: "not held", None: "nothing judged"}
+NOTHING_EXPECTED = "nothing was judged: the scenario has no expect"
+
+
+def held_text(summary: Summary) -> str:
+    """Return in a few words whether a run kept what was expected of it, and of how much that wasn't judged."""
+    waiting = sum(verdict.held is None for verdict in summary.verdicts)
+    part = f" ({waiting} of {len(summary.verdicts)} not judged)" if waiting and summary.held is not None else ""
+    return HELD[summary.held] + part
+
+
 def unjudged(summary: Summary) -> list[str]:
     """Return the line that says how many expectations weren't judged, and why; no line if all were."""
     reasons = [verdict.reason for verdict in summary.verdicts if verdict.held is None]
-    counts = f"{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
+    nothing = "nothing was judged: " if len(reasons) == len(summary.verdicts) else ""
+    counts = f"{nothing}{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
     return [f"{counts} ({'; '.join(dict.fromkeys(reasons))})"] if reasons else []
 
 

@@ -36,9 +36,13 @@ class Summary:
     """Further figures requested by the run's options; their bounds are arbitrary."""
 
     @property
-    def held(self) -> bool:
-        """Whether all judged expectations held, no safety limit was broken, and everything planned was carried out."""
-        return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
+    def held(self) -> bool | None:
+        """Whether all judged expectations held, no safety limit was broken, and everything planned was carried out.
+
+        None if nothing was broken and no expectation was judged.
+        """
+        found = [verdict.held for verdict in self.verdicts]
+        return False if self.breaches or False in found else True in found or None
 
     def to_dict(self) -> dict[str, Any]:
         """Return what summary.json holds."""
@@ -50,8 +54,8 @@ def summarise(outcome: RunOutcome) -> Summary:
     from importlib.metadata import version  # noqa: PLC0415 - short commands don't need it
 
     scenario, flight = outcome.scenario, outcome.flight
-    window = flight.window(0.0, scenario.duration_s)
-    time_s = flight.mission_time_s[window]
+    window, period_s = flight.window(0.0, scenario.duration_s), 1.0 / scenario.law.rate_hz
+    flown_s = max(0.0, flight.scored_end_s(scenario.duration_s, period_s))
     safety, breaches = _safety(outcome)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
@@ -59,12 +63,12 @@ def summarise(outcome: RunOutcome) -> Summary:
         "name": scenario.name,
         "seed": scenario.seed,
         "clock": outcome.clock,
-        "duration_s": float(time_s[-1]) if time_s.size else 0.0,
+        "duration_s": flown_s,
         "begun_s": _begun_s(flight),
         "wall_s": outcome.wall_s,
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
-        "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
+        "followers": {str(v): _follower(flight, v, window, period_s, flown_s) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
@@ -95,13 +99,13 @@ def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, 
         if not math.isfinite(link.heard_to_s) or math.isfinite(link.due_to_s):
             continue
         flew = flight.airborne(identity)[flight.mission_time_s <= link.heard_to_s][-1:].any()
-        if flew and not is_out(scenario, planned, float(flight.mission_time_s[-1])):
+        if flew and not is_out(scenario, planned, flight.ended_s):
             yield f"vehicle {identity} was lost in the air: not heard from {link.heard_to_s:.1f} s to the end"
 
 
 def _flying_on(outcome: RunOutcome) -> Iterator[str]:
     """Yield in words who flies on after the run, but not by a fault or an outage of the scenario at its end."""
-    scenario, end_s = outcome.scenario, float(outcome.flight.mission_time_s[-1])
+    scenario, end_s = outcome.scenario, outcome.flight.ended_s
     for planned in scenario.vehicles:
         text = outcome.flying_on.get(planned.vehicle_id)
         faults = (each for each in scenario.faults if planned in scenario.selected(each.vehicles))
@@ -117,8 +121,11 @@ def _begun_s(flight: RecordedFlight) -> float | None:
     return float(known[0]) if known.size else None
 
 
-def _follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
-    settled_s = figures.settled_at_s(flight.mission_time_s[window], flight.error(vehicle, window))
+def _follower(
+    flight: RecordedFlight, vehicle: VehicleId, window: Mask, period_s: float, flown_s: float
+) -> dict[str, Any]:
+    time_s, error_m = flight.mission_time_s[window], flight.error(vehicle, window)
+    settled_s = figures.settled_at_s(time_s, error_m, period_s, (0.0, flown_s))
     return figures.of_follower(flight, vehicle, window, settled_s)
 
 
