@@ -12,6 +12,8 @@ SETTLED_M = 0.5
 """A vehicle is in its slot if its error is at most this on every axis."""
 GAP_S = 3.0
 """Longest time without a row of the time series that counts as judged, anywhere in a window, its ends included."""
+LATE_PERIODS = 1.5
+"""Rows that are further apart, in periods of the loop, are ones between which a tick is missing."""
 JUDGED_SHARE = 0.95
 """Least part of a window that must have been judged, so that a bound counts as held."""
 _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m"}

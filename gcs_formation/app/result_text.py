@@ -94,7 +94,14 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
     left = len(figures["followers"]) - MOST_ROWS
     after = [f"… and {left} more in summary.json"] if left > 0 else []
-    after += [*_partly(figures), _safety(figures), *_verdicts(summary), *summary.breaches, f"recorded in {directory}"]
+    after += [
+        *_partly(figures),
+        _safety(figures),
+        *_verdicts(summary),
+        *summary.breaches,
+        *spoilt(summary),
+        f"recorded in {directory}",
+    ]
     return "\n".join([*_wrapped(words, width), *rows, *_wrapped(after, width)])
 
 
@@ -104,6 +111,8 @@ def result_line(summary: Summary) -> str:
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
     said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
     more = [f"{len(figures[key])} {words}" for key, words in FAILINGS.items() if figures[key]]
+    if figures["control"]["lateness"]:
+        more.append(f"late ticks: {figures['control']['late_ticks']} of {figures['control']['ticks']}")
     if figures["assembled"] is False:
         more.append("not everyone was in its slot when the path began")
     outcome = "; ".join((f"expectations: {said}", f"safety: {figures['safety']['violations']} violations", *more))
@@ -119,6 +128,12 @@ def held_text(summary: Summary) -> str:
     waiting = sum(verdict.held is None for verdict in summary.verdicts)
     part = f" ({waiting} of {len(summary.verdicts)} not judged)" if waiting and summary.held is not None else ""
     return HELD[summary.held] + part
+
+
+def spoilt(summary: Summary) -> list[str]:
+    """Return the line that says how late ticks spoilt the flight; no line if they didn't."""
+    text = summary.to_dict()["control"]["lateness"]
+    return [text] if text else []
 
 
 def unjudged(summary: Summary) -> list[str]:

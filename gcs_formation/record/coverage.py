@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array
-from formation_scenario.expectation import GAP_S, JUDGED_SHARE
+from formation_scenario.expectation import GAP_S, JUDGED_SHARE, LATE_PERIODS
 
 HALF = 0.5
-LATE_PERIODS = 1.5
-"""Rows that are further apart, in periods of the loop, are ones between which a tick is missing."""
 ROUNDING = 1e-6
 
 

@@ -17,6 +17,7 @@ from formation_scenario.expectation import (
     FOLLOWER_METRICS,
     GAP_S,
     JUDGED_SHARE,
+    LATE_PERIODS,
     LINK_METRICS,
     WINDOWED,
     Expectation,
@@ -25,7 +26,7 @@ from formation_scenario.expectation import (
     stays_broken,
 )
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.coverage import LATE_PERIODS, Coverage, coverage
+from gcs_formation.record.coverage import Coverage, coverage
 from gcs_formation.record.flight import RecordedFlight
 
 WORDS = {True: "held", False: "broken", None: "not judged"}
@@ -273,14 +274,13 @@ def _followed(verdict: Verdict, flight: RecordedFlight, period_s: float) -> Verd
     wanted, vehicle = verdict.expectation, verdict.vehicle
     assert vehicle is not None, "a follower's"
     window = flight.window(wanted.from_s, wanted.to_s)
-    own = coverage(flight.scored(vehicle, window)[0], wanted.from_s, wanted.to_s, period_s)
-    if own.share >= verdict.share:
-        return verdict if verdict.reason else replace(verdict, reason=_absence(flight, vehicle, window, period_s))
-    leads_s = float((window & flight.leads(vehicle)).sum()) * period_s
-    led = "led all the time" if flight.leads(vehicle)[window].all() else f"led for {leads_s:.1f} s"
-    away = _absence(flight, vehicle, window, period_s)
-    reason = "; ".join(filter(None, (verdict.reason, led if leads_s else "", away)))
-    return replace(verdict, share=own.share, reason=reason or str(own))
+    leads, known = window & flight.leads(vehicle), window & flight.known(vehicle)
+    own = coverage(flight.mission_time_s[leads | known], wanted.from_s, wanted.to_s, period_s)
+    follows = float(known.sum()) / max(1.0, float((leads | known).sum()))  # leading isn't a gap, however short
+    share, away = min(verdict.share, own.share * follows), _absence(flight, vehicle, window, period_s)
+    led = "led all the time" if leads.sum() == window.sum() else f"led for {leads.sum() * period_s:.1f} s"
+    reason = "; ".join(filter(None, (verdict.reason, led if leads.any() else "", away)))
+    return replace(verdict, share=share, reason=reason or ("" if share >= verdict.share else str(own)))
 
 
 def _steadied(verdict: Verdict, parts: Mapping[str, Any]) -> Verdict:

@@ -11,8 +11,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, wrap
 from flight_model.slot import CHANNELS
-from formation_scenario.expectation import GAP_S, SETTLED_M
-from gcs_formation.record.coverage import LATE_PERIODS
+from formation_scenario.expectation import GAP_S, LATE_PERIODS, SETTLED_M
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.timeseries import ERROR, ROWS_AT_ONCE, SETPOINT
 

@@ -133,7 +133,7 @@ class RecordedFlight:
 
     def scored(self, vehicle: VehicleId, window: Mask) -> tuple[Array, Array]:
         """Return mission times (N,) and errors (N, 3) of the ticks in a (T,) window at which a follower has errors."""
-        seen = window & self._known(vehicle)
+        seen = window & self.known(vehicle)
         return self.mission_time_s[seen], self.error(vehicle, seen)
 
     def missed(self, vehicle: VehicleId, window: Mask) -> int:
@@ -161,9 +161,10 @@ class RecordedFlight:
 
     def _takes_part(self, vehicle: VehicleId) -> Mask:
         """Return (T,) whether a vehicle has errors or leads; otherwise it is lost: down, or without a leader."""
-        return self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0)
+        return self.known(vehicle) | (self.vehicles[vehicle]["leads"] > 0)
 
-    def _known(self, vehicle: VehicleId) -> Mask:
+    def known(self, vehicle: VehicleId) -> Mask:
+        """Return (T,) at which ticks a vehicle has errors: it follows another, and both fly."""
         x_m, y_m, z_m = (np.isfinite(self.vehicles[vehicle][name]) for name in ERROR)
         return x_m & y_m & z_m
 

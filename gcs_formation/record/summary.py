@@ -17,11 +17,10 @@ from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.lateness import late_ticks, lateness
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
-LATE_S = 0.010
-"""A tick that begins more than this after it was due is late."""
 
 
 @dataclass(frozen=True)
@@ -163,12 +162,13 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
 
 
 def _control(ticks_s: Array, rate_hz: float) -> dict[str, Any]:
-    due_s, begun_s, compute_s = ticks_s
+    _, begun_s, compute_s = ticks_s
     period_ms = np.diff(begun_s) * 1e3
     return {
         "rate_hz": rate_hz,
         "ticks": int(begun_s.size),
-        "late_ticks": int((begun_s - due_s > LATE_S).sum()),
+        "late_ticks": late_ticks(ticks_s),
+        "lateness": lateness(ticks_s, rate_hz),
         "period_ms": figures.percentiles(period_ms, 50, 99)
         | {"max": float(period_ms.max()) if period_ms.size else None},
         "compute_ms": figures.percentiles(compute_s * 1e3, 50, 99),

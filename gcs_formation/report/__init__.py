@@ -28,6 +28,7 @@ from gcs_formation.record.json_shape import (
     NUMBER,
     NUMBER_OR_NULL,
     TEXT,
+    TEXT_OR_NULL,
     TRUTH_OR_NULL,
     Each,
     Maybe,
@@ -53,9 +54,10 @@ UNKNOWN_IN_LINKS = (
     "frames_bad",
     "frames_implausible",
 )
-UNKNOWN_IN_CONTROL = ("late_ticks",)
+UNKNOWN_IN_CONTROL = ("late_ticks", "lateness")
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
 """Figures that only the process that flew could know."""
+NOT_RECORDED = {"value": None, "held": None, "judged": False, "judged_share": 0.0, "reason": "not in the record"}
 WORST_WITHOUT_ERRORS = -1.0
 NUMBERS = "biuf"
 """Numpy's kinds of numbers and flags."""
@@ -87,12 +89,14 @@ SUMMARY_SHAPE: Shape = {
         **dict.fromkeys(("ticks", "late_ticks"), INTEGER),
         "period_ms": dict.fromkeys(("p50", "p99", "max"), NUMBER_OR_NULL),
         "compute_ms": dict.fromkeys(("p50", "p99"), NUMBER_OR_NULL),
+        "lateness": Maybe(TEXT_OR_NULL),
     },
     "safety": {"violations": INTEGER, **dict.fromkeys(("min_separation_m", "min_clearance_m"), NUMBER_OR_NULL)},
     "stability": dict.fromkeys(("delay_margin_s", "worst_loop_delay_s"), NUMBER_OR_NULL),
     "expect": Each(
         {
             **{"metric": TEXT, "value": NUMBER_OR_NULL, "held": TRUTH_OR_NULL, "reason": Maybe(TEXT)},
+            "judged_share": Maybe(NUMBER),
             **dict.fromkeys(("from_s", "to_s", "below", "above"), Maybe(NUMBER)),
         }
     ),
@@ -353,7 +357,7 @@ def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
         "received": dict.fromkeys(summary["received"]),
         "control": summary["control"] | dict.fromkeys(UNKNOWN_IN_CONTROL),
         "expect": [
-            entry | ({"value": None, "held": None} if entry["metric"].partition(".")[0] in UNKNOWN else {})
+            entry | (NOT_RECORDED if entry["metric"].partition(".")[0] in UNKNOWN else {})
             for entry in summary["expect"]
         ],
     }

@@ -182,8 +182,10 @@ class FlownFlight:
         """Return in which part of a window a vehicle followed."""
         series = self._series_of(vehicle)
         time_s = series["mission_time_s"]
-        follows = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9) & ~(series["leads"] > 0)
-        return coverage(time_s[follows], from_s, to_s, 1.0 / self.scenario.law.rate_hz)
+        window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        recorded = coverage(time_s[window], from_s, to_s, 1.0 / self.scenario.law.rate_hz)
+        followed = 1.0 - float((series["leads"][window] > 0).sum()) / max(1.0, float(window.sum()))
+        return replace(recorded, share=recorded.share * followed)
 
     def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[tuple[float, str]]:
         """Yield the largest |error| along each axis with its words; NaN, which is worst, if one isn't known."""
