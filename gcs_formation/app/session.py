@@ -26,9 +26,10 @@ from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import LinkFigures, RunOutcome
+from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import FlightBuilder, Truth, tables
+from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet

@@ -7,73 +7,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
-from formation_scenario import Scenario, Vehicle
+from formation_scenario import Scenario
 from formation_scenario.expectation import (
     FOLLOWER_METRICS,
     GAP_S,
-    JUDGED_SHARE,
     LATE_PERIODS,
     LINK_METRICS,
-    WINDOWED,
     Expectation,
-    bounds_text,
-    keeps,
     stays_broken,
 )
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.coverage import Coverage, coverage
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.link_verdicts import LinkFigures, as_answered, is_out, link_verdict
+from gcs_formation.record.verdict import ROUNDING_S, Verdict, weighed
 
-WORDS = {True: "held", False: "broken", None: "not judged"}
 FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
 """Lists of summary.json that make the exit status 1 if they aren't empty, in words."""
 SECTIONS = ("safety", "control", "stability")
-UNANSWERED_S = 10.0
-"""A longer time without answers at a window's end is a time without measured delays."""
 LEADERLESS_S = 5.0
 """Time without a leader that isn't a loss: it takes 3.1 s until another takes over."""
 ABSENT_S = 1.0
 """Shorter absences of a follower from the formation aren't mentioned."""
-ROUNDING_S = 1e-6
-
-
-@dataclass(frozen=True)
-class LinkFigures:
-    """Counts and delays (s) of one vehicle's link."""
-
-    delays_s: Array
-    """(P, 3) delays of each answered request: half the round trip, up, down; NaN while the split is unknown."""
-    delay_times_s: Array
-    """Mission times of the requests, NaN before the path began."""
-    measured_loss: float
-    frames_in: int
-    frames_out: int
-    frames_bad: int
-    frames_implausible: int = 0
-    injected: tuple[float, float, float, float] | None = None
-    """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
-
-    None if the link's impairments are unknown, as in `fly` behind something else.
-    """
-    due_to_s: float = math.inf
-    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
-    heard_to_s: float = math.inf
-    """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
-
-    def answered_to_s(self, end_s: float) -> float:
-        """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""
-        last_s = float(np.max(self.delay_times_s, where=self.delay_times_s <= end_s, initial=-math.inf))
-        return last_s if end_s - last_s > UNANSWERED_S else math.inf
-
-    @property
-    def each_way_s(self) -> Array:
-        """(P,) the one-way delays, at least 0: the mean wait for the autopilot's loop may exceed the measured delay."""
-        return np.maximum(self.delays_s[:, 0], 0.0)
 
 
 @dataclass(frozen=True)
@@ -112,58 +70,6 @@ class RunOutcome:
     """Further figures to compute, regardless of their bounds."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """The result of one expectation for one vehicle, or for the run (None)."""
-
-    expectation: Expectation
-    vehicle: VehicleId | None
-    value: float | None
-    """Infinite for the separation of a single vehicle, which is null in summary.json."""
-    reached: bool = True
-    """Whether the window was flown to its end, and by this follower."""
-    judged: bool = True
-    """False if less than `JUDGED_SHARE` of the window was judged, and that didn't break the bound already."""
-    reason: str = ""
-    """Why the window wasn't reached or isn't judged, in words."""
-    lost: bool = False
-    """Whether this follower was lost, or its link silent, before the window's or the flight's end."""
-    share: float = 1.0
-    """Which part of the window was judged, from 0 to 1."""
-    cut: bool = False
-    """Whether `--until` or an order ended the flight before the window's end."""
-
-    @property
-    def held(self) -> bool | None:
-        """Whether the bound was kept over a window flown to its end; None if that isn't judged."""
-        if not self.judged:
-            return None
-        if self.value is None or not self.reached:
-            return False
-        return keeps(self.value, self.expectation.below, self.expectation.above)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of summary.json."""
-        wanted = self.expectation
-        entry: dict[str, Any] = {"metric": wanted.metric}
-        if self.vehicle is not None:
-            entry["follower"] = self.vehicle.system if self.vehicle.network == 1 else str(self.vehicle)
-        known = self.value is not None and math.isfinite(self.value)
-        entry |= {"value": self.value if known else None, "from_s": wanted.from_s, "to_s": wanted.to_s}
-        entry |= {name: bound for name in ("below", "above") if (bound := getattr(wanted, name)) is not None}
-        entry |= {"held": self.held, "judged": self.judged, "judged_share": self.share, "reached": self.reached}
-        return entry | ({"reason": self.reason} if self.reason else {})
-
-    def __str__(self) -> str:
-        wanted = self.expectation
-        who = f"vehicle {self.vehicle}: " if self.vehicle else ""
-        found = "no value" if self.value is None else f"{self.value:.4g}"
-        state = WORDS[self.held] + (f": {self.reason}" if self.reason else "")
-        window = f"from {wanted.from_s:g} s to {wanted.to_s:g} s"
-        expected = bounds_text(wanted.below, wanted.above)
-        return f"{who}{wanted.metric} {window}: found {found}; expected: {expected}: {state}"
-
-
 def judge(
     scenario: Scenario,
     flight: RecordedFlight,
@@ -188,11 +94,11 @@ def judge(
             for planned in scenario.selected(each.followers):
                 link, end_s = links[planned.vehicle_id], min(each.to_s, float(parts["duration_s"]))
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
-                verdict = _weighed(replace(plain, vehicle=planned.vehicle_id, value=value))
+                verdict = weighed(replace(plain, vehicle=planned.vehicle_id, value=value))
                 out = is_out(scenario, planned, end_s, either=True)
-                yield _as_answered(_link_verdict(verdict, link, end_s, out=out), link)
+                yield as_answered(link_verdict(verdict, link, end_s, out=out), link)
         else:
-            yield _weighed(replace(plain, value=_run_value(each, flight, parts)))
+            yield weighed(replace(plain, value=_run_value(each, flight, parts)))
 
 
 def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, *, cut_short: bool) -> Verdict:
@@ -218,26 +124,6 @@ def nobody_flew(down_s: float) -> str:
     return f"nobody flew from {down_s:.1f} s on"
 
 
-def _weighed(verdict: Verdict) -> Verdict:
-    """Return a verdict with its figure that isn't judged if too little of its window was, and that breaks no bound."""
-    wanted, value = verdict.expectation, verdict.value
-    if verdict.share >= JUDGED_SHARE - ROUNDING_S or not (verdict.reached or verdict.cut):
-        return verdict
-    if verdict.cut:
-        broken = stays_broken(wanted.metric, value, wanted.below, wanted.above, verdict.share)
-    else:
-        broken = value is not None and not keeps(value, wanted.below, wanted.above)
-    return replace(verdict, judged=broken)
-
-
-def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
-    """Return whether by the scenario nothing comes down a vehicle's link, or passes `either` way, at a mission time."""
-    steps = scenario.link_steps(vehicle)
-    step = ([each for each in steps if each.at_s <= at_s] or steps[:1])[-1]  # at_s is NaN before the path
-    ways = (step.downlink, step.uplink) if either else (step.downlink,)
-    return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)
-
-
 def _of_followers(
     plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any]
 ) -> Iterator[Verdict]:
@@ -259,7 +145,7 @@ def _of_followers(
         verdict = _followed(replace(plain, vehicle=vehicle), flight, period_s)
         verdict = replace(verdict, value=_follower_value(wanted, flight, vehicle, parts))
         if lost_s is None:
-            yield _weighed(_steadied(verdict, parts))
+            yield weighed(_steadied(verdict, parts))
             continue
         crash_s = math.inf if down else crash_planned_s(scenario, vehicle)
         broken = crash_s <= lost_s and _broken_before(crash_s, wanted, flight, vehicle, parts, verdict.share)
@@ -303,54 +189,6 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     if last:
         return replace(verdict, judged=True, reason=f"{reason}, and nobody else follows")
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
-
-
-def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
-    """Return the verdict on a link, changed if its vehicle fell silent for good before `end_s`.
-
-    If the scenario silenced it, the link isn't judged, unless it had broken a bound before. If it fell silent by
-    itself, a metric over a window is broken, as nothing was measured; one of the whole flight stands, because it counts
-    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request.
-
-    Args:
-        verdict: by the figures alone.
-        link: when the vehicle was silenced by a fault, and when it was last heard and last answered.
-        end_s: the end of the window, or of the flight if that came first.
-        out: whether the scenario has an outage of the link then.
-    """
-    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
-    needs_answers = verdict.expectation.metric.startswith("measured_delay")
-    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if needs_answers else math.inf)
-    if verdict.held is None or silent_s >= end_s:
-        return verdict
-    state = "silenced" if min(link.due_to_s, link.heard_to_s) < end_s else "cut off"
-    if fault or (out and windowed):
-        at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
-        reason = f"{state} at {at_s:.1f} s by the scenario's {whose}"
-        known = verdict.value is not None and verdict.held is False
-        said = f"before it was {reason}" if known else reason
-        return replace(verdict, reached=False, judged=known, reason=said, lost=True)
-    why = "not heard" if state == "silenced" else "no answer"
-    reached, said = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
-    return replace(verdict, reached=reached, reason=said, lost=windowed)
-
-
-def _as_answered(verdict: Verdict, link: LinkFigures) -> Verdict:
-    """Return a verdict on measured delays that isn't judged if too much of its window passed without answers."""
-    wanted = verdict.expectation
-    if not wanted.metric.startswith("measured_delay") or verdict.held is None or verdict.lost or not verdict.reached:
-        return verdict
-    times_s = np.sort(link.delay_times_s)
-    times_s = times_s[(times_s >= wanted.from_s) & (times_s <= wanted.to_s)]
-    edges_s = np.concatenate(([wanted.from_s], times_s, [wanted.to_s]))
-    apart_s = np.diff(edges_s)
-    silent_s = float(apart_s[apart_s > UNANSWERED_S].sum())
-    share = 1.0 - silent_s / (wanted.to_s - wanted.from_s)
-    if share >= verdict.share or not times_s.size:
-        return verdict
-    longest = int(apart_s.argmax())
-    said = f"no answer from {edges_s[longest]:.1f} s to {edges_s[longest + 1]:.1f} s"
-    return _weighed(replace(verdict, share=share, reason="; ".join(filter(None, (verdict.reason, said)))))
 
 
 def _absence(flight: RecordedFlight, vehicle: VehicleId, window: Mask, period_s: float) -> str:

@@ -15,10 +15,12 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
-from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
+from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.lateness import late_ticks, lateness
+from gcs_formation.record.link_verdicts import LinkFigures, is_out
 from gcs_formation.record.timeseries import PHASES
+from gcs_formation.record.verdict import Verdict
 
 SCHEMA = 1
 

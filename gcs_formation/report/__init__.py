@@ -20,7 +20,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
-from gcs_formation.record.expectations import LinkFigures, RunOutcome
+from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, RecordedFlight, split, tables
 from gcs_formation.record.json_shape import (
@@ -35,6 +35,7 @@ from gcs_formation.record.json_shape import (
     Shape,
     misfit,
 )
+from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
 from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, Spool, flying, read_parquet

@@ -15,7 +15,8 @@ import yaml
 
 from formation_scenario.expectation import CHANNEL_UNITS
 from formation_scenario.surroundings import StepDisturbance
-from gcs_formation.record.expectations import FAILINGS, WORDS
+from gcs_formation.record.expectations import FAILINGS
+from gcs_formation.record.verdict import WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts
 

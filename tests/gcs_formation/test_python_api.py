@@ -7,7 +7,7 @@ import pytest
 
 import gcs_formation
 from formation_scenario.expectation import Expectation
-from gcs_formation.record.expectations import Verdict
+from gcs_formation.record.verdict import Verdict
 from tests.flights.conftest import scenario
 from tests.processes import events_of
 

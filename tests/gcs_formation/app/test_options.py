@@ -7,6 +7,7 @@ from click.testing import CliRunner
 from airlink.cli import Status
 from gcs_formation.app.operator_at_terminal import RunOptions
 from gcs_formation.cli import main
+from gcs_formation.record import summary
 
 
 @pytest.mark.parametrize(
@@ -79,3 +80,13 @@ def test_a_bound_that_was_broken_before_the_flight_was_cut_is_broken(flown) -> N
     told = flown("--quiet", "--until", "1", "--set", "expect=[{metric: error_x_m.max, below: 1e-9}]")
     assert told.exit_code == Status.EXPECTATION_BROKEN
     assert told.stderr.endswith("expected: below 1e-09: broken: flown to 1.0 s of 5 s\n")
+
+
+def test_late_ticks_that_spoil_a_flight_are_said_also_with_quiet(flown, monkeypatch) -> None:
+    """They fail nothing by themselves. The result line of a log has their number."""
+    monkeypatch.setattr(summary, "lateness", lambda *_: "late ticks: 3 of 9 began more than 10 ms late")
+    told = flown("--quiet", "--set", "expect=[{metric: error_x_m.max, below: 1}]")
+    assert (told.exit_code, told.output) == (0, "late ticks: 3 of 9 began more than 10 ms late\n")
+    told = flown("--overwrite")
+    assert "late ticks: 3 of 9 began" in told.stdout
+    assert "; late ticks: 0 of " in told.stderr

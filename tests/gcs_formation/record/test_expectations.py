@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
+from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.link_verdicts import LinkFigures, is_out
 from gcs_formation.record.summary import _flying_on, _link, _lost
+from gcs_formation.record.verdict import Verdict
 from tests.gcs_formation.record.test_flight import CRASH_S, FOLLOWER, KEYS, LEADER, THIRD, flown
 
 FLOWN_S = 10.0
@@ -268,6 +270,33 @@ def test_delays_are_not_known_of_a_vehicle_that_answers_nothing_any_more(planned
     assert link_verdict("measured_delay_ms.p99", ago_s=9.5).held is True
     assert link_verdict("measured_loss", out, ago_s=10.5).held is True
     assert found.lost
+
+
+@pytest.mark.parametrize(("metric", "held"), [("measured_delay_ms.p99", None), ("measured_loss", True)])
+def test_delays_are_not_judged_over_a_window_that_hardly_had_answers(metric: str, held: bool | None) -> None:
+    """For 15 s of 60 s no answer came; a bound that the others broke is broken."""
+    times_s = np.array([*np.arange(0.0, 20.0), *np.arange(35.0, 60.0)])
+    for delay_s, found_held in ((5e-4, held), (2e-3, False if held is None else held)):
+        link = LinkFigures(np.full((times_s.size, 3), delay_s), times_s, 0.0, 9, 9, 0)
+        expect = [{"metric": metric, "followers": [2], "below": 0.9, "to_s": 60}]
+        scenario = load_scenario(KEYS | {"duration_s": 60, "expect": expect})
+        parts = PARTS | {"duration_s": 60.0, "links": {"2": {"measured_loss": 0.0}}}
+        (found,) = judge(scenario, stretched(6.0), parts, {FOLLOWER: link}, False)
+        assert found.held is found_held
+        assert found.reason == ("no answer from 19.0 s to 35.0 s" if held is None else "")
+
+
+def stretched(factor: float) -> RecordedFlight:
+    """Return the flight of 10 s with its rows `factor` times as far apart, and as many more between."""
+    whole = flown()
+    rows = np.arange(round(whole.mission_time_s.size * factor))
+    vehicles = {
+        vehicle: {name: each[np.minimum(rows, each.size - 1)] for name, each in own.items()}
+        for vehicle, own in whole.vehicles.items()
+    }
+    for own in vehicles.values():
+        own["t_s"] = own["mission_time_s"] = rows * 0.1
+    return RecordedFlight(vehicles)
 
 
 @pytest.mark.parametrize("way", ["uplink", "downlink"])

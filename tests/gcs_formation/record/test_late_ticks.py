@@ -12,10 +12,11 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.record.coverage import coverage
-from gcs_formation.record.expectations import LinkFigures, judge
+from gcs_formation.record.expectations import judge
 from gcs_formation.record.figures_of_merit import settled_at_s
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.lateness import late_ticks, lateness
+from gcs_formation.record.link_verdicts import LinkFigures
 from tests.gcs_formation.record.test_flight import FOLLOWER, KEYS, LEADER, THIRD, flown, recorded, spool, truth
 
 PERIOD_S = 0.1
