@@ -17,6 +17,7 @@ from gcs_formation.record.figures_of_merit import settled_at_s
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.lateness import late_ticks, lateness
 from gcs_formation.record.link_verdicts import LinkFigures
+from tests.gcs_formation.record.test_expectations import stretched
 from tests.gcs_formation.record.test_flight import FOLLOWER, KEYS, LEADER, THIRD, flown, recorded, spool, truth
 
 PERIOD_S = 0.1
@@ -198,3 +199,18 @@ def test_one_that_is_lost_at_a_window_s_end_is_so_if_the_ticks_there_are_late(
     for flight in (flown(crashed), held_up(flown(crashed), late_from_s, 1.0)):
         (found,) = judge(scenario, flight, parts, {}, False)
         assert (found.held, found.lost, found.reason) == (False, True, "lost at 4.1 s")
+
+
+def test_steady_flight_that_late_ticks_hide_is_not_judged() -> None:
+    """It settles at 1 s, and the flight is over at 31.2 s, so that 0.2 s of it are steady."""
+    expect = [{"metric": "error_x_m.steady_max", "followers": [2], "below": 0.1}]
+    scenario = load_scenario(KEYS | {"duration_s": 31.2, "expect": expect})
+    for flight, settled_s, held in (
+        (stretched(3.2), 1.0, True),
+        (held_up(stretched(3.2), 30.9, 1.0), 1.0, None),
+        (held_up(stretched(3.2), 30.9, 1.0), 2.0, False),
+        (stretched(3.2), None, False),
+    ):
+        parts = {"duration_s": 31.2, "followers": {"2": {"settled_at_s": settled_s}}}
+        (found,) = judge(scenario, flight, parts, {}, False)
+        assert found.held is held
