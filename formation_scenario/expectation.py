@@ -10,6 +10,12 @@ from formation_scenario.fields import Keys, NonNegative, Number, OneOf, VehicleS
 
 SETTLED_M = 0.5
 """A vehicle is in its slot if its error is at most this on every axis."""
+GAP_S = 3.0
+"""Longest time without a row of the time series that counts as judged, anywhere in a window, its ends included."""
+LATE_PERIODS = 1.5
+"""Rows that are further apart, in periods of the loop, are ones between which a tick is missing."""
+JUDGED_SHARE = 0.95
+"""Least part of a window that must have been judged, so that a bound counts as held."""
 _AXES = {"x": "forward error, m", "y": "lateral error, m", "z": "height error, m"}
 _FIGURES = {
     "rms": "root mean square over the window",
@@ -125,10 +131,26 @@ def keeps(value: float, below: float | None, above: float | None) -> bool:
     return (below is None or value < below) and (above is None or value > above)
 
 
-def stays_broken(metric: str, value: float | None, below: float | None) -> bool:
-    """Return whether a follower's figure breaks its upper bound, and further flight can't reduce it."""
-    grows = metric == "settled_at_s" or metric.endswith(("_m.max", "_m.steady_max"))
-    return grows and value is not None and below is not None and value >= below
+_GROWING = ("violations", "late_ticks", "period_ms.max", "frames_bad", "settled_at_s", "margin_used", "fence_m")
+
+
+def stays_broken(metric: str, value: float | None, below: float | None, above: float | None, share: float) -> bool:
+    """Return whether a figure over a `share` of its window breaks a bound, whatever the rest of the window brings.
+
+    A maximum, a count and a time can only grow, a minimum only fall; a mean is at best that with a rest without errors.
+    """
+    if value is None:
+        return False
+    least, most = -math.inf, math.inf
+    if metric in _GROWING or metric.endswith(("_m.max", "_m.steady_max")):
+        least = value
+    elif metric.endswith("_m.rms"):
+        least = value * math.sqrt(share)
+    elif metric == "in_slot_share":
+        least, most = value * share, value * share + 1.0 - share
+    elif metric.startswith("min_"):
+        most = value
+    return (below is not None and least >= below) or (above is not None and most <= above)
 
 
 def bounds_text(below: float | None, above: float | None) -> str:

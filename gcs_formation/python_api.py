@@ -19,6 +19,7 @@ from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOpt
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.result_text import held_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
@@ -48,7 +49,7 @@ class Summary(RecordedSummary):
 
     def __repr__(self) -> str:
         """Return the run's result in a line; `to_dict()` has the figures."""
-        found, parts = self.to_dict(), [str(self.run_dir), "held" if self.held else "not held"]
+        found, parts = self.to_dict(), [str(self.run_dir), held_text(self)]
         parts.append(f"{found['duration_s']:.1f} s")
         for follower, each in found["followers"].items():
             rms = [each[f"error_{axis}_m"]["rms"] for axis in "xyz"]

@@ -100,6 +100,7 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
         *_safety(figures),
         *_verdicts(summary),
         *summary.breaches,
+        *spoilt(summary),
         f"recorded in {directory}",
     ]
     return "\n".join([*_wrapped(words, width), *rows, *_wrapped(after, width)])
@@ -111,16 +112,36 @@ def result_line(summary: Summary) -> str:
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
     said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
     more = [f"{len(figures[key])} {words}" for key, words in FAILINGS.items() if figures[key]]
+    if figures["control"]["lateness"]:
+        more.append(f"late ticks: {figures['control']['late_ticks']} of {figures['control']['ticks']}")
     if figures["assembled"] is False:
         more.append("not everyone was in its slot when the path began")
     outcome = "; ".join((f"expectations: {said}", f"safety: {figures['safety']['violations']} violations", *more))
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 
 
+HELD = {True: "held", False: "not held", None: "nothing judged"}
+NOTHING_EXPECTED = "nothing was judged: the scenario has no expect"
+
+
+def held_text(summary: Summary) -> str:
+    """Return in a few words whether a run kept what was expected of it, and of how much that wasn't judged."""
+    waiting = sum(verdict.held is None for verdict in summary.verdicts)
+    part = f" ({waiting} of {len(summary.verdicts)} not judged)" if waiting and summary.held is not None else ""
+    return HELD[summary.held] + part
+
+
+def spoilt(summary: Summary) -> list[str]:
+    """Return the line that says how late ticks spoilt the flight; no line if they didn't."""
+    text = summary.to_dict()["control"]["lateness"]
+    return [text] if text else []
+
+
 def unjudged(summary: Summary) -> list[str]:
     """Return the line that says how many expectations weren't judged, and why; no line if all were."""
     reasons = [verdict.reason for verdict in summary.verdicts if verdict.held is None]
-    counts = f"{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
+    nothing = "nothing was judged: " if len(reasons) == len(summary.verdicts) else ""
+    counts = f"{nothing}{len(reasons)} of {counted(len(summary.verdicts), 'expectation')} not judged"
     return [f"{counts} ({'; '.join(dict.fromkeys(reasons))})"] if reasons else []
 
 

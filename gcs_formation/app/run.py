@@ -34,7 +34,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, TRUTH
+from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, SUMMARY, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
 from gcs_formation.recorder import Detail, Event
@@ -153,9 +153,11 @@ def _conclude(session: Session) -> Summary:
     """Return the summary. If there is none, the ground truth stays in the directory for `report`."""
     directory = session.recorder.path
     truth = recorded_truth(directory)
-    summary = session.conclude(None if truth is None else truth.between)
-    (directory / TRUTH).unlink(missing_ok=True)
-    return summary
+    try:
+        return session.conclude(None if truth is None else truth.between)
+    finally:
+        if (directory / SUMMARY).is_file():
+            (directory / TRUTH).unlink(missing_ok=True)
 
 
 def recorded_truth(directory: Path) -> TruthRecord | None:

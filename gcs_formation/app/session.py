@@ -26,10 +26,11 @@ from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import LinkFigures, RunOutcome
+from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import FlightBuilder, judged, tables
 from gcs_formation.record.limits_by_truth import Truth
+from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
@@ -173,10 +174,15 @@ class Session:
         return True
 
     def port_failed(self, error: PortError) -> RunAbortedError:
-        """Close the record of a run that got no port; return what to raise. A resumed run can be resumed again."""
-        if self._resumed is None:
-            self.station.course.fail(str(error), self.clock.now(), begun=False)
-        self.recorder.close()
+        """Conclude a run that got no port; return what to raise. A resumed run can be resumed again."""
+        if self._resumed is not None:
+            self.recorder.close()
+            return RunAbortedError(str(error))
+        self.station.course.fail(str(error), self.clock.now(), begun=False)
+        try:
+            self.conclude(None)
+        except RunAbortedError as failed:
+            return failed
         return RunAbortedError(str(error))
 
     def begin_to_wait(self) -> None:
@@ -190,7 +196,9 @@ class Session:
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
-        """Close the record, and write the time series and the summary, also if it failed after the flight itself.
+        """Close the record, and write the time series and the summary, also if it failed after the flight or before it.
+
+        A run that failed in flight has none, because it may be resumed.
 
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
@@ -200,7 +208,7 @@ class Session:
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         failure = None if course.failure is None else course.failure + self._hurry()
-        if failure is not None and not course.flown:
+        if failure is not None and not course.flown and Spool(self.recorder.path / SPOOL).ticks:
             raise RunAbortedError(failure)
         try:
             summary = self._make_summary(truth, wall_s)

@@ -19,7 +19,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.check import never_reached
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
-from gcs_formation.app.result_text import result_line, summary_text, unjudged
+from gcs_formation.app.result_text import NOTHING_EXPECTED, result_line, spoilt, summary_text, unjudged
 from gcs_formation.app.run import fly as fly_scenario
 from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
@@ -191,9 +191,12 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         tell(f"next: gcs-formation report {shlex.quote(str(recorded_in(options.out)))}", err=as_json)
     if interrupts.count:
         return _interrupted(options)
-    for broken in (*(str(v) for v in summary.verdicts if v.held is False), *summary.breaches, *unjudged(summary)):
-        tell(broken, err=True)
-    return Status.FINE if summary.held else Status.EXPECTATION_BROKEN
+    broken = (str(verdict) for verdict in summary.verdicts if verdict.held is False)
+    for text in (*broken, *summary.breaches, *spoilt(summary), *unjudged(summary)):
+        tell(text, err=True)
+    if summary.held is None and not summary.verdicts and not quiet:
+        tell(NOTHING_EXPECTED, err=True)
+    return Status.EXPECTATION_BROKEN if summary.held is False else Status.FINE
 
 
 def _interrupted(options: RunOptions) -> Status:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.path import Route
 from formation_scenario import Scenario
+from formation_scenario.expectation import LATE_PERIODS
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
@@ -37,6 +38,8 @@ class Orders:
         self._course, self._flight = course, course.flight
         self._reconfiguration = reconfiguration
         self._note = note
+        self._duration_s = scenario.duration_s
+        self._latest_s = scenario.duration_s + LATE_PERIODS / scenario.law.rate_hz
         self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
         self._refused: list[str] = []
         self._ended = False
@@ -49,9 +52,17 @@ class Orders:
         What an end by order or `--until` prevented isn't counted.
         """
         late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
-        late += self._reconfiguration.left + self._reconfiguration.under_way(self._flight.path_ended)
+        late += self._reconfiguration.left + self._reconfiguration.under_way(self._flight_ended)
         missed = [] if self._course.cut_short else late
         return self._refused + self._reconfiguration.unflown + missed
+
+    @property
+    def _flight_ended(self) -> Instant | None:
+        """When the flight along the path ended, or was to end if late ticks prolonged it."""
+        began, ended = self._flight.path_began, self._flight.path_ended
+        if began is None or ended is None or seconds_between(began, ended) < self._latest_s:
+            return ended
+        return after(began, self._duration_s)
 
     def resume(self, mission_s: float) -> None:
         """Resume at a mission time: orders planned for earlier have been given."""
@@ -65,6 +76,7 @@ class Orders:
         mission_s = self._flight.mission_time_s(now)
         while self._planned and mission_s >= self._planned[0].at_s:
             planned = self._planned.popleft()
+            self._reconfiguration.note_late(mission_s - planned.at_s)
             answer = self.take(planned.order, now)
             self._ended = self._ended or (answer.accepted and self._flight.phase in OVER)
             if not answer.accepted:

@@ -14,6 +14,7 @@ from flight_model.arrays import Mask
 from flight_model.autopilot_model import FlightState
 from flight_model.path import Route
 from formation_scenario import Scenario
+from formation_scenario.expectation import GAP_S, LATE_PERIODS
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.formation_changes import ahead, plan_change, plan_gathering, take_over
@@ -60,6 +61,8 @@ class Reconfiguration:
         """Reason for the postponement, in words."""
         self._changing = ""
         """The last change of the arrangement, in words; "" once vehicles return to it after its end."""
+        self._late_s = 0.0
+        """By how much late ticks delayed the beginning of what was planned last, s."""
         self._gathers_late_at: Instant | None = None
         """When to report that vehicles still can't gather; None while they aren't about to."""
         self._planned_for = [False] * len(self._names)
@@ -86,9 +89,19 @@ class Reconfiguration:
         return [f"the change of the formation at {each.at_s:g} s {over}" for each in self._controller.plan.scheduled]
 
     def under_way(self, ended: Instant | None) -> list[str]:
-        """The change whose slots hadn't come to rest at an instant, in words; empty if there was none."""
-        still = ended is not None and self._changing and not self._controller.plan.at_rest(ended / NANOSECONDS)
+        """The change whose slots hadn't come to rest at an instant, in words; empty if there was none.
+
+        A late tick that delayed its beginning doesn't count against it.
+        """
+        if ended is None or not self._changing:
+            return []
+        still = not self._controller.plan.at_rest(ended / NANOSECONDS + self._late_s)
         return [f"the change to {self._changing} was under way when the flight was over"] if still else []
+
+    def note_late(self, late_s: float) -> None:
+        """Take the time by which what was planned begins late; up to a period it's on time, beyond `GAP_S` it isn't."""
+        missed = late_s >= LATE_PERIODS / self._scenario.law.rate_hz
+        self._late_s = late_s if missed and late_s <= GAP_S else 0.0
 
     def resume(self, resumed: Resumption) -> None:
         """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""
@@ -118,6 +131,7 @@ class Reconfiguration:
         """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
+            self.note_late(mission_time_s - plan.scheduled[0].at_s)
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
         if self._wanted is None and self._somebody_returned():
             if math.isnan(mission_time_s):

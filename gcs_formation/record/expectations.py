@@ -7,72 +7,35 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
-from flight_model.arrays import Array
-from formation_scenario import Scenario, Vehicle
+from flight_model.arrays import Array, Mask
+from formation_scenario import Scenario
 from formation_scenario.expectation import (
     FOLLOWER_METRICS,
+    GAP_S,
+    LATE_PERIODS,
     LIMIT_METRICS,
     LINK_METRICS,
     PATH_METRICS,
-    WINDOWED,
     Expectation,
-    bounds_text,
-    keeps,
     stays_broken,
 )
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record import path_distance
+from gcs_formation.record.coverage import Coverage, coverage
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.link_verdicts import LinkFigures, as_answered, is_out, link_verdict
 from gcs_formation.record.safety import value_within
+from gcs_formation.record.verdict import ROUNDING_S, Verdict, weighed
 
-WORDS = {True: "held", False: "broken", None: "not judged"}
 FAILINGS = {"unsafe": "left unsafe", "undone": "not done as planned"}
 """Lists of summary.json that make the exit status 1 if they aren't empty, in words."""
 SECTIONS = ("safety", "control", "stability")
-UNANSWERED_S = 10.0
-"""A longer time without answers at a window's end is a time without measured delays."""
 LEADERLESS_S = 5.0
 """Time without a leader that isn't a loss: it takes 3.1 s until another takes over."""
 ABSENT_S = 1.0
 """Shorter absences of a follower from the formation aren't mentioned."""
-
-
-@dataclass(frozen=True)
-class LinkFigures:
-    """Counts and delays (s) of one vehicle's link."""
-
-    delays_s: Array
-    """(P, 3) delays of each answered request: half the round trip, up, down; NaN while the split is unknown."""
-    delay_times_s: Array
-    """Mission times of the requests, NaN before the path began."""
-    measured_loss: float
-    frames_in: int
-    frames_out: int
-    frames_bad: int
-    frames_implausible: int = 0
-    injected: tuple[float, float, float, float] | None = None
-    """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
-
-    None if the link's impairments are unknown, as in `fly` behind something else.
-    """
-    due_to_s: float = math.inf
-    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
-    heard_to_s: float = math.inf
-    """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
-
-    def answered_to_s(self, end_s: float) -> float:
-        """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""
-        last_s = float(np.max(self.delay_times_s, where=self.delay_times_s <= end_s, initial=-math.inf))
-        return last_s if end_s - last_s > UNANSWERED_S else math.inf
-
-    @property
-    def each_way_s(self) -> Array:
-        """(P,) the one-way delays, at least 0: the mean wait for the autopilot's loop may exceed the measured delay."""
-        return np.maximum(self.delays_s[:, 0], 0.0)
 
 
 @dataclass(frozen=True)
@@ -111,54 +74,6 @@ class RunOutcome:
     """Further figures to compute, regardless of their bounds."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """The result of one expectation for one vehicle, or for the run (None)."""
-
-    expectation: Expectation
-    vehicle: VehicleId | None
-    value: float | None
-    """Infinite for the separation of a single vehicle, which is null in summary.json."""
-    reached: bool = True
-    """Whether the window was flown to its end, and by this follower."""
-    judged: bool = True
-    """False if `--until` or an order cut the window, or if the vehicle led throughout it."""
-    reason: str = ""
-    """Why the window wasn't reached or isn't judged, in words."""
-    lost: bool = False
-    """Whether this follower was lost, or its link silent, before the window's or the flight's end."""
-
-    @property
-    def held(self) -> bool | None:
-        """Whether the bound was kept over a window flown to its end; None if that isn't judged."""
-        if not self.judged:
-            return None
-        if self.value is None or not self.reached:
-            return False
-        return keeps(self.value, self.expectation.below, self.expectation.above)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of summary.json."""
-        wanted = self.expectation
-        entry: dict[str, Any] = {"metric": wanted.metric}
-        if self.vehicle is not None:
-            entry["follower"] = self.vehicle.system if self.vehicle.network == 1 else str(self.vehicle)
-        known = self.value is not None and math.isfinite(self.value)
-        entry |= {"value": self.value if known else None, "from_s": wanted.from_s, "to_s": wanted.to_s}
-        entry |= {name: bound for name in ("below", "above") if (bound := getattr(wanted, name)) is not None}
-        entry |= {"held": self.held, "judged": self.judged, "reached": self.reached}
-        return entry | ({"reason": self.reason} if self.reason else {})
-
-    def __str__(self) -> str:
-        wanted = self.expectation
-        who = f"vehicle {self.vehicle}: " if self.vehicle else ""
-        found = "no value" if self.value is None else f"{self.value:.4g}"
-        state = WORDS[self.held] + (f": {self.reason}" if self.reason else "")
-        window = f"from {wanted.from_s:g} s to {wanted.to_s:g} s"
-        expected = bounds_text(wanted.below, wanted.above)
-        return f"{who}{wanted.metric} {window}: found {found}; expected: {expected}: {state}"
-
-
 def judge(
     scenario: Scenario,
     flight: RecordedFlight,
@@ -169,73 +84,104 @@ def judge(
 ) -> Iterator[Verdict]:
     """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
-    An expectation whose window wasn't flown to its end, or in which the follower was lost, is broken: it wasn't shown.
-    It isn't judged if that was intended: if the run was `cut_short` before its path or time was over, or if the
-    follower crashed by the scenario's faults, unless no follower is left or a bound on its largest error had already
-    been broken.
+    An expectation whose window the flight's own end cut short by more than `GAP_S`, or in which the follower was lost,
+    is broken: it wasn't shown. Otherwise it isn't judged if too little of its window was (`coverage`): because the run
+    was `cut_short` before its path or time was over, because ticks are missing, because the follower led or was absent,
+    or crashed by the scenario's faults (unless no follower is left). What broke the bound in the part that was judged
+    is broken all the same.
     """
     for each in scenario.expect if wanted is None else wanted:
-        flown_s = float(parts["duration_s"])
-        reached = flown_s + 1.5 / scenario.law.rate_hz >= each.to_s
-        why = "" if reached else f"flown to {flown_s:.1f} s of {each.to_s:g} s"
-        judged = reached or not cut_short
-        down_s, missing = flight.down_from_s(each.from_s, each.to_s), unflown(flight, each.from_s, each.to_s, flown_s)
-        if missing:
-            reached, judged, why = False, True, missing
+        plain = _of_window(each, scenario, flight, cut_short=cut_short)
         if each.metric in FOLLOWER_METRICS:
-            plain = Verdict(each, None, None, reached, judged, why)
-            yield from _of_followers(plain, scenario, flight, parts, down=down_s is not None)
+            yield from _of_followers(plain, scenario, flight, parts)
         elif each.metric in LINK_METRICS:
             for planned in scenario.selected(each.followers):
+                link, end_s = links[planned.vehicle_id], min(each.to_s, float(parts["duration_s"]))
                 value = _link_value(each, planned.vehicle_id, flight, parts, links)
-                verdict = Verdict(each, planned.vehicle_id, value, reached, judged, why)
-                end_s = min(each.to_s, flown_s)
+                verdict = weighed(replace(plain, vehicle=planned.vehicle_id, value=value))
                 out = is_out(scenario, planned, end_s, either=True)
-                yield _link_verdict(verdict, links[planned.vehicle_id], end_s, out=out)
+                yield as_answered(link_verdict(verdict, link, end_s, out=out), link)
         else:
-            yield Verdict(each, None, _run_value(each, flight, parts), reached, judged, why)
+            yield weighed(replace(plain, value=_run_value(each, flight, parts)))
 
 
-def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
-    """Return whether by the scenario nothing comes down a vehicle's link, or passes `either` way, at a mission time."""
-    step = [each for each in scenario.link_steps(vehicle) if each.at_s <= at_s][-1]
-    ways = (step.downlink, step.uplink) if either else (step.downlink,)
-    return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)
+def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, *, cut_short: bool) -> Verdict:
+    """Return what holds for all whom an expectation concerns: which part of its window was flown, and is recorded."""
+    found, period_s = covered(flight, wanted.from_s, wanted.to_s, scenario), 1.0 / scenario.law.rate_hz
+    down_s = flight.down_from_s(wanted.from_s, wanted.to_s)
+    if down_s is not None:
+        return Verdict(wanted, None, None, reached=False, reason=nobody_flew(down_s), share=found.share)
+    end_s = max(0.0, flight.scored_end_s(scenario.duration_s, period_s))
+    short = wanted.to_s - end_s > GAP_S + ROUNDING_S
+    reason = f"flown to {end_s:.1f} s of {wanted.to_s:g} s" if short else str(found)
+    reached = not short or (cut_short and found.enough)
+    return Verdict(wanted, None, None, reached, True, reason, share=found.share, cut=short and cut_short)
+
+
+def covered(flight: RecordedFlight, from_s: float, to_s: float, scenario: Scenario) -> Coverage:
+    """Return which part of a window of mission time is on record."""
+    return coverage(flight.mission_time_s[flight.window(from_s, to_s)], from_s, to_s, 1.0 / scenario.law.rate_hz)
+
+
+def nobody_flew(down_s: float) -> str:
+    """Return in words since when no vehicle flew."""
+    return f"nobody flew from {down_s:.1f} s on"
 
 
 def _of_followers(
-    plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any], *, down: bool
+    plain: Verdict, scenario: Scenario, flight: RecordedFlight, parts: Mapping[str, Any]
 ) -> Iterator[Verdict]:
     """Yield a verdict for each follower that the expectation chooses.
 
     Args:
-        plain: the expectation with what holds for all of them: whether its window was flown to its end, and is judged.
+        plain: the expectation with what holds for all of them.
         scenario: the scenario that was flown.
         flight: the flight.
         parts: the summary so far.
-        down: whether no vehicle flies any more at the window's end.
     """
-    wanted = plain.expectation
+    wanted, period_s = plain.expectation, 1.0 / scenario.law.rate_hz
+    down = flight.down_from_s(wanted.from_s, wanted.to_s) is not None
     chosen = {planned.vehicle_id for planned in scenario.selected(wanted.followers)}
-    rate_hz = scenario.law.rate_hz
-    lost = {vehicle: _lost_at_s(wanted, flight, vehicle, rate_hz) for vehicle in flight.followers(scenario)}
+    lost = {vehicle: _lost_at_s(wanted, flight, vehicle, period_s) for vehicle in flight.followers(scenario)}
     for vehicle, lost_s in lost.items():
         if vehicle not in chosen:
             continue
-        verdict = replace(plain, vehicle=vehicle, value=_follower_value(wanted, flight, vehicle, parts))
-        if _leads_throughout(wanted, flight, vehicle):
-            verdict = replace(verdict, judged=False, reason="led all the time")
-        elif lost_s is not None:
-            crash_s = math.inf if down else crash_planned_s(scenario, vehicle)
-            crashed = crash_s <= lost_s
-            broken = crashed and plain.judged and _broken_before(crash_s, wanted, flight, vehicle, parts)
-            said = plain.reason if down else f"lost at {lost_s:.1f} s"
-            verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
-            if crashed:
-                verdict = _crashed(verdict, crash_s, broken=broken, last=None not in lost.values())
-        elif not plain.reason:
-            verdict = replace(verdict, reason=_absence(wanted, flight, vehicle, rate_hz))
-        yield verdict
+        verdict = _followed(replace(plain, vehicle=vehicle), flight, period_s)
+        verdict = replace(verdict, value=_follower_value(wanted, flight, vehicle, parts))
+        if lost_s is None:
+            yield weighed(_steadied(verdict, parts))
+            continue
+        crash_s = math.inf if down else crash_planned_s(scenario, vehicle)
+        broken = crash_s <= lost_s and _broken_before(crash_s, wanted, flight, vehicle, parts, verdict.share)
+        said = plain.reason if down else f"lost at {lost_s:.1f} s"
+        verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
+        last = None not in lost.values()
+        yield _crashed(verdict, crash_s, broken=broken, last=last) if crash_s <= lost_s else verdict
+
+
+def _followed(verdict: Verdict, flight: RecordedFlight, period_s: float) -> Verdict:
+    """Return a verdict with the part of its window in which a vehicle followed, and why it isn't all of it."""
+    wanted, vehicle = verdict.expectation, verdict.vehicle
+    assert vehicle is not None, "a follower's"
+    window = flight.window(wanted.from_s, wanted.to_s)
+    leads, known = window & flight.leads(vehicle), window & flight.known(vehicle)
+    own = coverage(flight.mission_time_s[leads | known], wanted.from_s, wanted.to_s, period_s)
+    follows = float(known.sum()) / max(1.0, float((leads | known).sum()))  # leading isn't a gap, however short
+    share, away = min(verdict.share, own.share * follows), _absence(flight, vehicle, window, period_s)
+    led = "led all the time" if leads.sum() == window.sum() else f"led for {leads.sum() * period_s:.1f} s"
+    reason = "; ".join(filter(None, (verdict.reason, led if leads.any() else "", away)))
+    return replace(verdict, share=share, reason=reason or ("" if share >= verdict.share else str(own)))
+
+
+def _steadied(verdict: Verdict, parts: Mapping[str, Any]) -> Verdict:
+    """Return a verdict that isn't judged if late ticks hide the little of steady flight that there was."""
+    wanted = verdict.expectation
+    settled_s = parts["followers"][str(verdict.vehicle)]["settled_at_s"]
+    if verdict.value is not None or settled_s is None or not wanted.metric.endswith("steady_max"):
+        return verdict
+    steady_s, end_s = settled_s + figures.STEADY_AFTER_S, min(wanted.to_s, float(parts["duration_s"]))
+    hidden = wanted.from_s <= steady_s <= end_s
+    return replace(verdict, judged=False, reason=f"no tick from {steady_s:.1f} s on") if hidden else verdict
 
 
 def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> Verdict:
@@ -249,74 +195,31 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
 
 
-def _link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
-    """Return the verdict on a link, changed if its vehicle fell silent for good before `end_s`.
-
-    If the scenario silenced it, the link isn't judged, unless it had broken a bound before. If it fell silent by
-    itself, a metric over a window is broken, as nothing was measured; one of the whole flight stands, because it counts
-    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request.
-
-    Args:
-        verdict: by the figures alone.
-        link: when the vehicle was silenced by a fault, and when it was last heard and last answered.
-        end_s: the end of the window, or of the flight if that came first.
-        out: whether the scenario has an outage of the link then.
-    """
-    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
-    needs_answers = verdict.expectation.metric.startswith("measured_delay")
-    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if needs_answers else math.inf)
-    if verdict.held is None or silent_s >= end_s:
-        return verdict
-    state = "silenced" if min(link.due_to_s, link.heard_to_s) < end_s else "cut off"
-    if fault or (out and windowed):
-        at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
-        reason = f"{state} at {at_s:.1f} s by the scenario's {whose}"
-        known = verdict.value is not None and verdict.held is False
-        said = f"before it was {reason}" if known else reason
-        return replace(verdict, reached=False, judged=known, reason=said, lost=True)
-    why = "not heard" if state == "silenced" else "no answer"
-    reached, said = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
-    return replace(verdict, reached=reached, reason=said, lost=windowed)
+def _absence(flight: RecordedFlight, vehicle: VehicleId, window: Mask, period_s: float) -> str:
+    """Return in words how long a follower was absent from the formation within a window, "" if it hardly was."""
+    away_s = flight.absent(vehicle, window) * period_s
+    return f"out of the formation for {away_s:.1f} s of {window.sum() * period_s:.1f} s" if away_s >= ABSENT_S else ""
 
 
-def _absence(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> str:
-    """Return in words how long a follower was absent from the formation within a window before returning, else ""."""
-    window = flight.window(wanted.from_s, wanted.to_s)
-    away_s = flight.absent(vehicle, window) / rate_hz
-    return f"out of the formation for {away_s:.1f} s of {window.sum() / rate_hz:.1f} s" if away_s >= ABSENT_S else ""
-
-
-def unflown(flight: RecordedFlight, from_s: float, to_s: float, flown_s: float) -> str:
-    """Return in words for which part of a window of mission time there is no flight on record, "" if there is none.
-
-    `flown_s`: when the flight ended, which may be before the window's end.
-    """
-    down_s, gap_s = flight.down_from_s(from_s, to_s), flight.gap(from_s, min(to_s, flown_s))
-    if down_s is not None:
-        return f"nobody flew from {down_s:.1f} s on"
-    return "" if gap_s is None else f"not recorded from {gap_s[0]:.1f} s to {gap_s[1]:.1f} s"
-
-
-def _leads_throughout(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId) -> bool:
-    leads = flight.vehicles[vehicle]["leads"][flight.window(wanted.from_s, wanted.to_s)] > 0
-    return bool(leads.size and leads.all())
-
-
-def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, rate_hz: float) -> float | None:
+def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, period_s: float) -> float | None:
     """Return since when a follower was down or leaderless until the end of the window; None if it wasn't.
 
     A follower in flight is leaderless from `LEADERLESS_S` on: until then another may take over. If another vehicle has
-    succeeded the leader meanwhile, the time begins with the follower's own loss.
+    succeeded the leader meanwhile, the time begins with the follower's own loss. At a single tick it isn't lost, unless
+    it still is at the next one, also after the window: the ticks between may be late.
     """
     within = flight.window(wanted.from_s, wanted.to_s)
-    missed = flight.missed(vehicle, within)
-    flies = flight.airborne(vehicle)[within][-1:].any()
-    if missed <= 1 or (flies and flight.missed(vehicle, flight.window(0.0, wanted.to_s)) <= LEADERLESS_S * rate_hz):
+    if not flight.missed(vehicle, within) or (flight.missed(vehicle, within) == 1 and flight.is_back(vehicle, within)):
         return None
     window = flight.window(0.0, wanted.to_s)
     missed = flight.missed(vehicle, window)
+    times_s = flight.mission_time_s[window]
+    late = wanted.to_s - times_s[-1] > LATE_PERIODS * period_s and not flight.ends_with(window)
+    lasted_s = (wanted.to_s if late else times_s[-1] + period_s) - times_s[-missed]
+    if flight.airborne(vehicle)[within][-1:].any() and lasted_s <= LEADERLESS_S + ROUNDING_S:
+        return None
     led = ~flight.leaderless(window)[-missed:]
-    return float(flight.mission_time_s[window][-missed:][led.argmax()])
+    return float(times_s[-missed:][led.argmax()])
 
 
 def crash_planned_s(scenario: Scenario, vehicle: VehicleId) -> float:
@@ -336,11 +239,16 @@ def _follower_value(
 
 
 def _broken_before(
-    end_s: float, wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, parts: Mapping[str, Any]
+    end_s: float,
+    wanted: Expectation,
+    flight: RecordedFlight,
+    vehicle: VehicleId,
+    parts: Mapping[str, Any],
+    share: float,
 ) -> bool:
-    """Return whether a follower broke a bound for good before a mission time."""
+    """Return whether a follower broke a bound for good before a mission time, after a share of the window."""
     value = _follower_value(wanted.model_copy(update={"to_s": end_s}), flight, vehicle, parts)
-    return stays_broken(wanted.metric, value, wanted.below)
+    return stays_broken(wanted.metric, value, wanted.below, wanted.above, share)
 
 
 def _link_value(

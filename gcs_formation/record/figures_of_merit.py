@@ -11,7 +11,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
 from flight_model.slot import CHANNELS
-from formation_scenario.expectation import SETTLED_M
+from formation_scenario.expectation import GAP_S, LATE_PERIODS, SETTLED_M
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.separations import least_separation_m
 from gcs_formation.record.timeseries import ERROR, SETPOINT
@@ -70,18 +70,38 @@ def of_follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask, settle
     }
 
 
-def settled_at_s(time_s: Array, error_m: Array) -> float | None:
+def settled_at_s(
+    time_s: Array, error_m: Array, period_s: float = math.nan, ends_s: tuple[float, float] = (-math.inf, math.inf)
+) -> float | None:
     """Return the first time from which every axis stays within `SETTLED_M` for `SETTLED_FOR_S`, None if never.
+
+    Late ticks count as in `coverage`: a vehicle that is in its slot after a gap has been there since the gap began, and
+    stays through a gap at the end; after a longer one the 10 s begin again.
 
     Args:
         time_s: (T,) mission times of the scored ticks.
         error_m: (T, 3) errors at these; an unknown error (NaN) restarts the 10 s.
+        period_s: time between ticks if none is late; NaN: none counts as late.
+        ends_s: mission times between which ticks are scored.
     """
     inside, places = _in_slot(error_m), np.arange(time_s.size)
-    # The tick after the last one outside: since then the vehicle has been in its slot.
-    begins = np.maximum.accumulate(np.where(inside, 0, places + 1))
-    stayed = inside & (time_s - time_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
-    return float(time_s[begins[stayed.argmax()]]) if stayed.any() else None
+    since_s, until_s, apart = _through_gaps(time_s, period_s, ends_s)
+    # The tick after the last one outside, or after a long gap: since then the vehicle has been in its slot.
+    begins = np.maximum.accumulate(np.where(inside, np.where(apart, places, 0), places + 1))
+    stayed = inside & (until_s - since_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
+    return float(since_s[begins[stayed.argmax()]]) if stayed.any() else None
+
+
+def _through_gaps(time_s: Array, period_s: float, ends_s: tuple[float, float]) -> tuple[Array, Array, Mask]:
+    """Return since and until when what a tick (T,) shows counts, s, and whether a gap that is too long ends with it."""
+    bounded_s = np.concatenate((ends_s[:1], time_s, ends_s[1:]))
+    before_s = np.diff(bounded_s)
+    late = (before_s > LATE_PERIODS * period_s) & (before_s <= GAP_S + period_s)
+    since_s = np.where(late[:-1], bounded_s[:-2] + period_s, time_s)
+    until_s = time_s.copy()
+    until_s[-1:] = ends_s[1] if late[-1] else time_s[-1:]
+    apart = before_s[:-1] > GAP_S + period_s
+    return since_s, until_s, apart
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:

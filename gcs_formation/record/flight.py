@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
+from gcs_formation.record.coverage import scored_end_s
 from gcs_formation.record.history import history
 from gcs_formation.record.limits_by_truth import LimitSeries, Truth, limit_series
 from gcs_formation.record.path_distance import Distances, path_distances
@@ -41,8 +43,6 @@ SCORED = frozenset(
     )
 )
 """The columns that a summary needs."""
-GAP_S = 3.0
-"""A longer time without ticks is no lateness: the station was killed and its flight resumed."""
 
 
 @dataclass(frozen=True)
@@ -70,20 +70,19 @@ class RecordedFlight:
         """(T,) seconds since the leader started along its path, NaN before."""
         return self.common["mission_time_s"]
 
+    @property
+    def ended_s(self) -> float:
+        """Mission time of the last row; NaN if the path hadn't begun by then, or nothing is on record."""
+        return float(self.mission_time_s[-1]) if self.mission_time_s.size else math.nan
+
     def window(self, from_s: float, to_s: float) -> Mask:
         """Return a (T,) mask of the ticks in a window of mission time, ends included, before the end of the flight."""
         time_s = self.mission_time_s
         return flying(self.common) & (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
 
-    def gap(self, from_s: float, to_s: float) -> tuple[float, float] | None:
-        """Return begin and end of the longest unrecorded time in a window of mission time.
-
-        None if it isn't longer than `GAP_S`, or if the window begins after the flight's end.
-        """
-        times_s = np.array((from_s, *self.mission_time_s[self.window(from_s, to_s)], to_s))
-        longest = int(np.diff(times_s).argmax())
-        begin_s, end_s = float(times_s[longest]), float(times_s[longest + 1])
-        return (begin_s, end_s) if end_s - begin_s > GAP_S else None
+    def scored_end_s(self, duration_s: float, period_s: float) -> float:
+        """Return to which mission time the flight was flown, as `coverage.scored_end_s`."""
+        return scored_end_s(self.mission_time_s[flying(self.common)], duration_s, period_s)
 
     def down_from_s(self, from_s: float, to_s: float) -> float | None:
         """Return the mission time from which no vehicle flies until a window's end; None if one flies at the end."""
@@ -142,7 +141,7 @@ class RecordedFlight:
 
     def scored(self, vehicle: VehicleId, window: Mask) -> tuple[Array, Array]:
         """Return mission times (N,) and errors (N, 3) of the ticks in a (T,) window at which a follower has errors."""
-        seen = window & self._known(vehicle)
+        seen = window & self.known(vehicle)
         return self.mission_time_s[seen], self.error(vehicle, seen)
 
     def missed(self, vehicle: VehicleId, window: Mask) -> int:
@@ -150,15 +149,30 @@ class RecordedFlight:
         flies = self._takes_part(vehicle)[window]
         return int(flies[::-1].argmax()) if flies.any() else flies.size
 
+    def is_back(self, vehicle: VehicleId, window: Mask) -> bool:
+        """Return whether a vehicle isn't lost any more at the first scored tick after a window; True without one."""
+        last = int(np.flatnonzero(window)[-1])
+        later = np.flatnonzero(flying(self.common)[last + 1 :])[:1] + last + 1
+        return bool(self._takes_part(vehicle)[later].all())
+
+    def ends_with(self, window: Mask) -> bool:
+        """Return whether there is no scored tick after a window that has one."""
+        return not flying(self.common)[int(np.flatnonzero(window)[-1]) + 1 :].any()
+
+    def leads(self, vehicle: VehicleId) -> Mask:
+        """Return (T,) at which ticks a vehicle leads."""
+        return self.vehicles[vehicle]["leads"] > 0
+
     def absent(self, vehicle: VehicleId, window: Mask) -> int:
         """Return the number of ticks of a (T,) window at which a vehicle is lost, whether or not it comes back."""
         return int((window & ~self._takes_part(vehicle)).sum())
 
     def _takes_part(self, vehicle: VehicleId) -> Mask:
         """Return (T,) whether a vehicle has errors or leads; otherwise it is lost: down, or without a leader."""
-        return self._known(vehicle) | (self.vehicles[vehicle]["leads"] > 0)
+        return self.known(vehicle) | (self.vehicles[vehicle]["leads"] > 0)
 
-    def _known(self, vehicle: VehicleId) -> Mask:
+    def known(self, vehicle: VehicleId) -> Mask:
+        """Return (T,) at which ticks a vehicle has errors: it follows another, and both fly."""
         x_m, y_m, z_m = (np.isfinite(self.vehicles[vehicle][name]) for name in ERROR)
         return x_m & y_m & z_m
 

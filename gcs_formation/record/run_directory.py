@@ -204,8 +204,8 @@ def recorded_in(path: Path) -> Path:
 
 
 def _commanded_nobody(path: Path) -> bool:
-    """Return whether the run recorded there ended, without a summary, before it commanded any vehicle."""
-    if (path / SUMMARY).exists() or not (path / EVENTS).is_file():
+    """Return whether the run recorded there ended before it commanded any vehicle."""
+    if not (path / EVENTS).is_file():
         return False
     try:
         events = [json.loads(line) for line in (path / EVENTS).read_bytes().splitlines()]

@@ -15,13 +15,14 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record import path_distance
-from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
+from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.lateness import late_ticks, lateness
+from gcs_formation.record.link_verdicts import LinkFigures, is_out
 from gcs_formation.record.safety import safety
+from gcs_formation.record.verdict import Verdict
 
 SCHEMA = 1
-LATE_S = 0.010
-"""A tick that begins more than this after it was due is late."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,13 @@ class Summary:
     """Further figures requested by the run's options; their bounds are arbitrary."""
 
     @property
-    def held(self) -> bool:
-        """Whether all judged expectations held, no safety limit was broken, and everything planned was carried out."""
-        return not self.breaches and all(verdict.held is not False for verdict in self.verdicts)
+    def held(self) -> bool | None:
+        """Whether all judged expectations held, no safety limit was broken, and everything planned was carried out.
+
+        None if nothing was broken and no expectation was judged.
+        """
+        found = [verdict.held for verdict in self.verdicts]
+        return False if self.breaches or False in found else True in found or None
 
     def to_dict(self) -> dict[str, Any]:
         """Return what summary.json holds."""
@@ -53,8 +58,8 @@ def summarise(outcome: RunOutcome) -> Summary:
     limits, off_path = flight.limits, flight.off_path
     assert limits is not None, "a flight as `judged` returns it"
     assert off_path is not None
-    window = flight.window(0.0, scenario.duration_s)
-    time_s = flight.mission_time_s[window]
+    window, period_s = flight.window(0.0, scenario.duration_s), 1.0 / scenario.law.rate_hz
+    flown_s = max(0.0, flight.scored_end_s(scenario.duration_s, period_s))
     safe = safety(scenario, flight, limits)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
@@ -62,12 +67,12 @@ def summarise(outcome: RunOutcome) -> Summary:
         "name": scenario.name,
         "seed": scenario.seed,
         "clock": outcome.clock,
-        "duration_s": float(time_s[-1]) if time_s.size else 0.0,
+        "duration_s": flown_s,
         "begun_s": _begun_s(flight),
         "wall_s": outcome.wall_s,
         "real_time_factor": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0 else None,
         "truth": flight.truth,
-        "followers": {str(v): _follower(flight, v, window) for v in flight.followers(scenario)},
+        "followers": {str(v): _follower(flight, v, window, period_s, flown_s) for v in flight.followers(scenario)},
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
@@ -99,13 +104,13 @@ def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, 
         if not math.isfinite(link.heard_to_s) or math.isfinite(link.due_to_s):
             continue
         flew = flight.airborne(identity)[flight.mission_time_s <= link.heard_to_s][-1:].any()
-        if flew and not is_out(scenario, planned, float(flight.mission_time_s[-1])):
+        if flew and not is_out(scenario, planned, flight.ended_s):
             yield f"vehicle {identity} was lost in the air: not heard from {link.heard_to_s:.1f} s to the end"
 
 
 def _flying_on(outcome: RunOutcome) -> Iterator[str]:
     """Yield in words who flies on after the run, but not by a fault or an outage of the scenario at its end."""
-    scenario, end_s = outcome.scenario, float(outcome.flight.mission_time_s[-1])
+    scenario, end_s = outcome.scenario, outcome.flight.ended_s
     for planned in scenario.vehicles:
         text = outcome.flying_on.get(planned.vehicle_id)
         faults = (each for each in scenario.faults if planned in scenario.selected(each.vehicles))
@@ -121,8 +126,11 @@ def _begun_s(flight: RecordedFlight) -> float | None:
     return float(known[0]) if known.size else None
 
 
-def _follower(flight: RecordedFlight, vehicle: VehicleId, window: Mask) -> dict[str, Any]:
-    settled_s = figures.settled_at_s(flight.mission_time_s[window], flight.error(vehicle, window))
+def _follower(
+    flight: RecordedFlight, vehicle: VehicleId, window: Mask, period_s: float, flown_s: float
+) -> dict[str, Any]:
+    time_s, error_m = flight.mission_time_s[window], flight.error(vehicle, window)
+    settled_s = figures.settled_at_s(time_s, error_m, period_s, (0.0, flown_s))
     return figures.of_follower(flight, vehicle, window, settled_s)
 
 
@@ -160,12 +168,13 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
 
 
 def _control(ticks_s: Array, rate_hz: float) -> dict[str, Any]:
-    due_s, begun_s, compute_s = ticks_s
+    _, begun_s, compute_s = ticks_s
     period_ms = np.diff(begun_s) * 1e3
     return {
         "rate_hz": rate_hz,
         "ticks": int(begun_s.size),
-        "late_ticks": int((begun_s - due_s > LATE_S).sum()),
+        "late_ticks": late_ticks(ticks_s),
+        "lateness": lateness(ticks_s, rate_hz),
         "period_ms": figures.percentiles(period_ms, 50, 99)
         | {"max": float(period_ms.max()) if period_ms.size else None},
         "compute_ms": figures.percentiles(compute_s * 1e3, 50, 99),

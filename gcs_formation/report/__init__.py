@@ -20,7 +20,7 @@ from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.gains import redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
-from gcs_formation.record.expectations import LinkFigures, RunOutcome
+from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite
 from gcs_formation.record.flight import Columns, RecordedFlight, judged, split, tables
 from gcs_formation.record.json_shape import (
@@ -28,12 +28,14 @@ from gcs_formation.record.json_shape import (
     NUMBER,
     NUMBER_OR_NULL,
     TEXT,
+    TEXT_OR_NULL,
     TRUTH_OR_NULL,
     Each,
     Maybe,
     Shape,
     misfit,
 )
+from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.path_distance import FIGURES
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
@@ -54,9 +56,10 @@ UNKNOWN_IN_LINKS = (
     "frames_bad",
     "frames_implausible",
 )
-UNKNOWN_IN_CONTROL = ("late_ticks",)
+UNKNOWN_IN_CONTROL = ("late_ticks", "lateness")
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")
 """Figures that only the process that flew could know."""
+NOT_RECORDED = {"value": None, "held": None, "judged": False, "judged_share": 0.0, "reason": "not in the record"}
 WORST_WITHOUT_ERRORS = -1.0
 NUMBERS = "biuf"
 """Numpy's kinds of numbers and flags."""
@@ -89,6 +92,7 @@ SUMMARY_SHAPE: Shape = {
         **dict.fromkeys(("ticks", "late_ticks"), INTEGER),
         "period_ms": dict.fromkeys(("p50", "p99", "max"), NUMBER_OR_NULL),
         "compute_ms": dict.fromkeys(("p50", "p99"), NUMBER_OR_NULL),
+        "lateness": Maybe(TEXT_OR_NULL),
     },
     "safety": {
         **{"violations": INTEGER, "fence_m": Maybe(NUMBER_OR_NULL)},
@@ -99,6 +103,7 @@ SUMMARY_SHAPE: Shape = {
     "expect": Each(
         {
             **{"metric": TEXT, "value": NUMBER_OR_NULL, "held": TRUTH_OR_NULL, "reason": Maybe(TEXT)},
+            "judged_share": Maybe(NUMBER),
             **dict.fromkeys(("from_s", "to_s", "below", "above"), Maybe(NUMBER)),
         }
     ),
@@ -359,7 +364,7 @@ def _without_unknown(summary: dict[str, Any]) -> dict[str, Any]:
         "received": dict.fromkeys(summary["received"]),
         "control": summary["control"] | dict.fromkeys(UNKNOWN_IN_CONTROL),
         "expect": [
-            entry | ({"value": None, "held": None} if entry["metric"].partition(".")[0] in UNKNOWN else {})
+            entry | (NOT_RECORDED if entry["metric"].partition(".")[0] in UNKNOWN else {})
             for entry in summary["expect"]
         ],
     }

@@ -15,7 +15,8 @@ import yaml
 
 from formation_scenario.expectation import CHANNEL_UNITS
 from formation_scenario.surroundings import StepDisturbance
-from gcs_formation.record.expectations import FAILINGS, WORDS
+from gcs_formation.record.expectations import FAILINGS
+from gcs_formation.record.verdict import WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts
 
@@ -99,18 +100,20 @@ def badge(held: bool | None, words: str) -> Html:
 
 
 def verdict(summary: Mapping[str, Any]) -> str:
-    """Return whether the run met all its expectations."""
-    verdicts = [entry["held"] for entry in summary["expect"]]
+    """Return whether the run met all its expectations, and how many late ticks spoilt it."""
+    verdicts, control = [entry["held"] for entry in summary["expect"]], summary["control"]
     broken, violations = verdicts.count(False), summary["safety"]["violations"]
+    late = [f"{control['late_ticks']} of {control['ticks']} ticks late"] if control.get("lateness") else []
     words = [f"{broken} of {len(verdicts)} expectations broken"] if broken else []
     words += [f"{violations} safety violation{'s' * (violations != 1)}"] if violations else []
     words += [f"{len(summary[key])} {said}" for key, said in FAILINGS.items() if summary.get(key)]
     if words:
-        return badge(False, ", ".join(words))
-    if not verdicts:
-        return badge(None, "nothing was expected")
+        return badge(False, ", ".join([*words, *late]))
     waiting = verdicts.count(None)
-    return badge(True, "all held") if not waiting else badge(None, f"none broken, {waiting} not judged")
+    said = "all held" if not waiting else f"none broken, {waiting} not judged"
+    if waiting == len(verdicts):
+        said = "nothing was judged" if verdicts else "nothing was expected"
+    return badge(None if waiting or not verdicts else True, ", ".join([said, *late]))
 
 
 def missing(texts: Sequence[str]) -> str:
@@ -218,12 +221,13 @@ def expectations(summary: Mapping[str, Any]) -> str:
             f"{entry.get('from_s', 0):g} to {entry['to_s']:g}" if "to_s" in entry else NONE,
             " and ".join(f"{sign} {entry[key]:g}" for key, sign in SIGNS.items() if key in entry),
             brief(entry["value"]),
+            _share(entry.get("judged_share")),
             badge(entry["held"], ": ".join(filter(None, (WORDS[entry["held"]], entry.get("reason"))))),
         ]
         for entry in summary["expect"]
     ]
-    heads = ["Figure", "Vehicle", "Window, s", "Expected", "Found", ""]
-    return table(heads, rows, (0, 1, 5)) if rows else '<p class="note">The scenario expects nothing.</p>'
+    heads = ["Figure", "Vehicle", "Window, s", "Expected", "Found", "Judged", ""]
+    return table(heads, rows, (0, 1, 6)) if rows else '<p class="note">The scenario expects nothing.</p>'
 
 
 def links(summary: Mapping[str, Any]) -> str:
@@ -254,7 +258,8 @@ def control(summary: Mapping[str, Any]) -> str:
     taken = [found["period_ms"][key] for key in ("p50", "p99", "max")]
     taken += [found["compute_ms"][key] for key in ("p50", "p99")]
     counts = str(found["ticks"]), _count(found["late_ticks"])
-    return table(heads, [[number(found["rate_hz"], 1), *counts, *(number(each, 2) for each in taken)]], ())
+    rows = table(heads, [[number(found["rate_hz"], 1), *counts, *(number(each, 2) for each in taken)]], ())
+    return rows + (f'<p class="note">{escape(found["lateness"])}</p>' if found.get("lateness") else "")
 
 
 def events(run: RunData) -> str:

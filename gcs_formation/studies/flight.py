@@ -19,6 +19,7 @@ from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expec
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.result_text import unjudged
 from gcs_formation.app.run import run
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.expectations import figure_of, figure_of_run
@@ -76,7 +77,7 @@ def fly(task: Task) -> dict[str, Any]:
         same = json.dumps(summary.figures["followers"]).encode()  # the same for flights whose followers flew the same
         digest = hashlib.sha256(same).hexdigest()[:16]
         said = [*wrong, *(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
-        exit_status, words = int(not summary.held or bool(wrong)), "\n".join(said)
+        exit_status, words = int(summary.held is False or bool(wrong)), "\n".join([*said, *unjudged(summary)])
     except ScenarioError as error:
         exit_status, words = Status.BAD_USAGE, str(error)
     except RecordingError:
@@ -127,7 +128,7 @@ def worst(metric: str, each: Sequence[Any]) -> float | None:
 def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:
     """Return a flight's figure; None if it has none, or if somebody was lost, by no fault or outage of the scenario.
 
-    A loss counts in `in_slot_share` itself.
+    A loss counts in `in_slot_share` itself. None as well if too little of the window was judged of every vehicle.
     """
     if metric == INVARIANTS:
         return float(len(wrong))
@@ -136,7 +137,10 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
         return None
     if not task.study.windowed:
         return figure(summary.figures, metric)
-    found = [each.value for each in own if each.reached or each.lost]
+    if not any(each.judged or each.lost for each in own):
+        return None
+    told = [each for each in own if each.judged or each.value is not None]  # not one that led all the time
+    found = [each.value for each in told if each.reached or each.lost]
     return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
 
 

@@ -22,7 +22,8 @@ from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOpt
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import fly, run
 from gcs_formation.phases import COMMANDED
-from gcs_formation.record.expectations import FAILINGS, unflown
+from gcs_formation.record.coverage import Coverage, coverage
+from gcs_formation.record.expectations import FAILINGS, covered, nobody_flew
 from gcs_formation.record.flight import RecordedFlight, split
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
@@ -90,7 +91,7 @@ class FlownFlight:
         """Check that followers are within `limit_m` of their slots along each axis, at every tick of a window.
 
         A vehicle has no slot at ticks at which it leads; a leader that follows later has one from then on. The check
-        fails if none of them follows during the window.
+        fails if of none of them enough of the window is judged, as for `expect`: because it led, or ticks are missing.
 
         Args:
             limit_m: the largest |error| allowed, m.
@@ -115,6 +116,9 @@ class FlownFlight:
         broken = sorted(beyond, key=lambda each: math.inf if math.isnan(each[0]) else each[0], reverse=True)
         claim = f"more than {limit_m:g} m from the slot along {', '.join(axes)} {window}"
         self._require(not broken, claim, [text for _, text in broken])
+        judged = {each.vehicle_id: self._followed(each.vehicle_id, from_s, end_s) for each in chosen}
+        parts = [f"vehicle {vehicle}: {each.share:.0%} of it judged" for vehicle, each in judged.items()]
+        self._require(any(each.enough for each in judged.values()), f"not judged {window}", parts)
         return self
 
     def settles(self, *, before_s: float, followers: Vehicles = "all") -> Self:
@@ -139,7 +143,8 @@ class FlownFlight:
         """
         __tracebackhide__ = True
         end_s = self.figures["duration_s"]
-        missing = unflown(self._flight, 0.0, end_s, end_s)
+        down_s, recorded = self._flight.down_from_s(0.0, end_s), covered(self._flight, 0.0, end_s, self.scenario)
+        missing = ("" if recorded.enough else str(recorded)) if down_s is None else nobody_flew(down_s)
         self._require(not missing, f"not {least_m:g} m apart all through the flight: {missing}")
         self._require_as_planned()
         nearest_m = self.figures["safety"]["min_separation_m"]
@@ -172,6 +177,15 @@ class FlownFlight:
         own = self._flight.vehicles[vehicle]
         commanded = np.isin(own["phase"], [PHASES.index(phase.value) for phase in COMMANDED])
         return {name: values[commanded] for name, values in own.items()}
+
+    def _followed(self, vehicle: VehicleId, from_s: float, to_s: float) -> Coverage:
+        """Return in which part of a window a vehicle followed."""
+        series = self._series_of(vehicle)
+        time_s = series["mission_time_s"]
+        window = (time_s >= from_s - 1e-9) & (time_s <= to_s + 1e-9)
+        recorded = coverage(time_s[window], from_s, to_s, 1.0 / self.scenario.law.rate_hz)
+        followed = 1.0 - float((series["leads"][window] > 0).sum()) / max(1.0, float(window.sum()))
+        return replace(recorded, share=recorded.share * followed)
 
     def _worst(self, vehicle: VehicleId, axes: str, from_s: float, to_s: float) -> Iterator[tuple[float, str]]:
         """Yield the largest |error| along each axis with its words; NaN, which is worst, if one isn't known."""

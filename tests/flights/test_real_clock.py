@@ -104,6 +104,27 @@ def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tm
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("command", ["run", "fly"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_one_that_is_stopped_before_anybody_has_flown_leaves_a_whole_record_too(
+    command: str, number: signal.Signals, foreground: None, path: Path, tmp_path: Path
+) -> None:
+    """On the ground, or nobody answers; its report says so."""
+    out = tmp_path / "run"
+    words = [command, str(path), "--set", "start.in_air=false", "--out", str(out)]
+    with started([*STATION, *words]) as station:
+        wait_for_event(out, "begins")
+        station.send_signal(number)
+        assert station.wait(LIMIT_S) == 130
+        assert station.stderr is not None
+        assert "Traceback" not in station.stderr.read()
+    assert json.loads((out / "summary.json").read_text())["duration_s"] == 0.0
+    report = said("report", str(out))
+    assert (report.exit_code, "nothing was flown" in report.output) == (2, True)
+    assert not emulators_of(tmp_path)
+
+
+@pytest.mark.slow
 def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started([*STATION, "run", str(path), "--out", str(out)]) as station:

@@ -136,7 +136,7 @@ def test_a_separation_below_the_limit_fails_the_run(fly: Fly) -> None:
         formation={"shape": "custom", "slots_m": {2: [-30, 0, 0], 3: [-30, 6, 0]}},
         safety={"separation_m": 5.9},
     )
-    assert summary.held
+    assert summary.breaches == ()
     assert summary.to_dict()["safety"]["violations"] == 0
 
 

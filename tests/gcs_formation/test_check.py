@@ -245,7 +245,7 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     }
     scenario = load_scenario(PLAIN | late)  # 3000 m at 22 m/s
     assert list(never_reached(scenario)) == [
-        "duration_s: found 600; the path ends at 136.4 s; windows of expect that reach beyond are broken",
+        "duration_s: found 600; the path ends at 136.4 s; windows of expect that reach 3 s beyond are broken",
         "faults.1.at_s: found 500; the flight is over at 136.4 s",
         "expect.0.from_s: found 140; the flight is over at 136.4 s",
     ]
@@ -268,7 +268,7 @@ def test_what_until_cuts_off_is_never_reached() -> None:
     to_the_end = load_scenario(keys | {"duration_s": 600})
     assert [list(never_reached(to_the_end, until_s)) for until_s in (130.0, 140.0)] == [
         [],
-        ["duration_s: found 600; the path ends at 136.4 s; windows of expect that reach beyond are broken"],
+        ["duration_s: found 600; the path ends at 136.4 s; windows of expect that reach 3 s beyond are broken"],
     ]
 
 

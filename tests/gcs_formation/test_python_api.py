@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 
 import gcs_formation
+from formation_scenario.expectation import Expectation
+from gcs_formation.record.verdict import Verdict
 from tests.flights.conftest import scenario
 from tests.processes import events_of
 
@@ -89,7 +91,23 @@ def test_what_is_imported_on_first_use_is_listed() -> None:
     assert set(gcs_formation.__all__) <= set(dir(gcs_formation))
 
 
-def test_a_summary_is_shown_in_a_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("verdicts", "breaches", "held", "said"),
+    [
+        ([True, True], (), True, "held"),
+        ([True, None], (), True, "held (1 of 2 not judged)"),
+        ([False, None], (), False, "not held (1 of 2 not judged)"),
+        ([None, None], (), None, "nothing judged"),
+        ([], (), None, "nothing judged"),
+        ([None], ("safety broken: clearance was 1 m",), False, "not held (1 of 1 not judged)"),
+    ],
+)
+def test_a_summary_is_shown_in_a_line_and_holds_only_what_was_judged(
+    verdicts: list[bool | None], breaches: tuple[str, ...], held: bool | None, said: str, tmp_path: Path
+) -> None:
     each = {f"error_{axis}_m": {"rms": rms} for axis, rms in zip("xyz", (0.123, 0.2, None), strict=True)}
-    shown = gcs_formation.Summary({"duration_s": 9.96, "followers": {"2": each}}, (), (), tmp_path)
-    assert repr(shown) == f"Summary({tmp_path}, held, 10.0 s, 2: 0.12 / 0.20 / - m RMS)"
+    bound = Expectation(metric="error_x_m.max", to_s=9.0, below=1.0)
+    judged = tuple(Verdict(bound, None, 2.0 if kept is False else 0.1, judged=kept is not None) for kept in verdicts)
+    shown = gcs_formation.Summary({"duration_s": 9.96, "followers": {"2": each}}, judged, breaches, tmp_path)
+    assert shown.held is held
+    assert repr(shown) == f"Summary({tmp_path}, {said}, 10.0 s, 2: 0.12 / 0.20 / - m RMS)"

@@ -87,6 +87,6 @@ def test_of_a_quiet_flight_there_is_nothing_to_say_but_what_it_does(config: str,
         disturbances=[],
         expect=[],
     )
-    assert summary.held
+    assert summary.breaches == ()
     kinds = {event["kind"] for event in events_of(tmp_path / "run")}
     assert kinds <= {"recording", "emulation", "link", "mode", "statustext", "ready", "member", "phase"}

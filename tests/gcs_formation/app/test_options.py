@@ -7,6 +7,7 @@ from click.testing import CliRunner
 from airlink.cli import Status
 from gcs_formation.app.operator_at_terminal import RunOptions
 from gcs_formation.cli import main
+from gcs_formation.record import summary
 
 
 @pytest.mark.parametrize(
@@ -61,8 +62,31 @@ def test_a_run_warns_of_what_never_comes(flown) -> None:
 
 
 def test_what_was_not_judged_is_said_also_with_quiet(flown) -> None:
-    told = flown("--quiet", "--until", "2", "--set", "expect=[{metric: error_x_m.max, below: 1e-6, to_s: 4}]")
+    """Of 5 s, 1 s was flown: had it been 2 s, the rest would count as judged."""
+    told = flown("--quiet", "--until", "1", "--set", "expect=[{metric: error_x_m.max, below: 1}]")
     assert (told.exit_code, told.stdout) == (0, "")
-    assert told.stderr == "1 of 1 expectation not judged (flown to 2.0 s of 4 s)\n"
+    assert told.stderr == "nothing was judged: 1 of 1 expectation not judged (flown to 1.0 s of 5 s)\n"
     judged = flown("--quiet", "--overwrite", "--set", "expect=[{metric: error_x_m.max, below: 1, to_s: 2}]")
     assert (judged.exit_code, judged.output) == (0, "")
+    part = "expect=[{metric: error_x_m.max, below: 1, to_s: 0.5}, {metric: error_y_m.max, below: 1}]"
+    told = flown("--quiet", "--overwrite", "--until", "1", "--set", part)
+    assert told.stderr == "1 of 2 expectations not judged (flown to 1.0 s of 5 s)\n"
+    nothing = flown("--overwrite", "--until", "0.3")
+    assert nothing.stderr.splitlines()[-1] == "nothing was judged: the scenario has no expect"
+    assert nothing.exit_code == 0
+
+
+def test_a_bound_that_was_broken_before_the_flight_was_cut_is_broken(flown) -> None:
+    told = flown("--quiet", "--until", "1", "--set", "expect=[{metric: error_x_m.max, below: 1e-9}]")
+    assert told.exit_code == Status.EXPECTATION_BROKEN
+    assert told.stderr.endswith("expected: below 1e-09: broken: flown to 1.0 s of 5 s\n")
+
+
+def test_late_ticks_that_spoil_a_flight_are_said_also_with_quiet(flown, monkeypatch) -> None:
+    """They fail nothing by themselves. The result line of a log has their number."""
+    monkeypatch.setattr(summary, "lateness", lambda *_: "late ticks: 3 of 9 began more than 10 ms late")
+    told = flown("--quiet", "--set", "expect=[{metric: error_x_m.max, below: 1}]")
+    assert (told.exit_code, told.output) == (0, "late ticks: 3 of 9 began more than 10 ms late\n")
+    told = flown("--overwrite")
+    assert "late ticks: 3 of 9 began" in told.stdout
+    assert "; late ticks: 0 of " in told.stderr

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -15,17 +18,24 @@ from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.result_text import summary_text
 from gcs_formation.app.run import clock_behind, over, resolve_peers
 from gcs_formation.app.session import Session
-from gcs_formation.errors import RunAbortedError
+from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.identify import identify
 from gcs_formation.phases import Phase
 from gcs_formation.record.run_directory import TIMESERIES
+from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.record.unfinished import recorded_events
+from gcs_formation.report import load_run
+from gcs_formation.testing.flight_plan import FlownFlight
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 from tests.processes import wait_for
+
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.mark.parametrize(("emulated", "delay"), [(True, 0.0), (False, None)])
@@ -160,3 +170,68 @@ def test_a_record_that_is_ahead_by_its_speedup_says_so(began: float, goes_on: fl
     assert clock_behind(RunOptions(tmp_path, speedup=goes_on, resume=True), 22.0) == (
         f"the machine's clock is 22 s behind the record: time goes on from the record's end{said}"
     )
+
+
+WAYS_TO_END = ("interrupt", "interrupted three times", "loiter", "rtl", "land", "failure")
+
+
+def stopped(directory: Path, way: str, at_s: float, *, answers: bool) -> Session:
+    """Return the session of a flight from the ground that is stopped some time after it began to connect."""
+    expect = [{"metric": "error_x_m.max", "below": 1}, {"metric": "measured_delay_ms.p99", "below": 1}]
+    expect += [{"metric": "min_separation_m", "above": 1}, {"metric": "violations", "below": 1}]
+    keys = scenario(duration_s=1, vehicles={"count": 2}, start={"in_air": False}, expect=expect)
+    clock, interrupts, planned = VirtualClock(), Interrupts(), load_scenario(keys)
+    session = Session(planned, RunOptions(directory, "virtual"), clock, Progress(), interrupts, emulated=True)
+    network, due = MemoryNetwork(clock), [at_s]
+
+    def attend() -> bool:
+        if due and clock.now() >= after(Instant(0), due[0]):
+            due.clear()
+            if way.startswith("interrupt"):
+                interrupts.count += 1 if way == "interrupt" else 3
+            elif way == "failure":
+                session.station.course.fail("it can't go on", clock.now())
+            else:
+                assert session.station.orders.take(way, clock.now()).accepted
+        return session.attend()
+
+    if answers:
+        network.attach(Fleet(fleet_config(planned)))
+    network.attach(session.engine)
+    network.run(attend)
+    return session
+
+
+@pytest.mark.parametrize("way", WAYS_TO_END)
+@pytest.mark.parametrize(("at_s", "answers"), [(0.0, True), (1.0, False), (2.0, True)])
+def test_a_run_that_is_stopped_before_anybody_flies_leaves_a_whole_record(
+    way: str, at_s: float, answers: bool, tmp_path: Path
+) -> None:
+    """Its time series has no rows, and nothing of it is judged; who reads it is told that nothing was flown."""
+    session = stopped(tmp_path / "run", way, at_s, answers=answers)
+    with pytest.raises(RunAbortedError, match="it can't go on") if way == "failure" else nullcontext():
+        summary = session.conclude(None)
+        assert summary.held is None
+        assert {verdict.held for verdict in summary.verdicts} == {None}
+        assert "didn't reach its path" in summary_text(summary, tmp_path)
+    found = json.loads((tmp_path / "run" / "summary.json").read_text())
+    jsonschema.validate(found, json.loads((DOCS / "summary.schema.json").read_text()))
+    assert found["duration_s"] == 0.0
+    assert found["failure"] == ("it can't go on" if way == "failure" else None)
+    assert read_parquet(tmp_path / "run" / TIMESERIES)["t_s"].size == 0
+    with pytest.raises(RecordError, match="nothing was flown"):
+        load_run(tmp_path / "run")
+    with pytest.raises(RecordError):
+        identify(tmp_path / "run", tmp_path / "vehicle.yaml", None, None)
+    claims = FlownFlight(session.scenario, Summary(found, (), ()), tmp_path / "run", "again")
+    for claim in (claims.meets_its_expectations, partial(claims.keeps_apart, 1), partial(claims.stays_within, 1)):
+        with pytest.raises(AssertionError):
+            claim()
+
+
+def test_a_run_that_is_stopped_after_take_off_before_its_path_has_a_summary(tmp_path: Path) -> None:
+    """Its vehicles fly on at the end: whether their links were out by then isn't known by mission time."""
+    session = stopped(tmp_path, "interrupted three times", 16.0, answers=True)
+    assert session.station.recorded_ticks > 0
+    assert session.conclude(None).held is None
+    assert not load_run(tmp_path).begun

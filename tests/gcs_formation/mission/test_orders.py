@@ -30,6 +30,7 @@ class Formation:
         self.cut_short = False
         self.error: Exception | None = None
         self.flight, self.notes = Flight(phase), Noted()
+        self.note_late: Any = lambda _: None
         keys = scenario(orders=[{"at_s": at_s, "order": order} for at_s, order in (planned or {}).items()])
         formation: Any = self
         self.orders = Orders(load_scenario(keys), formation, formation, self.notes)

@@ -120,7 +120,10 @@ def test_without_truth_the_station_s_knowledge_decides():
 
 
 def test_expectations_are_of_whoever_follows_in_their_window():
-    """The second vehicle leads from 5 s on, so expectations of later followers concern the first vehicle, not it."""
+    """The second vehicle leads from 5 s on, so expectations of later followers concern the first vehicle, not it.
+
+    Over a window of which each of them followed for half, neither is judged.
+    """
     flight = recorded(spool(handed_over_s=5.0), truth())
     windows = [{"from_s": 0, "to_s": 4}, {"from_s": 6, "to_s": 10}, {"from_s": 0, "to_s": 10}]
     expect = [{"metric": "error_x_m.max", "below": 0.1, **window} for window in windows]
@@ -131,7 +134,9 @@ def test_expectations_are_of_whoever_follows_in_their_window():
     held = [(str(each.vehicle), each.held) for each in verdicts]
     assert held[:3] == [("1", None), ("2", True), ("3", True)]
     assert held[3:6] == [("1", True), ("2", None), ("3", True)]
-    assert held[6:] == [("1", True), ("2", True), ("3", True)]
+    assert held[6:] == [("1", None), ("2", None), ("3", True)]
+    assert [round(each.share, 2) for each in verdicts[6:]] == [0.5, 0.5, 1.0]
+    assert str(verdicts[6]).endswith("not judged: led for 5.0 s")
 
 
 def test_figures_of_one_that_led_say_of_what_share_of_the_time_they_are() -> None:

@@ -55,7 +55,9 @@ def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_told_other
 def test_a_run_that_ended_before_it_commanded_anybody_is_replaced(
     tmp_path: Path, causes: list[Cause], replaced: bool
 ) -> None:
+    """Although it has a summary, of nothing."""
     first = record(tmp_path, overwrite=False)
+    first.write_summary({})
     for cause in causes:
         first.event(Event(Instant(1), "phase", "failed", None, {"cause": cause.value}))
     first.close()

@@ -8,7 +8,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
 from gcs_formation.report.page import PLATES, as_script, embedded
-from gcs_formation.report.page_parts import beside_the_paper, cards, table, verdict
+from gcs_formation.report.page_parts import beside_the_paper, cards, control, table, verdict
 
 VOID = {"meta", "link", "img", "input", "br"}
 
@@ -141,6 +141,10 @@ def test_one_broken_expectation_breaks_the_run(make_run):
     unbroken = [entry for entry in summary["expect"] if entry["held"] is not False]
     assert "none broken, 1 not judged" in verdict({**summary, "expect": unbroken})
     assert "all held" in verdict({**summary, "expect": unbroken[:1]})
+    assert "nothing was judged" in verdict({**summary, "expect": unbroken[1:]})
+    late = {**summary["control"], "late_ticks": 289, "ticks": 439, "lateness": "late ticks: 289 of 439 began"}
+    assert "all held, 289 of 439 ticks late" in verdict({**summary, "expect": unbroken[:1], "control": late})
+    assert "late ticks: 289 of 439 began" in control({"control": late})
     assert "2 safety violations" in verdict({**summary, "safety": {"violations": 2}})
     assert "1 left unsafe" in verdict({**summary, "expect": unbroken, "unsafe": ["vehicle 3 was lost in the air"]})
 

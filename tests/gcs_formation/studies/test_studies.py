@@ -38,6 +38,7 @@ from gcs_formation.studies.plan import (
 )
 from gcs_formation.studies.preparation import load_study, prepare, refly_task
 from gcs_formation.studies.workers import Cluster, Processes
+from tests.flights.conftest import scenario
 from tests.processes import wait_for
 
 SCENARIO: Any = {
@@ -142,6 +143,16 @@ def test_a_flight_that_lost_its_formation_has_no_figure_of_its_errors(window):
         assert (found["error_x_m.max"] is not None) is known
         assert (found["in_slot_share"] > 0.5) is known
         assert found["min_separation_m"] > 10.0
+
+
+def test_a_flight_s_row_says_what_of_its_own_expectations_was_not_judged() -> None:
+    """It isn't broken by that. A figure over a time that was hardly flown is none."""
+    expect = [{"metric": "error_x_m.max", "below": 1}]
+    keys = scenario(duration_s=30, vehicles={"count": 2}, expect=expect)
+    study = Study(metrics=("error_x_m.rms",), record="none", until_s=2, from_s=0, to_s=30)
+    found = fly(Task(Planned(0, 1, {}), study, keys))
+    words = "nothing was judged: 1 of 1 expectation not judged (flown to 2.0 s of 30 s)"
+    assert (found["exit"], found["words"], found["error_x_m.rms"]) == (0, words, None)
 
 
 def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst():

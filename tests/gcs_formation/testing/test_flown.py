@@ -10,10 +10,10 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.expectation import Expectation
-from gcs_formation.record.expectations import Verdict
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import read_parquet, write_parquet
+from gcs_formation.record.verdict import Verdict
 from gcs_formation.testing.flight_plan import FlownFlight, in_words
 
 TIME_S = np.arange(-20, 301) / 10.0
@@ -191,6 +191,28 @@ def test_a_window_in_which_those_named_only_led_is_no_success(tmp_path):
     flight = flown(tmp_path, 3)
     with pytest.raises(AssertionError, match="none of these followed anybody from 15 s to 30 s\n  3"):
         flight.stays_within(1.0, followers=3, from_s=15)
+
+
+def test_a_window_in_which_those_named_hardly_followed_is_no_success(tmp_path):
+    """It leads from 10 s on; of the other, that follows to the end, enough is judged."""
+    flight = flown(tmp_path, 3)
+    flight.stays_within(1.0, followers=[2, 3])
+    with pytest.raises(AssertionError, match=r"not judged from 0 s to 30 s\n  vehicle 3: 33% of it judged"):
+        flight.stays_within(1.0, followers=3)
+
+
+def test_a_window_of_which_a_part_is_not_recorded_is_no_success(tmp_path):
+    flight = flown(tmp_path)
+    columns = read_parquet(tmp_path / TIMESERIES)
+    write_parquet(tmp_path / TIMESERIES, [{n: each[np.repeat(~missing(15.0, 4.0), 3)] for n, each in columns.items()}])
+    with pytest.raises(AssertionError, match="not judged from 0 s to 30 s"):
+        flight.stays_within(1.0)
+    write_parquet(tmp_path / TIMESERIES, [{n: each[np.repeat(~missing(15.0, 2.8), 3)] for n, each in columns.items()}])
+    replace(flight).stays_within(1.0).keeps_apart(10)
+
+
+def missing(from_s: float, for_s: float) -> np.ndarray:
+    return (from_s - 0.01 < TIME_S) & (from_s + for_s - 0.01 > TIME_S)
 
 
 def test_expectations_none_of_which_was_judged_arent_met(tmp_path):

@@ -1,0 +1,106 @@
+"""The figures of a vehicle's link, and verdicts on them: not judged, or broken, where it was silent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flight_model.arrays import Array
+from formation_scenario import Scenario, Vehicle
+from formation_scenario.expectation import WINDOWED
+from gcs_formation.record.verdict import Verdict, weighed
+
+UNANSWERED_S = 10.0
+"""A longer time without answers at a window's end is a time without measured delays."""
+
+
+@dataclass(frozen=True)
+class LinkFigures:
+    """Counts and delays (s) of one vehicle's link."""
+
+    delays_s: Array
+    """(P, 3) delays of each answered request: half the round trip, up, down; NaN while the split is unknown."""
+    delay_times_s: Array
+    """Mission times of the requests, NaN before the path began."""
+    measured_loss: float
+    frames_in: int
+    frames_out: int
+    frames_bad: int
+    frames_implausible: int = 0
+    injected: tuple[float, float, float, float] | None = None
+    """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
+
+    None if the link's impairments are unknown, as in `fly` behind something else.
+    """
+    due_to_s: float = math.inf
+    """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
+    heard_to_s: float = math.inf
+    """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
+
+    def answered_to_s(self, end_s: float) -> float:
+        """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""
+        last_s = float(np.max(self.delay_times_s, where=self.delay_times_s <= end_s, initial=-math.inf))
+        return last_s if end_s - last_s > UNANSWERED_S else math.inf
+
+    @property
+    def each_way_s(self) -> Array:
+        """(P,) the one-way delays, at least 0: the mean wait for the autopilot's loop may exceed the measured delay."""
+        return np.maximum(self.delays_s[:, 0], 0.0)
+
+
+def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
+    """Return whether by the scenario nothing comes down a vehicle's link, or passes `either` way, at a mission time."""
+    steps = scenario.link_steps(vehicle)
+    step = ([each for each in steps if each.at_s <= at_s] or steps[:1])[-1]  # at_s is NaN before the path
+    ways = (step.downlink, step.uplink) if either else (step.downlink,)
+    return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)
+
+
+def link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
+    """Return the verdict on a link, changed if its vehicle fell silent for good before `end_s`.
+
+    If the scenario silenced it, the link isn't judged, unless it had broken a bound before. If it fell silent by
+    itself, a metric over a window is broken, as nothing was measured; one of the whole flight stands, because it counts
+    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request.
+
+    Args:
+        verdict: by the figures alone.
+        link: when the vehicle was silenced by a fault, and when it was last heard and last answered.
+        end_s: the end of the window, or of the flight if that came first.
+        out: whether the scenario has an outage of the link then.
+    """
+    windowed, fault = verdict.expectation.metric in WINDOWED, link.due_to_s < end_s
+    needs_answers = verdict.expectation.metric.startswith("measured_delay")
+    silent_s = min(link.due_to_s, link.heard_to_s, link.answered_to_s(end_s) if needs_answers else math.inf)
+    if verdict.held is None or silent_s >= end_s:
+        return verdict
+    state = "silenced" if min(link.due_to_s, link.heard_to_s) < end_s else "cut off"
+    if fault or (out and windowed):
+        at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
+        reason = f"{state} at {at_s:.1f} s by the scenario's {whose}"
+        known = verdict.value is not None and verdict.held is False
+        said = f"before it was {reason}" if known else reason
+        return replace(verdict, reached=False, judged=known, reason=said, lost=True)
+    why = "not heard" if state == "silenced" else "no answer"
+    reached, said = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
+    return replace(verdict, reached=reached, reason=said, lost=windowed)
+
+
+def as_answered(verdict: Verdict, link: LinkFigures) -> Verdict:
+    """Return a verdict on measured delays that isn't judged if too much of its window passed without answers."""
+    wanted = verdict.expectation
+    if not wanted.metric.startswith("measured_delay") or verdict.held is None or verdict.lost or not verdict.reached:
+        return verdict
+    times_s = np.sort(link.delay_times_s)
+    times_s = times_s[(times_s >= wanted.from_s) & (times_s <= wanted.to_s)]
+    edges_s = np.concatenate(([wanted.from_s], times_s, [wanted.to_s]))
+    apart_s = np.diff(edges_s)
+    silent_s = float(apart_s[apart_s > UNANSWERED_S].sum())
+    share = 1.0 - silent_s / (wanted.to_s - wanted.from_s)
+    if share >= verdict.share or not times_s.size:
+        return verdict
+    longest = int(apart_s.argmax())
+    said = f"no answer from {edges_s[longest]:.1f} s to {edges_s[longest + 1]:.1f} s"
+    return weighed(replace(verdict, share=share, reason="; ".join(filter(None, (verdict.reason, said)))))
