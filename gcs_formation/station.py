@@ -314,6 +314,8 @@ class Station(Engine):
         for event in tick.events:
             self._recorder.event(event)
         self.controlled_ticks += 1
+        if controller.fault is not None:
+            self.course.fail_by(controller.fault, now)
         begins = phase is Phase.ASSEMBLING and controller.guidance.started
         over = mission_s >= self.scenario.duration_s  # possible for a resumed flight; False before the path (NaN)
         if begins and not over and self.course.move(Cause.PATH_BEGUN, now):

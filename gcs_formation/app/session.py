@@ -188,7 +188,7 @@ class Session:
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
-        """Close the record, and write the time series and the summary, also if it failed after the flight itself.
+        """Close the record, and write the time series and the summary, also of a flight that failed in the air.
 
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
@@ -198,7 +198,7 @@ class Session:
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         failure = None if course.failure is None else course.failure + self._hurry()
-        if failure is not None and not course.flown:
+        if failure is not None and not self.station.recorded_ticks:
             raise RunAbortedError(failure)
         try:
             summary = self._make_summary(truth, wall_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from airlink.clock import Instant, seconds_between
@@ -9,8 +10,10 @@ from airlink.endpoint import VehicleId
 from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
+from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch
@@ -139,8 +142,6 @@ class Course:
         self.flight = Flight()
         self.failure: str | None = None
         """Why the run couldn't continue."""
-        self.flown = False
-        """Whether it failed only after the flight, for instance because a vehicle couldn't land."""
         self.cut_short = False
         """Whether the flight was ended before its path or its time was over."""
         self.assembled: bool | None = None
@@ -222,10 +223,22 @@ class Course:
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""
-        self.flown = self.flown or (self.failure is None and self.flight.phase in OVER)
         self.failure = self.failure or text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
+
+    def fail_by(self, fault: NotFiniteError, now: Instant) -> None:
+        """End the run, once, because a part returned what isn't finite: which one, for which vehicle, and when."""
+        if self.failure is not None:
+            return
+        mission_s = self.flight.mission_time_s(now)
+        begun = f"{seconds_between(Instant(0), now):.1f} s after the start"
+        when = begun if math.isnan(mission_s) else f"{mission_s:.1f} s"
+        if fault.column is None:
+            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now)
+        else:
+            who = column_names(self._scenario)[fault.column]
+            self.fail(f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now)
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""
