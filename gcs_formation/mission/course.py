@@ -142,6 +142,8 @@ class Course:
         self.flight = Flight()
         self.failure: str | None = None
         """Why the run couldn't continue."""
+        self.flown = False
+        """Whether it failed only after the flight, for instance because a vehicle couldn't land."""
         self.cut_short = False
         """Whether the flight was ended before its path or its time was over."""
         self.assembled: bool | None = None
@@ -223,6 +225,7 @@ class Course:
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""
+        self.flown = self.flown or (self.failure is None and self.flight.phase in OVER)
         self.failure = self.failure or text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)

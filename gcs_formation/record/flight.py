@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -191,6 +192,12 @@ def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
     identities = enumerate(each.vehicle_id for each in scenario.vehicles)
     vehicles = {identity: {name: each[:, column] for name, each in columns.items()} for column, identity in identities}
     return RecordedFlight(vehicles)
+
+
+def down_at_end(flight: RecordedFlight) -> str | None:
+    """Return in words that every vehicle was on the ground when its flight along the path ended; None if one flew."""
+    down_s = flight.down_from_s(0.0, math.inf)
+    return None if down_s is None else f"all vehicles were down before the flight was over: from {down_s:.1f} s on"
 
 
 class FlightBuilder:

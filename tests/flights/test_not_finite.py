@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from librt.strings import BytesWriter
 
 import gcs_formation
+from airlink.messages import Message
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Triple
 from formation_scenario import load_scenario
@@ -25,6 +27,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.studies import Study
 from gcs_formation.studies.flight import Task, fly
 from gcs_formation.studies.plan import Planned
+from gcs_formation.vehicle.vehicle import Member
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
@@ -215,6 +218,38 @@ def test_a_law_that_divides_by_zero_ends_its_flight_in_words():
 
     flown.station.controller._law = Broken(flown.station.controller._law, divide)
     assert ended_safely(flown).endswith(" s: ZeroDivisionError: float division by zero")
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_what_a_vehicle_tells_never_ends_a_flight(value: float):
+    """Every float of vehicle 2's messages from some time on: it is left to loiter, and the others fly on."""
+    flown = World(law={"max_age_s": 2})
+    flown.fly_to(3.0)
+    spoilt = set[str]()
+    for stream in flown.vehicle(2).streams._streams:
+
+        def told(vehicle: Any, build: Callable[[Any], Message] = stream.build) -> Message:
+            message = build(vehicle)
+            floats = {name: value for name, each in message.values().items() if isinstance(each, float)}
+            floats = {name: each for name, each in floats.items() if _can_be_sent(message, name, each)}
+            spoilt.update(f"{type(message).__name__}.{name}" for name in floats)
+            return message.but(**floats)
+
+        stream.build = told
+    flown.fly_to(12.0)
+    station = flown.station
+    assert {"Attitude.yaw_rad", "VfrHud.airspeed_mps", "VfrHud.climb_mps"} <= spoilt
+    assert (station.flight.phase, station.course.failure, station.controller.fault) == (Phase.FLYING, None, None)
+    assert [vehicle.member for vehicle in station.vehicles.values()] == [Member.FLYING, Member.HOLDING, Member.FLYING]
+
+
+def _can_be_sent(message: Message, name: str, value: float) -> bool:
+    """Return whether a field is a float on the wire too; integers have no NaN."""
+    try:
+        message.but(**{name: value}).write(BytesWriter())
+    except (ValueError, OverflowError):
+        return False
+    return True
 
 
 def test_the_record_is_complete_and_the_command_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
