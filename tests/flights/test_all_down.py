@@ -13,12 +13,12 @@ from gcs_formation.phases import Phase
 from tests.flights.conftest import STRAIGHT, scenario
 from tests.flights.in_memory import World
 
-COPTERS = {
+COPTERS: dict[str, Any] = {
     "vehicles": {"count": 3, "autopilot": "arducopter"},
     "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 20], [1000, 0, 20]]},
     "duration_s": 100,
 }
-CRASH = {"at_s": 5, "vehicles": "all", "kind": "crash"}
+CRASH: dict[str, Any] = {"at_s": 5, "vehicles": "all", "kind": "crash"}
 
 
 def aborted(tmp_path: Path, **keys: Any) -> tuple[str, dict[str, Any], float]:
