@@ -95,7 +95,8 @@ def _never_assembled(outcome: RunOutcome, followers: Mapping[str, Mapping[str, A
     if outcome.assembled is False and missing:
         who = f"follower{'s' * (len(missing) > 1)} {', '.join(missing)}"
         began = f"the path began after start.timeout_s, {outcome.scenario.start.timeout_s:g} s"
-        yield f"never assembled: {began}, and {who} never settled in {'their slots' if len(missing) > 1 else 'its slot'}"
+        slots = "their slots" if len(missing) > 1 else "its slot"
+        yield f"never assembled: {began}, and {who} never settled in {slots}"
 
 
 def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, LinkFigures]) -> Iterator[str]:
