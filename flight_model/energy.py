@@ -181,10 +181,17 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
 def full_throttle(p: AirframeParameters) -> float:
     """Return the model's throttle for the autopilot's full throttle, scaled so that cruise throttle flies level.
 
-    Thrust and drag of an airframe are fitted to small changes; all of that thrust would climb at 20 m/s, not at 13.
+    Thrust and drag of an airframe are fitted to small changes; all of that thrust would climb at 20 m/s, not at 13. But
+    however high its cruise throttle is, an aircraft climbs as its autopilot assumes, if the thrust is enough for that.
     """
     cruise = _drag(p.airspeed_cruise_mps, 1.0, p) / p.thrust_mps2
-    return min(1.0, cruise / max(p.throttle_cruise, cruise))
+    climbs = cruise + GRAVITY_MPS2 * p.climb_max_mps / (p.airspeed_cruise_mps * p.thrust_mps2)
+    return min(1.0, max(cruise / max(p.throttle_cruise, cruise), climbs))
+
+
+def steepest_climb_mps(p: AirframeParameters) -> float:
+    """Return the climb rate at the cruising airspeed by all the thrust that an airframe has; below 0 it can't climb."""
+    return p.airspeed_cruise_mps * (p.thrust_mps2 - _drag(p.airspeed_cruise_mps, 1.0, p)) / GRAVITY_MPS2
 
 
 def run(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
@@ -200,11 +207,15 @@ def run(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
 def climb_out(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
     """Set the pitch of a take-off's climb at a throttle: excess thrust climbs, except for a share that accelerates.
 
+    It accelerates by no more than what is left of a climb as the autopilot assumes it.
+
     Source: take-offs of ArduPlane 4.7's simulated plane, which pitches up to 48 degrees and later down to 27.
     """
     speed = max(a.speed_mps, LEAST_MPS)
     gained = (CLIMB_OUT_SHARE * p.airspeed_cruise_mps - speed) / CLIMB_OUT_S
-    sine = within((throttle * p.thrust_mps2 - _drag(speed, 1.0, p) - gained) / GRAVITY_MPS2, 0.0, STEEPEST)
+    excess = throttle * p.thrust_mps2 - _drag(speed, 1.0, p)
+    gained = min(gained, max(excess - GRAVITY_MPS2 * p.climb_max_mps / speed, 0.0))
+    sine = within((excess - gained) / GRAVITY_MPS2, 0.0, STEEPEST)
     a.pitch_wanted = math.asin(sine) + _incidence(speed, 1.0, p)
     a.throttle_wanted = throttle
 

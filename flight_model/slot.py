@@ -21,6 +21,12 @@ NOSE_SHARE: Final = 10.0
 """Increase of the heading's weight per m/s below that speed."""
 
 
+def all_finite(values: Triple) -> bool:
+    """Return whether none of three values is NaN or infinite."""
+    total = values[0] + values[1] + values[2]
+    return total - total == 0.0
+
+
 class Slot:
     """A slot's place and motion in the leader's frame: forward, right and up, in m, m/s and m/s²."""
 

@@ -184,7 +184,9 @@ class Law(Keys):
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
     on_delay: Literal["degrade", "hold", "warn"] = key(
-        "warn", "when a loop's delay nears its margin: degrade (gains come down until it holds), hold, warn"
+        "warn",
+        "when a loop's delay nears its margin: degrade (gains come down until it holds); hold (its vehicle loiters for "
+        "up to 20 s, then as degrade); warn",
     )
     gains: Literal["auto", "clean", "noise"] = key(
         ...,

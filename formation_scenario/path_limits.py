@@ -27,6 +27,7 @@ MOST_PLACES = 10
 """Largest number of places that are reported individually."""
 LEAST_OVER_GROUND_MPS = 1.0
 """Least ground speed along a path: with less, a gust decides whether a flight reaches its end."""
+SETPOINT = "setpoint"
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
@@ -73,6 +74,11 @@ class _Demand(NamedTuple):
     def share(self) -> Array:
         """(K, N) the share of the limit that is needed, excessive above 1."""
         return self.bound / np.maximum(self.figure, TOLERANCE) if self.least else self.figure / self.bound
+
+    def rank(self, stretch: slice) -> tuple[bool, float]:
+        """Return by what the worst demand of a stretch is chosen: what a slot flies comes before its setpoint."""
+        share = float(self.share[stretch].max())
+        return share > 1.0 + TOLERANCE and self.limit != SETPOINT, share
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
@@ -138,7 +144,7 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
     )
     for stretch in sampled.stretches(of_all):
         demands = leading if of_leader[stretch].any() else following
-        worst = max(demands, key=lambda demand: float(demand.share[stretch].max()))
+        worst = max(demands, key=lambda demand: demand.rank(stretch))
         share = worst.share[stretch]
         row, column = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
         who, index = everyone[int(column)], stretch.start + int(row)
@@ -179,12 +185,18 @@ def _followers(
     yield _Demand("speed", "m/s", speed, slowest, step, least=True)
     yield _Demand("turn", "rad/s of turn", turn, turn_most, step)
     yield _Demand("accel", "m/s² of acceleration", accel, accel_most, step)
+    # By (7) an acceleration takes a setpoint that leads the speed by the lag, and setpoints are limited as speeds are.
+    lags_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
+    commanded = speed + lags_s * (accel if scenario.hovers else needs.accel_mps2)
+    yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, fastest, step)
+    yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, slowest, step, least=True)
 
 
 def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:
     slowest, fastest = model.soon_mps(speed_mps)
     soon = "" if fastest == model.speed_max_mps else f", as it soon flies of {_speeds(model)} (prompt_share)"
     return {
+        SETPOINT: f"{slowest:.3g} to {fastest:.3g} m/s, speed plus tau_v_s ({model.tau_v_s:g} s) times acceleration",
         "speed": f"{slowest:.3g} to {fastest:.3g} m/s{soon}" if soon else _speeds(model),
         "turn": f"up to {model.turn_rate_max_rps:g} rad/s",
         "accel": f"up to {model.accel_max_mps2:g} m/s²",

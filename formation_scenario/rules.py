@@ -281,6 +281,7 @@ RULES = (
     vehicle_rules.roles,
     vehicle_rules.endpoints,
     vehicle_rules.speeds,
+    vehicle_rules.climbing,
     vehicle_rules.hovering,
     references,
     disturbances,

@@ -9,6 +9,7 @@ import numpy as np
 
 from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
+from flight_model.energy import steepest_climb_mps
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import Formation, FormationChange, LawType
 from formation_scenario.model import Scenario
@@ -75,6 +76,22 @@ def speeds(scenario: Scenario) -> Iterator[Finding]:
             path: KeyPath = ("vehicles", index, name, "speed_min_mps")
             allowed = f"at most speed_max_mps, {model.speed_max_mps:g}"
             yield path, f"found {model.speed_min_mps:g}", allowed
+
+
+def climbing(scenario: Scenario) -> Iterator[Finding]:
+    """Yield climb limits that an airframe can't fly, its own as assumed by its autopilot, or its model's."""
+    refused: set[VehicleModel] = set()
+    for index, vehicle in enumerate(scenario.vehicles):
+        for name, model in (("model", vehicle.model), ("true_model", vehicle.true_model)):
+            if model is None or model.airframe is None or model in refused:
+                continue
+            most_mps = steepest_climb_mps(model.airframe.parameters())
+            for keys, climb_mps in (((), model.climb_max_mps), (("airframe",), model.airframe.climb_max_mps)):
+                if climb_mps > most_mps:
+                    refused.add(model)
+                    path: KeyPath = ("vehicles", index, name, *keys, "climb_max_mps")
+                    why = "what the airframe's thrust leaves at its cruising airspeed"
+                    yield path, f"found {climb_mps:g}", f"up to {max(most_mps, 0.0):.3g} m/s, {why}"
 
 
 def hovering(scenario: Scenario) -> Iterator[Finding]:

@@ -21,9 +21,21 @@ from formation_scenario import Scenario
 from formation_scenario.formation import added
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
+from gcs_formation.control.finite import (
+    GUIDANCE,
+    LAW,
+    PREDICTOR,
+    FiniteStates,
+    require_decision,
+    require_route,
+    require_setpoint,
+    require_slots,
+)
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
 from gcs_formation.control.situation import Lead, Situation
+from gcs_formation.control.straight_on import StraightOn
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -51,6 +63,9 @@ class FormationController:
     It knows neither messages nor sockets.
     """
 
+    fault: NotFiniteError | None = None
+    """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
+
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
         self.guidance = from_scenario.leader_guidance(scenario)
@@ -72,7 +87,7 @@ class FormationController:
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
-        self._turn_rps = 0.0
+        self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
         self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
@@ -111,6 +126,8 @@ class FormationController:
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return the leader's way along its route within some time: points north and east of its place, m."""
+        if self.fault is not None:
+            return self._straight_on.ahead_m(seconds)
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
@@ -151,7 +168,7 @@ class FormationController:
             heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
         assembled = self.assembly.complete or begin_regardless
-        if self._virtual:
+        if self._virtual and self.fault is None:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
         acts = self._acts(now, links)
@@ -164,14 +181,11 @@ class FormationController:
             self.assembly.begin_anew()
             return tick
         measured = self._measured(tick.active, acts)
-        states = self._projection(measured)
-        lead = self._steer_leader(tick, states, assembled=assembled)
-        self._turn_rps = lead.path.turn_rps
-        self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
+        if self.fault is None:
+            self._decide(tick, measured, bandwidth, assembled=assembled)
+        if self.fault is not None:
+            measured = self._fly_straight_on(tick, measured)
         if self.columns > 1:
-            self._follow_bandwidth(bandwidth)
-            self._by_law(tick, states, lead)
-            self._await_followers(tick)
             self._at_heights(tick, heights_m)
         self.fence.keep(tick)
         if self.columns > 1:
@@ -181,6 +195,37 @@ class FormationController:
         self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(now / NANOSECONDS))
         self.last_tick = tick
         return tick
+
+    def _decide(self, tick: Tick, measured: Measured, bandwidth: list[list[float]], *, assembled: bool) -> None:
+        """Put the setpoints of guidance and law into a tick.
+
+        If a part of that returns a value that isn't finite, or fails to compute one, set `fault`.
+        """
+        part = PREDICTOR
+        try:
+            states = FiniteStates(self._projection(measured))
+            part = GUIDANCE
+            lead = self._steer_leader(tick, states, assembled=assembled)
+            self._turn_rps = lead.path.turn_rps
+            self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
+            part = LAW
+            if self.columns > 1:
+                self._follow_bandwidth(bandwidth)
+                self._by_law(tick, states, lead)
+                self._await_followers(tick)
+        except NotFiniteError as error:
+            self.fault = error
+        except (ArithmeticError, ValueError) as error:  # where Python refuses what is NaN or infinite elsewhere
+            self.fault = NotFiniteError(part, None, f"{type(error).__name__}: {error}")
+
+    def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:
+        """Put setpoints into a tick that need neither guidance nor law; return the states that are finite."""
+        last = UNKNOWN if self.last_tick is None else self.last_tick.setpoints[self.last_tick.leader]
+        known = self._straight_on.known(measured, tick.leader, last)
+        tick.active, tick.setpoints = known.active, self._straight_on.setpoints(known)
+        tick.decided, tick.replaced = [None] * self.columns, [AS_DECIDED] * self.columns
+        tick.state = [state if known.active[column] else unknown_state() for column, state in enumerate(known.states)]
+        return known
 
     def look_on(
         self,
@@ -240,6 +285,7 @@ class FormationController:
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and the quantities behind them."""
         slots, commanded_slots = self._over_ground(tick, states, lead)
+        require_slots(slots, tick.active)
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
         situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
@@ -251,6 +297,7 @@ class FormationController:
         for each in self._law.decide(situation, self._dt_s):
             column = each.column
             if tick.active[column]:
+                require_decision(each, tick.leader)
                 tick.setpoints[column] = each.setpoint
                 tick.decided[column] = each
             if not math.isnan(tick.age_s[column]):
@@ -291,15 +338,16 @@ class FormationController:
         tick.state[tick.leader] = state
         ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
         guided, place_mps, wind_mps2 = self._leader_wind.guided(state, ahead_s)
-        wanted = self.guidance.steer(guided, model, assembled=assembled)
+        wanted, turn_rps = self.guidance.steer(guided, model, assembled=assembled), 0.0
         if self._steps:
             speed_mps, heading_rad, height_m = added(self._steps, tick.mission_time_s)
             wanted.speed_mps += speed_mps
             wanted.heading_rad += heading_rad
             wanted.height_m += height_m
-        turn_rps, turn = 0.0, self.guidance.turn
+        turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+        require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
@@ -307,11 +355,13 @@ class FormationController:
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
             turn_rps = self.guidance.turn_rps(guided, model, place_mps, told_rps, wind_mps2)
+        path = self.guidance.heading(guided)
+        require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
-        return Lead(tick.leader, at, commands, self.guidance.heading(guided))
+        return Lead(tick.leader, at, commands, path)
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""

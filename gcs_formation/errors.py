@@ -9,6 +9,18 @@ class RunAbortedError(StationError):
     """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
 
 
+class NotFiniteError(StationError):
+    """A part of the control cycle returned a value that is NaN or infinite, or failed to compute one."""
+
+    def __init__(self, part: str, column: int | None, found: str) -> None:
+        """Take the part, the column of the vehicle that its output is for (None: not known), and the values in words.
+
+        Without a column nothing was returned: `found` is the error of the computation.
+        """
+        super().__init__(f"{part}: {found}")
+        self.part, self.column, self.found = part, column, found
+
+
 class RecordingError(RunAbortedError):
     """The record can't be written any more, usually because the disk is full."""
 

@@ -19,6 +19,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
+from gcs_formation.fleet.down_watch import DownWatch
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
@@ -71,7 +72,7 @@ class Station(Engine):
         self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
-        self._flood, self._telemetry = FloodWatch(note), TelemetryWatch(*fleet)
+        self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
         self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
@@ -189,6 +190,10 @@ class Station(Engine):
         self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
+        if self.flight.phase not in OVER and not self.flight.ended:
+            all_down = self.down.watch(now)
+            if all_down is not None:
+                self.course.fail(all_down, now)
         self._flood.watch(now, self.received(), self.frames_refused)
         self._pilots_and_fence.watch(now)
 
@@ -317,6 +322,8 @@ class Station(Engine):
         for event in tick.events:
             self._recorder.event(event)
         self.controlled_ticks += 1
+        if controller.fault is not None:
+            self.course.fail_by(controller.fault, now)
         begins = phase is Phase.ASSEMBLING and controller.guidance.started
         over = mission_s >= self.scenario.duration_s  # possible for a resumed flight; False before the path (NaN)
         if begins and not over and self.course.move(Cause.PATH_BEGUN, now):

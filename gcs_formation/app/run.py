@@ -20,7 +20,7 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
-from airlink.endpoint import Endpoint, PortError
+from airlink.endpoint import Endpoint, PortError, VehicleId
 from airlink.engine import MemoryNetwork
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
@@ -104,6 +104,7 @@ def import_ahead() -> None:
 def _open(scenario: Scenario, options: RunOptions, clock: Clock, progress: Progress, interrupts: Interrupts) -> Session:
     """Return a session with emulated vehicles; an event says which of them stand in for real autopilots."""
     session = Session(scenario, options, clock, progress, interrupts, emulated=True)
+    session.lying = partial(lying, session)
     text = stand_ins(scenario)
     if text:
         session.recorder.event(Event(Instant(0), "emulation", text))
@@ -167,6 +168,15 @@ def recorded_truth(directory: Path) -> TruthRecord | None:
     except (FileNotFoundError, TruthError):  # interrupted before the emulators began to write it
         return None
     return record if record.rows >= 2 else None
+
+
+def lying(session: Session) -> set[VehicleId]:
+    """Return the vehicles that are on the ground by the newest ground truth; none if there is none yet."""
+    truth = recorded_truth(session.recorder.path)
+    if truth is None:
+        return set()
+    airborne = truth.between(truth.last_s, truth.last_s)["airborne"][-1]
+    return {each.vehicle_id for each, aloft in zip(session.scenario.vehicles, airborne, strict=True) if not aloft}
 
 
 def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:

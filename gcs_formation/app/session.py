@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable, Collection
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -28,7 +29,7 @@ from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import FlightBuilder, judged, tables
+from gcs_formation.record.flight import FlightBuilder, down_at_end, judged, tables
 from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
@@ -40,6 +41,8 @@ from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
 
 MOST_DIGITS = 5
+LOOK_S = 1.0
+"""Time between looks at the ground truth of silent vehicles, s."""
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
 HURRY = 10.0
@@ -81,6 +84,9 @@ class TimedStation(Station):
 
 class Session:
     """A station with its record, from the first tick to the summary."""
+
+    lying: Callable[[], Collection[VehicleId]] | None = None
+    """Returns which vehicles lie on the ground by ground truth, where there is any."""
 
     def __init__(
         self,
@@ -137,7 +143,7 @@ class Session:
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at = Stopwatch(), self.station.flight.since
-        self._shown_s = 0.0
+        self._shown_s, self._next_look = 0.0, Instant(0)
         self._left_at: Instant | None = None
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
@@ -154,6 +160,9 @@ class Session:
         """Serve the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
+        if self.lying is not None and self.station.down.unknown and self.clock.now() >= self._next_look:
+            self._next_look = after(self.clock.now(), LOOK_S)
+            self.station.down.lie(self.lying())
         left = self.interrupts.heed(self.station.course, self.clock.now())
         self._injected.note(self.station.recorded_ticks)
         if self.recorder.is_beside and self.station.commands_anybody:
@@ -196,9 +205,9 @@ class Session:
         return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
-        """Close the record, and write the time series and the summary, also if it failed after the flight or before it.
+        """Close the record, and write the time series and the summary, also of a flight that failed.
 
-        A run that failed in flight has none, because it may be resumed.
+        Without a summary is a flight that `fly --resume` can go on with.
 
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
@@ -208,14 +217,15 @@ class Session:
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         failure = None if course.failure is None else course.failure + self._hurry()
-        if failure is not None and not course.flown and Spool(self.recorder.path / SPOOL).ticks:
+        resumable = not (self.emulated or course.flown) and bool(Spool(self.recorder.path / SPOOL).ticks)
+        if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:
             summary = self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
-        if failure is not None:
-            raise RunAbortedError(failure)
+        if course.failure is not None:
+            raise RunAbortedError(course.failure + self._hurry())
         return summary
 
     def _hurry(self) -> str:
@@ -246,11 +256,14 @@ class Session:
             for _ in passing:
                 pass
         events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
+        flight, course = gathering.flight(), self.station.course
+        if course.failure is None and flight.truth:
+            course.failure = down_at_end(flight)
         summary = summarise(
             RunOutcome(
                 scenario=self.scenario,
                 clock=self.options.clock,
-                flight=judged(gathering.flight(), self.scenario, truth, events, ended_s),
+                flight=judged(flight, self.scenario, truth, events, ended_s),
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 ticks_s=self.station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),

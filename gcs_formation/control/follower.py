@@ -14,7 +14,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
-from flight_model.slot import UNKNOWN, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Triple, all_finite
 from formation_scenario.formation import Frame
 from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, Gains, Pid
 from gcs_formation.control.setpoint import (
@@ -294,6 +294,8 @@ class FollowerController(Controller):
         # The lead against a gust is inside the envelope too: it would otherwise undo a correction at the limit.
         led_mps, led_rad = forward[0] + gust[0], forward[1] + (gust[1] if self._trailing is None else 0.0)
         wanted = bounds.limit(led_mps + output[0], led_rad + output[1], forward[2] + output[2])
+        if not all_finite(wanted):
+            return wanted
         before_mps, before_rad = self._correction
         most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(gust[0])
         most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(gust[1])

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, within, wrap
-from flight_model.slot import Triple
+from flight_model.slot import Triple, all_finite
 from formation_scenario import Scenario
 from formation_scenario import formation as keys
 from gcs_formation.control.consensus import ConsensusLaw
@@ -55,6 +55,8 @@ class VelocityController(Controller):
         A correction is no faster than the vehicle can brake from before it reaches its slot.
         """
         model, mixed = pair.model, self.mixed
+        if not all_finite(output):
+            return output
         away_m = math.hypot(self.error_m[0], self.error_m[1])
         most_mps = LEAST_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * away_m)
         share = _share(output[0], output[1], most_mps)

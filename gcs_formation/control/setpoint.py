@@ -13,7 +13,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
-from flight_model.slot import Slot, Triple
+from flight_model.slot import Slot, Triple, all_finite
 from formation_scenario.formation import Frame
 
 Replaced = tuple[bool, bool, bool]
@@ -275,7 +275,10 @@ class Envelope:
 
         The heading isn't wrapped: it is the slot's own heading plus a correction, whose sign is the side to turn to and
         which may exceed half a turn far from the slot.
+        Values that aren't finite are returned as they are: a limit would hide an infinite one.
         """
+        if not all_finite((speed_mps, heading_rad, height_m)):
+            return speed_mps, heading_rad, height_m
         aside_rad = within(heading_rad - self.own_heading_rad, -self.aside_max_rad, self.aside_max_rad)
         return (
             within(speed_mps, self.model.speed_min_mps, self.model.speed_max_mps),

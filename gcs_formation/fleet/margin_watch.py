@@ -32,6 +32,8 @@ LASTING_LOOKS: Final = 4
 trips before and after it are in one window and seem to scatter."""
 CALM_LOOKS: Final = 10
 """Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
+HOLD_LOOKS: Final = 20
+"""Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile."""
 KEPT: Final = 0.7
 """Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
@@ -106,6 +108,9 @@ class WatchedVehicle:
         self.axes = dict[str, Usage]()
         """By axis, what computes the share of the margin that its loops use; they share one bandwidth."""
 
+        self.held, self.held_too_long = 0, False
+        """Number of checks for which it was held, less those since; whether it follows with reduced gains instead."""
+
     def least_scatter_s(self) -> float:
         """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
         scatters_s, least_s = self._scatters_s, self.vehicle.clock.usual_scatter_s
@@ -132,6 +137,7 @@ class MarginWatch:
         """Longest loop delay so far."""
         self._mutual = law_kind(scenario).mutual
         self._degrades = scenario.law.on_delay == "degrade"
+        self._holds = scenario.law.on_delay == "hold"
         self._waits_for_all = self._mutual and not scenario.law.delay_compensation
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
         self._note = note
@@ -172,7 +178,7 @@ class MarginWatch:
     def _look(self, now: Instant, each: WatchedVehicle) -> None:
         vehicle, delay = each.vehicle, self._delay(each)
         column = vehicle.column
-        if self._degrades:
+        if self._degrades or each.held_too_long:
             self._set_bandwidth(now, each, delay)
         by_delay, bandwidth = math.nan, self.bandwidth[column]  # NaN while the delay is unknown
         for axis, usage in each.axes.items():
@@ -189,6 +195,19 @@ class MarginWatch:
             self.beyond.add(vehicle.identity)
         elif not by_delay >= NEAR:
             self.beyond.discard(vehicle.identity)
+        if self._holds:
+            self._bound_hold(now, each)
+
+    def _bound_hold(self, now: Instant, each: WatchedVehicle) -> None:
+        """Let a vehicle that was held for `HOLD_LOOKS` follow with reduced gains, until it has the scenario's again."""
+        vehicle = each.vehicle
+        each.held = each.held + 1 if vehicle.identity in self.beyond else max(each.held - 1, 0)
+        if not each.held_too_long and each.held >= HOLD_LOOKS:
+            each.held_too_long = True
+            text = f"was held for {HOLD_LOOKS} s by its delay: it follows with lower gains instead (on_delay: degrade)"
+            self._note(now, "delay_margin", text, vehicle)
+        elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.column]) == 1.0:
+            each.held_too_long = False
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong lags that a loop uses, and the channel of these lags."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from airlink.clock import Instant, after, seconds_between
@@ -10,8 +11,10 @@ from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.expectation import LATE_PERIODS
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
+from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch
@@ -238,6 +241,19 @@ class Course:
         self.failure = self.failure or text
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
+
+    def fail_by(self, fault: NotFiniteError, now: Instant) -> None:
+        """End the run, once, because a part returned what isn't finite: which one, for which vehicle, and when."""
+        if self.failure is not None:
+            return
+        mission_s = self.flight.mission_time_s(now)
+        begun = f"{seconds_between(Instant(0), now):.1f} s after the start"
+        when = begun if math.isnan(mission_s) else f"{mission_s:.1f} s"
+        if fault.column is None:
+            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now)
+        else:
+            who = column_names(self._scenario)[fault.column]
+            self.fail(f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now)
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""

@@ -237,6 +237,12 @@ def split(columns: Columns, scenario: Scenario) -> RecordedFlight:
     return RecordedFlight(vehicles)
 
 
+def down_at_end(flight: RecordedFlight) -> str | None:
+    """Return in words that every vehicle was on the ground when its flight along the path ended; None if one flew."""
+    down_s = flight.down_from_s(0.0, math.inf)
+    return None if down_s is None else f"all vehicles were down before the flight was over: from {down_s:.1f} s on"
+
+
 class FlightBuilder:
     """Collects a flight from columns of `tables` as they pass, so that the others needn't be in memory together."""
 

@@ -88,13 +88,24 @@ def summarise(outcome: RunOutcome) -> Summary:
             "margin_used": figures.if_finite(outcome.margin_used),
         },
     }
+    parts["undone"] += _never_assembled(outcome, parts["followers"])
     verdicts, measured = (
         tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short, wanted))
         for wanted in (scenario.expect, outcome.measure)
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
-    return Summary(parts, verdicts, (*safe.breaches, *unsafe, *outcome.undone), measured=measured)
+    return Summary(parts, verdicts, (*safe.breaches, *unsafe, *parts["undone"]), measured=measured)
+
+
+def _never_assembled(outcome: RunOutcome, followers: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield in words that the path began without an assembled formation, and who never came to stay in its slot."""
+    missing = [name for name, each in followers.items() if each["settled_at_s"] is None]
+    if outcome.assembled is False and missing:
+        who = f"follower{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        began = f"the path began after start.timeout_s, {outcome.scenario.start.timeout_s:g} s"
+        slots = "their slots" if len(missing) > 1 else "its slot"
+        yield f"never assembled: {began}, and {who} never settled in {slots}"
 
 
 def _lost(scenario: Scenario, flight: RecordedFlight, links: Mapping[VehicleId, LinkFigures]) -> Iterator[str]:

@@ -110,3 +110,23 @@ def test_a_demand_that_is_swung_quickly_comes_back_larger():
         energy.cycle(one, commanded, parameters)
         swung.append(one.speed_mps)
     assert np.ptp(swung[1500:]) / 1.0 > 0.6
+
+
+@pytest.mark.parametrize("throttle_cruise", [0.3, 0.5, 0.7, 0.75, 0.9, 1.0])
+def test_whatever_the_cruise_throttle_an_aircraft_climbs_out_as_its_autopilot_assumes(throttle_cruise):
+    """From 0.7 on it accelerated to where full throttle flew level, and stayed 4 to 40 m high."""
+    keys = EnergyAirframe(throttle_cruise=throttle_cruise)
+    parameters = keys.parameters()
+    climbing = energy.Aircraft(0.0, 0.0, 0.8 * keys.airspeed_cruise_mps, 0.0)
+    energy.trim(climbing, parameters)
+    level = energy.Commanded(keys.airspeed_cruise_mps, math.inf, 0.0, 1.0, 100.0)
+    for _ in range(round(20.0 / energy.CYCLE_S)):
+        energy.climb_out(climbing, energy.full_throttle(parameters), parameters)
+        energy.cycle(climbing, level, parameters)
+    assert climbing.climb_mps > 0.98 * keys.climb_max_mps
+    assert climbing.height_m > 50.0
+
+
+def test_the_steepest_climb_is_what_thrust_leaves_of_drag():
+    """22 m/s by (14 - 6.7 - 0.065) / 9.80665."""
+    assert energy.steepest_climb_mps(EnergyAirframe().parameters()) == pytest.approx(16.23, abs=0.01)

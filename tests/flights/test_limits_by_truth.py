@@ -137,7 +137,7 @@ def test_a_leader_off_its_path_for_10_s_is_unsafe(fly: Fly, allowed_m: float, sa
     assert figures["path"]["centre"]["across_m"]["max"] == pytest.approx(
         figures["path"]["leader"]["across_m"]["max"], abs=1.0
     )
-    assert (figures["safety"]["violations"] == 0, summary.held) == (safe, safe)
+    assert (figures["safety"]["violations"] == 0, summary.held is not False) == (safe, safe)
     said = " ".join(figures["unsafe"])
     assert safe or ("off its path" in said and "safety.path_distance_m" in said)
 

@@ -37,7 +37,7 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     path = SplinePath(circle(400.0))
     turn = 22.0 * path.at(np.linspace(0.0, path.length_m, 20_000)).curvature_1pm.max()
     wide = "formation={shape: custom, slots_m: {2: [0, %d, 0], 3: [-60, 0, 0], 4: [-30, 0, 0]}}"
-    generous = [f"vehicles.{n}.model.accel_max_mps2=50" for n in range(4)]
+    generous = [f"vehicles.{n}.model.{key}" for n in range(4) for key in ("accel_max_mps2=50", "tau_v_s=0.05")]
     for aside_m in (-120, 120):  # a right-hand bend
         (line,) = refusal(with_path(circle(400.0)), wide % aside_m, *generous)
         assert f"vehicle 2's slot in shape custom would need {22.0 - aside_m * turn:.3g} m/s" in line
@@ -46,6 +46,16 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     assert "m/s, the worst of 2 slots there; 16 to 28 m/s" in refusal(with_path(circle(400.0)), wide, *generous)[0]
     faster = [f"vehicles.{n}.model.{key}" for n in (1, 2) for key in ("speed_max_mps=32", "speed_min_mps=12")]
     assert load(with_path(circle(400.0)), wide, *generous, *faster)
+
+
+def test_a_setpoint_leads_the_speed_by_its_lag_and_keeps_to_the_same_limits(refusal, load):
+    """120 m inside a bend of 400 m: 16 m/s or so, but on the way into it 4 s times the deceleration less."""
+    inside = "formation={shape: custom, slots_m: {2: [0, 75, 0], 3: [-60, 0, 0], 4: [-30, 0, 0]}}"
+    generous = [f"vehicles.{n}.model.accel_max_mps2=50" for n in range(4)]
+    line = refusal(with_path(circle(400.0)), inside, *generous)[0]
+    assert "vehicle 2's slot in shape custom would need " in line
+    assert line.endswith(" m/s of speed setpoint; 16 to 28 m/s, speed plus tau_v_s (4 s) times acceleration")
+    assert load(with_path(circle(400.0)), inside, *generous, *(f"vehicles.{n}.model.tau_v_s=0.05" for n in range(4)))
 
 
 def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):

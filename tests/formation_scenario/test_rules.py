@@ -67,6 +67,18 @@ from formation_scenario.source import read_text
         (["safety.avoidance.enabled=perhaps"], "safety.avoidance.enabled: found 'perhaps'; "),
         (["safety.avoidance=5"], "safety.avoidance: found 5; "),
         (["safety.avoidance.radius_m=5"], "safety.avoidance.radius_m: "),
+        (
+            ["vehicles.1.model={airframe: {}, climb_max_mps: 30}"],
+            "vehicles.1.model.climb_max_mps: found 30; up to 16.2 m/s, what the airframe's thrust leaves at its cruis",
+        ),
+        (
+            ["vehicles.1.model={airframe: {climb_max_mps: 30}}"],
+            "vehicles.1.model.airframe.climb_max_mps: found 30; up to 16.2 m/s, ",
+        ),
+        (
+            ["vehicles.1.model={airframe: {thrust_mps2: 6}}"],
+            "vehicles.1.model.climb_max_mps: found 3; up to 0 m/s, what the airframe's thrust leaves",
+        ),
         (["law.consensus.graph=[[0, 1], [1, 0]]"], "found 2 rows of 2, 2; 4 rows of 4 weights"),
         (
             ["path.waypoints_m=[[0, 0, 90], [0, 0.5, 99]]"],

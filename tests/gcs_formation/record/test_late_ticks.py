@@ -18,7 +18,17 @@ from gcs_formation.record.flight import RecordedFlight, judged
 from gcs_formation.record.lateness import late_ticks, lateness
 from gcs_formation.record.link_verdicts import LinkFigures
 from tests.gcs_formation.record.test_expectations import stretched
-from tests.gcs_formation.record.test_flight import FOLLOWER, KEYS, LEADER, SCENARIO, THIRD, flown, recorded, spool, truth
+from tests.gcs_formation.record.test_flight import (
+    FOLLOWER,
+    KEYS,
+    LEADER,
+    SCENARIO,
+    THIRD,
+    flown,
+    recorded,
+    spool,
+    truth,
+)
 
 PERIOD_S = 0.1
 LATE_S = (0.05, 0.5, 1.0)
