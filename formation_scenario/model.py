@@ -89,7 +89,7 @@ class Start(Keys):
 
 
 class Wind(Keys):
-    """Constant wind on all vehicles."""
+    """Constant wind on all emulated vehicles. `check` plans by it; in flight the station measures its own."""
 
     velocity_mps: Vector = key((0.0, 0.0, 0.0), "where it blows to: north, east, down, m/s", [3, -2, 0])
 
@@ -259,14 +259,15 @@ class Scenario(Keys):
         return lifted(self.path.written, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
 
     def rise_bounds(self, share: float) -> Bounds:
-        """Return the bounds of a path that every vehicle can follow with a share of its climb limit, in a tailwind.
+        """Return the bounds of a path that every vehicle can follow with a share of its climb limit, in calm air.
 
-        The climb rate may change by its limit within twice the sum of the height's time constants in (7).
+        The climb rate may change by its limit within twice the sum of the height's time constants in (7). What is left
+        of the climb limit is for a tailwind, too: `check` counts it.
         """
         models = [vehicle.model for vehicle in self.vehicles]
         climb_mps = min(model.climb_max_mps for model in models)
         lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
-        speed_mps = self.path.speed_mps + self.wind.speed_mps
+        speed_mps = self.path.speed_mps
         return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
 
     def speeds_mps(self, vehicle: Vehicle) -> tuple[float, float]:
@@ -312,6 +313,10 @@ class Scenario(Keys):
     def at_speed(self, speed_mps: float) -> Scenario:
         """Return the scenario with another speed along the path."""
         return self.model_copy(update={"path": self.path.model_copy(update={"speed_mps": speed_mps})})
+
+    def in_wind(self, north_mps: float, east_mps: float) -> Scenario:
+        """Return the scenario in another constant wind."""
+        return self.model_copy(update={"wind": Wind(velocity_mps=(north_mps, east_mps, 0.0))})
 
     def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
         """Return the vehicles that a key such as `vehicles: [2, 3]` selects, in the scenario's order."""

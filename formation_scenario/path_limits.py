@@ -95,7 +95,7 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
     """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
-    climb_mps = scenario.path.speed_mps * sampled.points.slope
+    climb_mps = over_ground_mps(scenario, sampled.points.course_rad) * sampled.points.slope
     for stretch in sampled.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {abs(climb_mps[index]):.3g} m/s"

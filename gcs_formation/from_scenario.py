@@ -10,13 +10,17 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.fence_geometry import Flyers, LapFence
+from flight_model.path_lift_and_displacement import Bounds
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.gains import AUTO, design_delay_s
+from formation_scenario.links import Links
+from formation_scenario.model import Wind
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns, slot_schedule, slot_table
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.terrain import FOLLOWER_SHARE
-from formation_scenario.vehicles import family_of, reads_equivalent_airspeed
+from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
+from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
 from gcs_formation.control.laws import law_kind
 from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
 from gcs_formation.estimation.lags import LagEstimator
@@ -25,6 +29,7 @@ from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
+from gcs_formation.guidance.tracking import LEAST_MPS
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
@@ -50,6 +55,24 @@ GAP_TICKS = 2.5
 """Number of ticks by which acknowledgements of setpoints may be late, if longer than `GAP_S`."""
 GENTLEST_RPS = 0.01
 """Least turn rate before the path; vehicles that can't keep up in that catch up on the run-in."""
+
+
+def as_known(scenario: Scenario) -> Scenario:
+    """Return a scenario without what a station of real vehicles can't know, so that none of its parts uses that.
+
+    It knows neither the air, nor what will happen to vehicles and links, nor how they differ in truth from what their
+    models and navigation say; the wind, delays, noise, lags and clocks are measured. Gains by design are for the delay
+    that the scenario's links have, as one that it states (`law.design_delay_ms`).
+    """
+    law = scenario.law
+    if law.gains == AUTO:
+        law = law.model_copy(update={"design_delay_ms": 1e3 * design_delay_s(scenario)})
+    vehicles = tuple(
+        each.model_copy(update={"true_model": None, "true_navigation": None, "clock": VehicleClock()})
+        for each in scenario.vehicles
+    )
+    unknown = {"wind": Wind(), "disturbances": (), "faults": (), "links": Links()}
+    return scenario.model_copy(update={"law": law, "vehicles": vehicles, **unknown})
 
 
 def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
@@ -115,7 +138,8 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         path=scenario.leader_path,
         speed_mps=scenario.path.speed_mps,
         run_in_m=scenario.run_in_m,
-        hold_radius_m=hold_radius_m(scenario),
+        hold_speed_mps=scenario.path.speed_mps,
+        hold_turn_rps=hold_turn_rps(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
         fence=_lap_fence(scenario),
@@ -126,7 +150,13 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
     """Return the ground clearance of followers' slots; None without terrain."""
     if scenario.terrain is None:
         return None
-    bounds = scenario.rise_bounds(FOLLOWER_SHARE)
+
+    def bounds(over_ground_mps: float) -> Bounds:
+        """Return the bounds in the wind that is measured; the leader's own route may have its slope in any."""
+        calm = scenario.rise_bounds(FOLLOWER_SHARE)
+        slope = calm.slope * min(1.0, scenario.path.speed_mps / max(over_ground_mps, LEAST_MPS))
+        return Bounds(max(slope, scenario.rise_bounds(LEADER_SHARE).slope), calm.curvature_1pm)
+
     return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
 
 
@@ -152,12 +182,9 @@ def _lap_fence(scenario: Scenario) -> LapFence | None:
     return LapFence(np.array(fence.corners_m), start, Flyers(forward_m, right_m, turn_rps))
 
 
-def hold_radius_m(scenario: Scenario) -> float:
-    """Return the radius of the leader's turns before its path: the tightest in which all slots keep up, either way.
-
-    It allows for the higher ground speed in a tailwind.
-    """
-    speed, wind = scenario.path.speed_mps, scenario.wind.speed_mps
+def hold_turn_rps(scenario: Scenario) -> float:
+    """Return the rate of the leader's turns before its path: the fastest in which all slots keep up, either way."""
+    speed = scenario.path.speed_mps
     models = column_models(scenario)[1:]
     most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)
@@ -170,8 +197,7 @@ def hold_radius_m(scenario: Scenario) -> float:
         fast = needs.speed_mps - speed > share * (high - speed)
         slow = speed - needs.speed_mps > share * (speed - low)
         kept &= ~(fast | slow | (np.abs(needs.aside_rad) > SWING_RAD)).any(axis=1)
-    tightest = turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)]
-    return (speed + wind) / float(tightest)
+    return float(turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)])
 
 
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:

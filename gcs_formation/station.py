@@ -25,7 +25,7 @@ from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
-from gcs_formation.from_scenario import planned
+from gcs_formation.from_scenario import as_known, planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
@@ -58,6 +58,7 @@ class Station(Engine):
         `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
         the first command; `resumed`: the flight to resume.
         """
+        scenario = as_known(scenario)
         self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
         """Ticks at which the formation was commanded, and all recorded ticks since the first take-off."""

@@ -162,13 +162,17 @@ def assembly(scenario: Scenario) -> Assembly:
     lap, start = _lap(scenario, leads), leads.path.at(0.0)
     end = lap.at(lap.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return Assembly(least_s, (lap.length_m + straight_m) / speed_mps, leads.hold_radius_m)
+    return Assembly(least_s, (lap.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
 def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
     return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
+
+
+def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
+    return leads.hold_radius_m(*scenario.drift_mps)
 
 
 def cramped_lap(scenario: Scenario) -> str | None:
@@ -180,9 +184,9 @@ def cramped_lap(scenario: Scenario) -> str | None:
     worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
     if lack_m[worst] == 0.0:
         return None
-    north_m, east_m = places[worst].tolist()
+    (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
     return (
-        f"safety.fence.corners_m: found no room for a lap before the path (turns of {leads.hold_radius_m:.0f} m): at "
+        f"safety.fence.corners_m: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
     )
 

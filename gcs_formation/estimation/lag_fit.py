@@ -104,6 +104,11 @@ class Persistence:
         self._before = mean
 
     @property
+    def variance(self) -> float:
+        """Variance of batches' means: at first that of the resolution, which counts as one batch."""
+        return self._size / (self._count + 1.0)
+
+    @property
     def batches(self) -> float:
         """Number of successive batches with the information of one of independent residuals: (1 + rho) / (1 - rho)."""
         seen = max(1.0, 4.0 * self._size / self._steps - 1.0)
@@ -113,17 +118,22 @@ class Persistence:
 class LagFit:
     """The fit of the P lags of a vehicle's airspeed, heading or height."""
 
-    def __init__(self, nodes: Nodes, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+    def __init__(self, nodes: Nodes, resolution: float, finest: float, rate_hz: float, *, in_use: bool) -> None:
         """Start with the declared lags.
 
-        `rate_hz` is that of the telemetry; `in_use`: whether the model has the fitted lags, not the declared ones.
+        Args:
+            nodes: the simulations' interpolation.
+            resolution: standard deviation assumed of residuals before any were seen.
+            finest: the least that they may turn out to have.
+            rate_hz: of the telemetry.
+            in_use: whether the model has the fitted lags, not the declared ones.
         """
         self.log_ratio = [0.0] * nodes.parameters
         """(P) logarithms of the fitted lags' ratios to the declared ones."""
         self.misfit = 0.0
         """Relative difference of recently flown lags from those in use, beyond chance."""
-        self._nodes, self._resolution, self._in_use = nodes, resolution, in_use
-        self._least_variance = resolution**2
+        self._nodes, self._in_use = nodes, in_use
+        self._least_variance, self._finest_variance = resolution**2, finest**2
         self._alike = max(1.0, CORRELATED_S * rate_hz)
         self._kept = 1.0
         """Factor by which the sums are scaled before the next batch is added: forgetting."""
@@ -147,7 +157,7 @@ class LagFit:
 
         Without excitation all simulations agree; the samples then only show how large and how correlated residuals are.
         """
-        excited = tracks.excited(self._resolution)
+        excited = tracks.excited(math.sqrt(self._noise_variance()))
         fits = excited or not self._settled
         self._age()
         if excited:
@@ -195,10 +205,14 @@ class LagFit:
             self._calm_total += total
             self._calm_count += count
 
+    def _noise_variance(self) -> float:
+        """Return the variance of residuals that isn't the lags': less than assumed at first once batches show less."""
+        return within(self._persistence.variance, self._finest_variance, self._least_variance)
+
     def _least_squares_step(self, seen: vec[vec[float]]) -> list[float]:
         """Return the step of the log ratios that minimises the residuals `seen`, regularised by the prior."""
         found = [0.0 for _ in self.log_ratio]
-        held = PRIOR_INFORMATION * self._least_variance * self._alike
+        held = PRIOR_INFORMATION * self._noise_variance() * self._alike
         for place, row in enumerate(_inverse_with(_information(seen, 1.0), held)):
             for other, each in enumerate(row):
                 found[place] -= each * seen[1 + other][0]
@@ -212,7 +226,7 @@ class LagFit:
             variance: of the residuals that no lags explain, times the number of correlated batches.
         """
         log_ratio, most, change = self.log_ratio, 1.0, 0.0
-        worth = 1.0 / ((variance + self._least_variance) * self._alike)
+        worth = 1.0 / ((variance + self._noise_variance()) * self._alike)
         information = _information(seen, worth)
         pull = [-seen[1 + place][0] * worth - each * PRIOR_INFORMATION for place, each in enumerate(log_ratio)]
         for place, row in enumerate(_inverse_with(information, PRIOR_INFORMATION)):

@@ -20,8 +20,11 @@ from gcs_formation.estimation.lag_simulation import Bank, ResidualBatch, Samples
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
-"""Least standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m): telemetry is rounded, and
-the instant at which a setpoint acts isn't known exactly."""
+"""Standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m) before any were seen: telemetry
+is rounded, and the instant at which a setpoint acts isn't known exactly."""
+FINEST: Final = (0.001, 1e-4, 0.05)
+"""The least that they may turn out to have. Heights show vertical motion of the air, too, which looks like lags: their
+small motions teach nothing."""
 GAP_S: Final = 3.0
 """A longer gap in the telemetry restarts the simulations."""
 
@@ -38,10 +41,10 @@ class VehicleLags:
         self.model = model
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
         self._bank = Bank(model, air.at, height.at)
-        each = list(zip((air, air, height), RESOLUTION, strict=True))
-        self.channels = [LagFit(nodes, finest, hz, in_use=in_use) for nodes, finest in each]
+        each = list(zip((air, air, height), RESOLUTION, FINEST, strict=True))
+        self.channels = [LagFit(nodes, first, finest, hz, in_use=in_use) for nodes, first, finest in each]
         """Airspeed, heading, height."""
-        self._batch = [ResidualBatch(len(nodes.at), samples) for nodes, _ in each]
+        self._batch = [ResidualBatch(len(nodes.at), samples) for nodes, _, _ in each]
         self._in_use = in_use
         self._motion: Seen = (math.nan, math.nan, math.nan, math.nan)
         self._stamp: i64 = 0

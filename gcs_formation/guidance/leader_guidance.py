@@ -208,7 +208,9 @@ class LeaderGuidance:
     path: SplinePath
     speed_mps: float
     run_in_m: float
-    hold_radius_m: float
+    hold_speed_mps: float
+    hold_turn_rps: float
+    """Speed and rate of turns before the path, and on the way back to it, which followers can fly."""
     climb_max_mps: float
     settle_s: float = SETTLE_S
     """Straight flight between a turn and the path; it is lengthened by as much with each lap."""
@@ -314,12 +316,13 @@ class LeaderGuidance:
             return
         begin = PathPoint(state.north_m, state.east_m, state.height_m, course)
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
+        radius_m = self.hold_radius_m(state.wind_north_mps, state.wind_east_mps)
         ways: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
-            to_m = abreast_m + ahead * self.hold_radius_m
-            way = join(begin, self.path.at(to_m), self.hold_radius_m, slope)
+            to_m = abreast_m + ahead * radius_m
+            way = join(begin, self.path.at(to_m), radius_m, slope)
             ways.append((way.length_m - (to_m - abreast_m), way, to_m))
-        direct = [way for way in ways if way[0] < self.hold_radius_m]
+        direct = [way for way in ways if way[0] < radius_m]
         _, self.route, self.joins_m = direct[0] if direct else min(ways, key=lambda way: way[0])
         self.distance_m = 0.0
 
@@ -342,14 +345,19 @@ class LeaderGuidance:
         With a fence, the first of these ways that fits into it, or else the one that lacks least room.
         """
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
+        radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
         ways = (
             way
             for straight_m in self._straights_m()
-            for way in joins(begin, self.path.at(-straight_m), self.hold_radius_m, slope)
+            for way in joins(begin, self.path.at(-straight_m), radius_m, slope)
         )
         if self.fence is None:
             return next(ways)
         return self.fence.roomiest(ways, self.speed_mps, wind_north_mps, wind_east_mps)
+
+    def hold_radius_m(self, wind_north_mps: float = 0.0, wind_east_mps: float = 0.0) -> float:
+        """Return the radius over ground of turns before the path, allowing for the ground speed in a tailwind."""
+        return (self.hold_speed_mps + math.hypot(wind_north_mps, wind_east_mps)) / self.hold_turn_rps
 
     def _straights_m(self) -> list[float]:
         """Return the possible lengths of the straight before the path, the longest first."""

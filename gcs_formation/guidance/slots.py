@@ -229,8 +229,11 @@ class TrackAhead:
 class SlotClearance:
     """The lifts of N slots, and the route and plan for which they were computed."""
 
-    def __init__(self, ground: Ground, clearance_m: float, bounds: Bounds, frame: Frame) -> None:
-        """Keep `clearance_m` above the ground; `bounds` apply to the leader's route and the lift together."""
+    def __init__(self, ground: Ground, clearance_m: float, bounds: Callable[[float], Bounds], frame: Frame) -> None:
+        """Keep `clearance_m` above the ground.
+
+        `bounds`: of the leader's route and the lift together, at the leader's speed over ground, m/s.
+        """
         self._ground, self._clearance_m = ground, clearance_m
         self._bounds, self._frame = bounds, frame
         self._route: Route | None = None
@@ -261,9 +264,8 @@ class SlotClearance:
         slope = np.array([point.slope for point in points])
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0
-        made = (
-            least_lift(first * STEP_M, row, slope, self._bounds, own) for row, own in zip(needed, begun, strict=True)
-        )
+        bounds = self._bounds(outlook.along_mps)
+        made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
         self._control_m = np.stack([lift.control_m for lift in made])
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._made_at_m = first, outlook.distance_m

@@ -13,7 +13,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
-from flight_model.autopilot_model import squared
+from flight_model.autopilot_model import squared, within
 
 WINDOW: Final = 16
 """Number of recent round trips (4 s) that are kept for the minimum, mean and scatter."""
@@ -39,6 +39,8 @@ MOST_LOG_RATIO: Final = math.log(100.0)
 OFFSET_NOISE: Final = 1e-4
 DRIFT_NOISE: Final = 2e-6
 """Random walk of offset (s) and drift, per square root of a second."""
+LEAST_VARIANCE: Final = 1e-12
+"""Lower bound of round trips' variance, s², that is divided by."""
 STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted."""
 
@@ -145,6 +147,8 @@ class ClockSync:
         """Start without samples; `loop_s`: period of the vehicle's loop that answers requests."""
         self.loop_s = loop_s
         """Half of it is the mean wait within a round trip."""
+        self._wait_variance: float = squared(loop_s) / 12.0
+        """Variance of the wait, which is uniformly distributed."""
         self.round_trip_s = math.nan
         self.samples = 0
         self.one_way_s = math.nan
@@ -253,6 +257,17 @@ class ClockSync:
             total += recent[place]
         return total / float(count) if count else math.nan
 
+    def _wait_s(self) -> float:
+        """Return the last round trip's wait for the answering loop: the best linear estimate from the recent ones.
+
+        All of their scatter up to that of the wait is the wait's, the rest is the link's.
+        """
+        wait_s = self.loop_s / 2.0
+        if self._count >= FEW:
+            share = self._wait_variance / max(squared(self.scatter_s), self._wait_variance, LEAST_VARIANCE)
+            wait_s += share * (self.round_trip_s - self._mean_s())
+        return within(wait_s, 0.0, self.loop_s)
+
     def last_one_way_s(self) -> float:
         """Return half of the last round trip, less the answering loop's mean share; can be negative."""
         return (self.round_trip_s - self.loop_s / 2) / 2
@@ -261,7 +276,8 @@ class ClockSync:
         """Take an answered request; return whether it shows that the vehicle's clock has restarted."""
         self.round_trip_s = (received - sent) / NANOSECONDS
         middle = Instant((sent + received) // 2)
-        sample_s = (vehicle_time_ns - middle) / NANOSECONDS
+        # The vehicle reads its clock after waiting for its loop: half of that wait later than the midpoint.
+        sample_s = (vehicle_time_ns - middle) / NANOSECONDS - self._wait_s() / 2.0
         off_s = self._off_s(middle, sample_s) if self.samples else 0.0
         step_s = self._take(self.round_trip_s, off_s)
         self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)

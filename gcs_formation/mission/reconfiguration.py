@@ -292,6 +292,9 @@ class Reconfiguration:
         guidance = self._controller.guidance
         slots = self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS)
         step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
+        leader = self._controller.estimator.filters[self._controller.plan.leader].state
+        if leader is not None:
+            scenario = scenario.in_wind(leader.wind_north_mps, leader.wind_east_mps)
         found = check_ahead(scenario, step, guidance.path, guidance.distance_m if guidance.on_path else 0.0)
         return found[0] if found else None
 

@@ -233,7 +233,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
     (unassembled_s,), (begun_s,) = world.times_s("unassembled"), world.times_s("phase", text="flying")
     assert unassembled_s == begun_s > assembling_s + 30.0
     guidance = world.station.controller.guidance
-    turn_s = 2 * np.pi * guidance.hold_radius_m / guidance.speed_mps
+    turn_s = 2 * np.pi * guidance.hold_radius_m() / guidance.speed_mps
     assert guidance.rounds == 1
     assert begun_s < assembling_s + 30.0 + turn_s + 2 * SETTLE_S
     assert world.vehicle(2).pilot.mode is Mode.LOITER

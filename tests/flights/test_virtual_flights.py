@@ -200,6 +200,17 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
     assert np.ptp(north_m) / np.ptp(time_s) == pytest.approx(22.0, abs=0.05)
 
 
+@pytest.mark.parametrize("delay_ms", [0, 100, 300])
+def test_behind_a_virtual_leader_nobody_is_ahead_or_behind_whatever_the_delay(fly: Fly, delay_ms: float) -> None:
+    """Its place is of the station's clock, theirs of the clocks that round trips tell: 3 ms off would be 6.3 cm."""
+    start, links = {"in_air": True, "run_in_s": 40}, {"default": {"delay_ms": delay_ms}}
+    summary = fly(duration_s=10, vehicles=[{"id": 2}, {"id": 3}], start=start, links=links)
+    flown = read_parquet(summary.run_dir / "timeseries.parquet")
+    flight = (flown["mission_time_s"] >= 2.0) & (flown["mission_time_s"] <= 10.0)
+    for vehicle in (2, 3):
+        assert abs(np.nanmean(flown["error_x_m"][flight & (flown["vehicle"] == vehicle)])) < 0.01
+
+
 def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fly) -> None:
     """An unobservable split of the delay puts all of them behind by half of it, which the law doesn't see."""
     slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}

@@ -92,6 +92,14 @@ def test_a_climb_is_held_against_the_vehicle_that_climbs_least(refusal, load):
     assert line.endswith("descends 2.99 m/s; up to 2 m/s, vehicle 3's climb_max_mps")
 
 
+def test_a_climb_takes_more_in_a_tailwind(refusal, load):
+    """136 m over 1000 m: 2.99 m/s at 22 m/s, and 3.67 m/s with 5 m/s from behind."""
+    climbs, away, back = "path.waypoints_m=[[0, 0, 100], [1000, 0, 236]]", [5.0, 0.0, 0.0], [-5.0, 0.0, 0.0]
+    (line,) = refusal(climbs, f"wind.velocity_mps={away}")
+    assert line.endswith("climbs 3.67 m/s; up to 3 m/s, vehicle 1's climb_max_mps")
+    assert load(climbs, f"wind.velocity_mps={back}")
+
+
 @pytest.mark.parametrize("ground", ["terrain=", "terrain={clearance_m: 20}"])
 def test_a_leg_too_steep_is_not_called_too_low(refusal, ground):
     """The spline swings 450 m below the ground before a leg of 150 m in height over 100 m."""

@@ -29,7 +29,7 @@ from gcs_formation.estimation.lag_fit import (
     STEP_MAX,
 )
 from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Seen
-from gcs_formation.estimation.lags import GAP_S, RESOLUTION
+from gcs_formation.estimation.lags import FINEST, GAP_S, RESOLUTION
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation.tables import Instants
 
@@ -216,15 +216,18 @@ class Means:
         """Begin without any."""
         self._means: list[list[float]] = [[] for _ in range(columns)]
         self._resolution = resolution
+        self.variance: Array = np.full(columns, resolution**2)
+        """(C,) of the means, the resolution's counting as one batch."""
 
     def take(self, means: Array, counted: Mask) -> Array:
         """Add a batch's means, NaN where none is `counted`; return the weight of a batch of independent residuals."""
         for column, each in enumerate(self._means):
             each.append(float(means[column]) if counted[:, column].any() else math.nan)
-        return np.array([self._batches(each) for each in self._means])
+        batches, self.variance = np.array([self._batches(each) for each in self._means]).T
+        return batches
 
-    def _batches(self, means: list[float]) -> float:
-        """Return (1 + rho) / (1 - rho) of pairs of neighbours, by definition instead of by running sums."""
+    def _batches(self, means: list[float]) -> tuple[float, float]:
+        """Return (1 + rho) / (1 - rho) of pairs of neighbours, and their variance, by definition, not running sums."""
         share = math.exp(-BATCH_S / ALIKE_S)
         pairs = [(a, b) for a, b in itertools.pairwise(means) if not math.isnan(a + b)]
         kept = np.array([share ** (len(pairs) - 1 - place) for place in range(len(pairs))])
@@ -234,23 +237,27 @@ class Means:
         size = resolution + float(kept @ (later - mean) ** 2)
         steps = 2.0 * resolution + float(kept @ step**2)
         seen = max(1.0, 4.0 * size / steps - 1.0)
-        return float(np.average((PRIOR_BATCHES, seen), weights=(PRIOR_WORTH, kept.sum())))
+        batches = np.average((PRIOR_BATCHES, seen), weights=(PRIOR_WORTH, kept.sum()))
+        return float(batches), size / (1.0 + float(kept.sum()))
 
 
 class Channel:
     """Airspeed, heading or height of all vehicles: what was measured, and the P lags that fit it."""
 
-    def __init__(self, nodes: Nodes, columns: int, resolution: float, rate_hz: float, *, in_use: bool) -> None:
+    def __init__(
+        self, nodes: Nodes, columns: int, resolution: float, finest: float, rate_hz: float, *, in_use: bool
+    ) -> None:
         """Start with the assumed lags.
 
-        `rate_hz`: the telemetry's rate. `in_use`: whether the estimated lags are used instead of the assumed ones.
+        `rate_hz`: the telemetry's rate. `finest`: the least deviation that residuals are taken to have. `in_use`:
+        whether the estimated lags are used instead of the assumed ones.
         """
         self.nodes = nodes
         self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
         """(C, P) logarithms of the ratios of the lags to the assumed ones."""
         self.misfit: Array = np.zeros(columns)
         """(C,) share by which the lags of the latest flight seem to differ from those in use, beyond chance."""
-        self._resolution, self._in_use = resolution, in_use
+        self._resolution, self._finest, self._in_use = resolution, finest, in_use
         self._independent = max(1.0, CORRELATED_S * rate_hz)
         self._means = Means(columns, resolution)
         self._all, self._recent, self._calm = (Sums.none(columns, size) for size in (len(nodes.at), len(nodes.at), 1))
@@ -260,7 +267,7 @@ class Channel:
     def learn(self, differences: Array, counted: Mask) -> None:
         """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags again."""
         apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
-        excited = apart.max(axis=0, initial=0.0) > self._resolution
+        excited = apart.max(axis=0, initial=0.0) > np.sqrt(self._noise())
         shows = excited & counted.any(axis=0)
         fits = shows | ~self._settled
         self._all.keep(np.where(shows, self._kept, 1.0))
@@ -277,14 +284,17 @@ class Channel:
             sums.keep(math.exp(-BATCH_S / RECENT_S))
         self._recent.add(differences, counted & shows)
         self._calm.add(left[..., None], counted & ~shows)
-        variance = alike * np.einsum("ck,ckl,cl->c", nearest, scatter, nearest) / count + self._resolution**2
+        variance = alike * np.einsum("ck,ckl,cl->c", nearest, scatter, nearest) / count + self._noise()
         self._fit(Fit.of(scatter, weights, slopes, 1.0 / (variance * self._independent)), fits)
         self._judge(alike)
 
+    def _noise(self) -> Array:
+        """Return (C,) variances of residuals that aren't the lags'."""
+        return within(self._means.variance, self._finest**2, self._resolution**2)
+
     def _nearest(self, scatter: Array, weights: Array, slopes: Array) -> Array:
         """Return (C, P), the change of the ratios towards the best fit; the prior holds ratios that hardly matter."""
-        worth = np.full(len(weights), 1.0 / (self._resolution**2 * self._independent))
-        fit = Fit.of(scatter, weights, slopes, worth)
+        fit = Fit.of(scatter, weights, slopes, 1.0 / (self._noise() * self._independent))
         held = fit.information + np.eye(slopes.shape[1]) / PRIOR_SPREAD**2
         return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
 
@@ -347,8 +357,10 @@ class LagsOnArrays:
         self._history = history
         columns = len(models)
         air, height = Nodes.of(5, 1), Nodes.of(4, 2)
-        each = zip((air, air, height), RESOLUTION, strict=True)
-        self.channels = tuple(Channel(nodes, columns, finest, telemetry_hz, in_use=in_use) for nodes, finest in each)
+        each = zip((air, air, height), RESOLUTION, FINEST, strict=True)
+        self.channels = tuple(
+            Channel(nodes, columns, first, finest, telemetry_hz, in_use=in_use) for nodes, first, finest in each
+        )
         """Airspeed, heading, height."""
         self._bank = Bank(self._believed, air.at[:, 0], height.at)
         self._ticks = max(2, round(BATCH_S * law_hz))

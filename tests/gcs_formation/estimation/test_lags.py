@@ -17,6 +17,7 @@ from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 BELIEVED = VehicleModel()
+CRUISE_TOLD = 22.0, 0.0, 100.0
 CRUISE = Setpoints(*np.array([[22.0], [0.0], [100.0]]))
 
 
@@ -190,6 +191,18 @@ def test_noise_is_not_taken_for_other_lags_however_few_samples_there_are(hz):
 
 def test_no_more_is_said_of_a_misfit_than_that_lags_are_farther_off_than_simulated():
     assert flown(((1, 6, 1, 1),), 40, in_use=False).misfit[1] == [1.0]
+
+
+def test_bends_finer_than_the_assumed_resolution_teach_after_quiet_flight():
+    """Of 0.001 rad, and changes of speed of 0.02 m/s; in noisier telemetry they teach nothing, and nothing wrong."""
+
+    def tell(time_s):
+        speed_mps, heading_rad, _ = wander(time_s) if time_s > 40 else CRUISE_TOLD
+        return 22.0 + 0.013 * (speed_mps - 22.0), 0.007 * heading_rad, 100.0
+
+    found = ratios_of(flown(CORNERS, 100, tell))
+    assert found[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.05)
+    assert ratios_of(flown(CORNERS, 100, tell, noise=(0.2, 0.01, 0.3))) == pytest.approx(1.0, abs=0.1)
 
 
 def test_straight_flight_teaches_nothing():

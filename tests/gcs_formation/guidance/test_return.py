@@ -47,7 +47,7 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     way = leads.route
     assert way is not None
     steps = [way.length_m * step / 200 for step in range(201)]
-    assert max(abs(way.at(at_m).curvature_1pm) for at_m in steps) <= 1.0 / leads.hold_radius_m + 1e-9
+    assert max(abs(way.at(at_m).curvature_1pm) for at_m in steps) <= 1.0 / leads.hold_radius_m() + 1e-9
     begin, end = way.at(0.0), way.at(way.length_m)
     assert (begin.north_m, begin.east_m) == pytest.approx((700.0, east_m))
     assert end.east_m == pytest.approx(0.0, abs=1e-6)
@@ -84,7 +84,7 @@ def fenced(south_m: float, west_m: float, east_m: float) -> LeaderGuidance:
 @pytest.mark.parametrize("times", [0.5, 0.75, 1, 2, 3, 4])
 def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times: float) -> None:
     """The turn onto it reaches farther; the outermost slot, 30 m outside and behind, stays 25 m inside the fence."""
-    before_m, radius_m = times * SETTLE_S * SPEED, fenced(-9000.0, -2000.0, 2000.0).hold_radius_m
+    before_m, radius_m = times * SETTLE_S * SPEED, fenced(-9000.0, -2000.0, 2000.0).hold_radius_m()
     outermost_m = before_m + math.hypot(radius_m + 30.0, 30.0)
     leads = fenced(-(outermost_m + CHECKED_M), -2000.0, 2000.0)
     way = leads.lap(leads.path.at(-44.0), 0.0, 0.0)
@@ -101,7 +101,7 @@ def test_a_lap_is_flown_on_the_side_where_the_fence_has_room(side: int, wind_eas
     way = leads.lap(leads.path.at(-44.0), 0.0, wind_east_mps)
     steps = [side * way.at(way.length_m * step / 100).east_m for step in range(101)]
     assert min(steps) > -1.0
-    assert max(steps) > leads.hold_radius_m
+    assert max(steps) > leads.hold_radius_m()
 
 
 @pytest.mark.parametrize(
