@@ -152,6 +152,7 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
         "frames_refused": refused,
         "frames_bad": counts.bad,
         "garbage_bytes": counts.garbage_bytes,
+        "unread_bytes": counts.unread_bytes,
     }
 
 

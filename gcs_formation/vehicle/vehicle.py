@@ -12,7 +12,7 @@ from mypy_extensions import i64
 from airlink import mavlink as m
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.frame import Frame, FrameWriter
+from airlink.frame import Frame
 from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
@@ -112,7 +112,6 @@ class Vehicle:
         self._lost_at, self.alone_at = Instant(0), LONG_AGO
         """When a frame or an answer was last missing; when its failsafe last had reason to act, by the lack of
         setpoints, heartbeats or a link."""
-        self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
 
     @property
     def follows_setpoints(self) -> bool:
@@ -278,11 +277,6 @@ class Vehicle:
         self.autopilot.forget_setpoints()
         for channel in self.setpoint_channels:
             channel.forget()
-
-    def encode(self, message: Message) -> bytes:
-        """Return the frame of a message to this vehicle."""
-        self.frames_out += 1
-        return self._writer.encode(message)
 
     @property
     def home_unreported(self) -> bool:
