@@ -142,8 +142,10 @@ class Station(Engine):
                     vehicle = self._senders.sender(frame, datagram, now)
                     if vehicle is None:
                         self.frames_refused += 1
-                    else:
+                    elif vehicle.history.is_news:
                         self._take(vehicle, frame, now, timed)
+                    else:
+                        vehicle.overlook(frame)
                     frame = frame.following
         finally:
             self._recorder.frames(now, raws)

@@ -31,6 +31,9 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
 SYSTEMS: Final = 256
+MANY_COPIES: Final = 20
+"""Number of copies of a vehicle's frames after which they are reported."""
+COPIES_TEXT: Final = "its frames come more than once, as by a second link; copies and what is overtaken are ignored"
 EVERYONE = 0
 """MAVLink's broadcast id, which isn't allowed as a sender's id."""
 
@@ -69,7 +72,7 @@ class Senders:
         return self._peers
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
-        """Return the vehicle whose autopilot sent a frame, None for another sender."""
+        """Return the vehicle whose autopilot sent a frame, None for another sender; its `history` tells news."""
         socket, message = datagram.socket, frame.message
         vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
@@ -77,15 +80,29 @@ class Senders:
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
+        connection, history = vehicle.connection, vehicle.history
+        elsewhere = connection.talks and (socket != connection.socket or datagram.peer != connection.peer)
+        follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
+        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows):
+            if history.copies == MANY_COPIES:
+                self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
+            return vehicle
+        if history.is_lost_one(frame, now, elsewhere=elsewhere):
+            return None
         admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if finding is not None:
             self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
-        return vehicle if admitted else None
+        if not admitted:
+            return None
+        follows = follows or vehicle.sequence.is_near(frame.sequence)
+        history.take(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
+        return vehicle
 
     def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
         self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
         if admitted:
             vehicle.sequence.restart()
+            vehicle.history.restart()
         elif self._flight.phase is Phase.CONNECTING:
             self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
 

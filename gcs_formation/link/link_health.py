@@ -152,6 +152,27 @@ class SequenceTracker:
         self._expect()
         return gap > 0
 
+    def may_follow(self, sequence: i64, now: Instant, heard: Instant) -> bool:
+        """Return whether a number is the next one, or others as may be lost here or in a silence are between."""
+        if sequence == self._expected or self._newest == ANY or now - heard >= STALE_AFTER_NS:
+            return True
+        gap = (sequence - self._newest - 1) % MODULUS
+        return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
+
+    def is_near(self, sequence: i64) -> bool:
+        """Return whether a number is the newest or shortly before it: a copy may have taken its place."""
+        return (self._newest - sequence) % MODULUS < SKIPPED
+
+    def overtaken(self, sequence: i64, *, copy: bool) -> None:
+        """Take the number of a frame that others overtook: a copy, or one that was counted as lost until now."""
+        if copy:
+            self.repeated += 1
+        elif sequence in self._missing:
+            self._observe_late(sequence)
+        else:
+            self.received += 1
+            self.lost = max(0, self.lost - 1)
+
     def _expect(self) -> None:
         self._expected = ANY if self._missing or self._newest == ANY else (self._newest + 1) % MODULUS
 

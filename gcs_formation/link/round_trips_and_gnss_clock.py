@@ -21,6 +21,7 @@ from typing import Final
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, seconds_between
+from airlink.messages import Message
 from airlink.messages.system import Timesync
 from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
@@ -310,6 +311,10 @@ class RoundTrips:
     def hear(self, now: Instant) -> None:
         """Record an answer to any message."""
         self._answered = now
+
+    def awaits(self, message: Message | None) -> bool:
+        """Return whether a message answers a pending request."""
+        return isinstance(message, Timesync) and message.tc1_ns != 0 and message.ts1_ns in self._pending
 
     def is_answer(self, message: Timesync) -> bool:
         """Return whether a message answers a pending request, and remove that request."""
