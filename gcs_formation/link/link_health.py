@@ -163,6 +163,17 @@ class SequenceTracker:
         """Return whether a number is the newest or shortly before it: a copy may have taken its place."""
         return (self._newest - sequence) % MODULUS < SKIPPED
 
+    def return_to(self, sequence: i64) -> None:
+        """Take back that a number had come which copies showed, far ahead of the present one; what it skipped too."""
+        ahead = (self._newest - sequence) % MODULUS
+        if self._newest == ANY or not SKIPPED <= ahead <= LATE:
+            return
+        skipped = {each for each in self._missing if 0 < (each - sequence) % MODULUS <= ahead}
+        self._missing -= skipped
+        self.lost -= len(skipped)
+        self._newest = (sequence - 1) % MODULUS
+        self._expect()
+
     def overtaken(self, sequence: i64, *, copy: bool) -> None:
         """Take the number of a frame that others overtook: a copy, or one that was counted as lost until now."""
         if copy:

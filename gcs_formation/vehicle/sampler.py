@@ -113,6 +113,8 @@ class Sampler:
         if seen.motion is not None and _is_of(now, self._round_trips.stamps.to_instant(seen.motion.stamp_s)):
             if math.isnan(seen.airspeed_mps):
                 return "it has told no airspeed in VFR_HUD"
+            if seen.not_finite:
+                return f"it tells no attitude: {seen.not_finite}"
             together = seen.attitude is None or seen.of_one_time
             return None if together else "its position, attitude and airspeed aren't of one time"
         if math.isnan(stamp_s) and seen.motion is not None:

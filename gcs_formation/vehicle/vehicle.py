@@ -129,6 +129,8 @@ class Vehicle:
         message, sequence = frame.message, self.sequence
         if message is not None:
             self.messages_in[message.kind().place] += 1
+        if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
+            sequence.return_to(frame.sequence)
         if sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
