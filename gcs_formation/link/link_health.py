@@ -19,6 +19,8 @@ LATE: Final = MODULUS // 2
 """A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
 SKIPPED: Final = 8
 """A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss."""
+NEAR: Final = 16
+"""Numbers by which copies may displace the newest."""
 SHARE: Final = 1 / 16
 """Weight of each new difference in the running mean."""
 STALE_AFTER_S: Final = 1.5
@@ -160,8 +162,8 @@ class SequenceTracker:
         return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
 
     def is_near(self, sequence: i64) -> bool:
-        """Return whether a number is the newest or shortly before it: a copy may have taken its place."""
-        return (self._newest - sequence) % MODULUS < SKIPPED
+        """Return whether a number is shortly before or after the newest: copies may have shown others between."""
+        return (self._newest - sequence + NEAR) % MODULUS < 2 * NEAR
 
     def return_to(self, sequence: i64) -> None:
         """Take back that a number had come which copies showed, far ahead of the present one; what it skipped too."""

@@ -131,5 +131,5 @@ def test_a_restart_among_late_copies_is_recognised() -> None:
 def test_copies_of_a_minute_ago_change_nothing_either(shuffled: bool) -> None:
     keys: dict[str, Any] = {"duration_s": 120, "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
     world, alone = (flown(each, 130.0, **keys) for each in (copying(late_s=60.0, shuffled=shuffled), Between))
-    assert told(world) == told(alone)
+    assert sorted(map(str, told(world))) == sorted(map(str, told(alone))), "a heartbeat may count a second later"
     assert figures(world) == pytest.approx(figures(alone), abs=0.002)
