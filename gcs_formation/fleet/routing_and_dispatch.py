@@ -83,7 +83,7 @@ class Senders:
         connection, history = vehicle.connection, vehicle.history
         elsewhere = connection.talks and (socket != connection.socket or datagram.peer != connection.peer)
         follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
-        # What another address sends is refused in any case; a twin's frames may be the same as a vehicle's earlier ones.
+        # Another address's are refused in any case; a twin's frames may be the same as a vehicle's earlier ones.
         if not elsewhere and history.is_copy(frame, now, elsewhere=False, follows=follows):
             if history.copies == MANY_COPIES:
                 self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
