@@ -74,6 +74,13 @@ class Engine(ABC):
     def handle_timer(self, now: Instant) -> None:
         """Do what is due at `now`."""
 
+    def known_peers(self) -> frozenset[Address] | None:
+        """Return the addresses of which everything is received; a driver limits what it reads of others. None: all."""
+        return None
+
+    def left_unread(self, octets: int) -> None:  # noqa: B027 - only an engine that limits strangers wants to know
+        """Take the number of bytes that a driver has received from strangers and dropped unread."""
+
 
 class DelayQueue(Generic[T]):
     """Items, each with the instant at which it is due; items due at the same instant are first in, first out."""

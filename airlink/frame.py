@@ -6,6 +6,7 @@ Source: MAVLink guide, "Packet Serialization" and "MAVLink 2".
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections import OrderedDict
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +18,8 @@ from mypy_extensions import i64, mypyc_attr, u8
 from airlink.checksum import BYTE, Checksums, checksum
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.mavlink import crc_extras
+from airlink.frame_starts import frame_starts
+from airlink.mavlink import base_lengths, crc_extras
 from airlink.messages import Message, kind_of
 from airlink.messages.payload import MARKER_V2
 
@@ -30,6 +32,7 @@ SIGNED_FLAG: Final = 0x01
 
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
 _EXTRAS: Final = crc_extras()
+_LENGTHS: Final = base_lengths()
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -109,6 +112,8 @@ class ParserCounts:
     bad_checksums: int = 0
     unknown_messages: int = 0
     incompatible: int = 0
+    unread_bytes: int = 0
+    """Bytes of strangers that were dropped before they were parsed."""
 
     @property
     def bad(self) -> int:
@@ -123,6 +128,7 @@ class ParserCounts:
             self.bad_checksums + other.bad_checksums,
             self.unknown_messages + other.unknown_messages,
             self.incompatible + other.incompatible,
+            self.unread_bytes + other.unread_bytes,
         )
 
 
@@ -137,6 +143,8 @@ class StreamParser:
         """Start with no bytes."""
         self.counts = ParserCounts()
         self._pending = b""
+        self._refused_to = 0
+        """Up to where, in the unparsed bytes, those of a refused candidate reach: others in it aren't counted."""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that `data` completes. Never raises, whatever the bytes."""
@@ -154,6 +162,7 @@ class StreamParser:
             frame = self._accept(data, counted=False)
             if frame is not None:
                 self.counts.frames += 1
+                self._refused_to = 0
                 return frame
         frames = self._search(self._pending + data)
         for one, other in pairwise(frames):
@@ -163,29 +172,37 @@ class StreamParser:
     def _search(self, data: bytes) -> list[Frame]:
         """Return the frames in the unparsed bytes; keep the bytes that may still become one."""
         frames: list[Frame] = []
-        offset, end = 0, len(data)
+        offset, end, sound = 0, len(data), 0
         kept = end  # the earliest start of a candidate that isn't complete
-        refused_to = sound = 0
-        checksums = Checksums(data)
-        while (marker := _find_marker(data, offset)) is not None:
-            offset = marker.start()
+        candidates, checksums = Candidates(data, self._refused_to), Checksums(data)
+        while (offset := candidates.next(offset)) < end:
             following = offset + frame_length(data, offset)
-            if following > end:
-                kept = min(kept, offset)
-            else:
-                counted = offset >= refused_to and kept == end
+            counted = offset >= candidates.refused_to and kept == end
+            if following <= end:
                 frame = self._accept(data[offset:following], counted=counted, checksums=checksums, place=offset)
                 if frame is not None:
                     frames.append(frame)
                     sound += following - offset
                     offset, kept = following, end
                     continue
-                refused_to = max(refused_to, following)
+                candidates.refuse(following)
+            elif candidates.is_likely(offset):
+                kept = min(kept, offset)
+            else:
+                self._refuse(data[offset : offset + HEADER_V2], counted=counted)
+                candidates.refuse(following)
             offset += 1
         self._pending = data[kept:]
+        self._refused_to = max(0, candidates.refused_to - kept)
         self.counts.frames += len(frames)
         self.counts.garbage_bytes += kept - sound
         return frames
+
+    def _refuse(self, header: bytes, *, counted: bool) -> None:
+        """Count a candidate that its header excludes, before it is complete."""
+        known = message_id_of(header) in _EXTRAS
+        self.counts.bad_checksums += counted and known
+        self.counts.unknown_messages += counted and not known
 
     def _accept(self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, place: int = 0) -> Frame | None:
         """Return the frame of a candidate's bytes, None if it's rejected.
@@ -199,11 +216,10 @@ class StreamParser:
         at: i64 = 2  # index of its sequence number, which its sender's ids follow
         begin: i64 = HEADER_V1
         flags: i64 = 0
-        message_id: int = raw[5]
+        message_id = message_id_of(raw)
         version: Literal[1, 2] = 1
         if raw[0] == MARKER_V2:
             at, begin, flags, version = 4, HEADER_V2, raw[2], 2
-            message_id = read_i32_le(raw, 6) >> 8 & 0xFFFFFF
         kind = kind_of(message_id)
         extra: i64
         if kind is not None:
@@ -214,6 +230,9 @@ class StreamParser:
             self.counts.unknown_messages += counted
             return None
         length: i64 = raw[1]
+        if version == 1 and length != _LENGTHS[message_id]:  # truncated or extended, as MAVLink 1 never is
+            self.counts.bad_checksums += counted
+            return None
         end = begin + length
         found: i64 = raw[end + 1]
         found = found << BYTE | raw[end]
@@ -240,6 +259,52 @@ def frame_length(data: bytes, offset: i64) -> i64:
     if marker == MARKER_V1:
         return HEADER_V1 + length + CHECKSUM
     return 0
+
+
+def message_id_of(header: bytes) -> int:
+    """Return the message id in a whole header."""
+    return read_i32_le(header, 6) >> 8 & 0xFFFFFF if header[0] == MARKER_V2 else header[5]
+
+
+class Candidates:
+    """Where frames may begin in some bytes: at every marker, but inside a refused candidate only by the header."""
+
+    def __init__(self, data: bytes, refused_to: int) -> None:
+        """Take the bytes; those before `refused_to` are inside an earlier candidate."""
+        self.refused_to = refused_to
+        self._data, self._end = data, len(data)
+        self._likely: list[int] | None = None
+        self._outer_of = self._outer = -1
+        """The first marker outside of refused candidates, and the end of these for which it was found."""
+
+    def next(self, offset: int) -> int:
+        """Return the first candidate's position from `offset` on, the length of the bytes if there is none."""
+        if offset >= self.refused_to:
+            return self._marker(offset)
+        if self._outer_of != self.refused_to:
+            self._outer_of, self._outer = self.refused_to, self._marker(self.refused_to)
+        likely = self._likely_ones()
+        at = bisect_left(likely, offset)
+        return min(self._outer, likely[at]) if at < len(likely) else self._outer
+
+    def refuse(self, following: int) -> None:
+        """Record that a candidate which ends before `following` is no frame."""
+        self.refused_to = max(self.refused_to, following)
+
+    def is_likely(self, offset: int) -> bool:
+        """Return whether a candidate's header, as far as it is there, is a known message's."""
+        likely = self._likely_ones()
+        at = bisect_left(likely, offset)
+        return at < len(likely) and likely[at] == offset
+
+    def _marker(self, offset: int) -> int:
+        marker = _find_marker(self._data, offset)
+        return self._end if marker is None else marker.start()
+
+    def _likely_ones(self) -> list[int]:
+        if self._likely is None:
+            self._likely = frame_starts(self._data)
+        return self._likely
 
 
 def first_system(data: bytes) -> int | None:

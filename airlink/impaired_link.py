@@ -201,6 +201,14 @@ class ImpairedEngine(Engine):
         if timer is not None and timer <= now:
             self._engine.handle_timer(now)
 
+    def known_peers(self) -> frozenset[Address] | None:
+        """Return the addresses that the engine knows."""
+        return self._engine.known_peers()
+
+    def left_unread(self, octets: int) -> None:
+        """Tell the engine."""
+        self._engine.left_unread(octets)
+
     def statistics(self, vehicle: VehicleId) -> tuple[ChannelStatistics, ChannelStatistics]:
         """Return a vehicle's statistics so far, of uplink and downlink; zeros if it was never heard from."""
         uplink, downlink = self._channels_of(vehicle)

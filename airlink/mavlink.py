@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 TABLE = Path(__file__).with_name("ardupilotmega.json")
-"""The dialect: each enum's names and values; each message's id and CRC_EXTRA."""
+"""The dialect: each enum's names and values; each message's id, CRC_EXTRA, and length without extension fields."""
 STANDARD_ERROR = 2
 NO_LOG = "not a dataflash log"
 _table: dict[str, dict[str, Any]] = json.loads(TABLE.read_bytes())
 _ENUMS: dict[str, dict[str, int]] = _table["enums"]
-_MESSAGES: dict[str, tuple[int, int]] = _table["messages"]
+_MESSAGES: dict[str, tuple[int, int, int]] = _table["messages"]
 _CONSTANTS = {name: value for values in _ENUMS.values() for name, value in values.items()}
 
 
@@ -46,13 +46,18 @@ def flags_of(enum: str, bits: int) -> list[str]:
 
 
 MAVLINK_MSG_ID_CURRENT_MODE = 436
-LATER = {"CURRENT_MODE": (MAVLINK_MSG_ID_CURRENT_MODE, 193)}
-"""Messages of MAVLink's common set that the dialect lacks: id and CRC_EXTRA."""
+LATER = {"CURRENT_MODE": (MAVLINK_MSG_ID_CURRENT_MODE, 193, 9)}
+"""Messages of MAVLink's common set that the dialect lacks: id, CRC_EXTRA and length without extension fields."""
 
 
 def crc_extras() -> dict[int, int]:
     """Return CRC_EXTRA of every message, by message id."""
-    return dict([*_MESSAGES.values(), *LATER.values()])
+    return {message_id: extra for message_id, extra, _ in (*_MESSAGES.values(), *LATER.values())}
+
+
+def base_lengths() -> dict[int, int]:
+    """Return every message's payload length without extension fields, which MAVLink 1 lacks, by message id."""
+    return {message_id: length for message_id, _, length in (*_MESSAGES.values(), *LATER.values())}
 
 
 def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:

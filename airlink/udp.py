@@ -20,6 +20,7 @@ from librt.strings import read_i64_le
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
 from airlink.engine import Datagram, Engine
+from airlink.stranger_limit import StrangerLimit
 
 MAX_DATAGRAM: Final = 65535
 RECEIVE_BUFFER: Final = 4 * 1024 * 1024
@@ -189,6 +190,7 @@ class UdpDriver:
 
     Sockets are read in turns and in portions, with timers in between, so that a flood at one of them stops neither the
     others nor the timers. Engines detect timeouts at timers, so all sockets are read before a due timer is handled.
+    Of addresses that the engine doesn't know only a limited amount is passed on.
     """
 
     def __init__(self, engine: Engine, clock: RealClock, from_ports: Mapping[str, int] | None = None) -> None:
@@ -206,6 +208,7 @@ class UdpDriver:
         """By socket, datagrams taken from it but not yet passed to the engine."""
         self._attended_ns = time.monotonic_ns()
         """When the last timer was handled."""
+        self._strangers = StrangerLimit(self._attended_ns)
         try:
             for index, endpoint in enumerate(engine.endpoints()):
                 opened = open_socket(endpoint, (from_ports or {}).get(str(endpoint), 0))
@@ -283,6 +286,7 @@ class UdpDriver:
                 continue
             taken = self._inbox.take(self._sockets[index], index, BATCH)
             more = more or len(taken) == BATCH
+            taken = self._read(taken)
             if DATAGRAM_COST * len(taken) + sum([len(each.data) for each in taken]) <= PORTION:
                 arrived += taken
             else:
@@ -294,6 +298,21 @@ class UdpDriver:
         if arrived:
             self._engine.receive(arrived, self._clock.now())
         return more or len(self._held) > 0
+
+    def _read(self, taken: list[Datagram]) -> list[Datagram]:
+        """Return the datagrams to pass on: all from known addresses, and as many of strangers as are read."""
+        known = self._engine.known_peers()
+        if known is None:
+            return taken
+        now_ns, unread, found = time.monotonic_ns(), 0, list[Datagram]()
+        for each in taken:
+            if each.peer in known or self._strangers.admits(each.peer, len(each.data), now_ns):
+                found.append(each)
+            else:
+                unread += len(each.data)
+        if unread:
+            self._engine.left_unread(unread)
+        return found
 
     def _send(self) -> None:
         for each in self._engine.datagrams_to_send():

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from formation_scenario.bounded_read import read_bounded
 from formation_scenario.fields import (
     MAX_NUMBER,
     Allowed,
@@ -49,6 +50,9 @@ DataRate = Annotated[
 ]
 
 
+MOST_TRACE_BYTES = 16_000_000
+
+
 def read_trace_ms(path: Path) -> tuple[float, ...]:
     """Return the delays in a file in ms, in its order; empty lines and text after # are ignored.
 
@@ -56,7 +60,7 @@ def read_trace_ms(path: Path) -> tuple[float, ...]:
         FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, MOST_TRACE_BYTES).decode("utf-8")
     except OSError as error:
         raise FileError(f"found {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:

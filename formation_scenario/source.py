@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 import yaml
 
+from formation_scenario.bounded_read import read_bounded
 from formation_scenario.fields import Problem, ScenarioError, refused
 
 Key: TypeAlias = str | int
@@ -95,6 +96,10 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(key) for key in path)
 
 
+MOST_BYTES = 4_000_000
+"""Longest file of keys: more takes YAML's reader too long."""
+
+
 def read_file(path: Path, of: str = "scenario") -> Source:
     """Read a scenario file, or another file of keys, whose kind is `of` in messages.
 
@@ -102,7 +107,7 @@ def read_file(path: Path, of: str = "scenario") -> Source:
         ScenarioError: the file can't be read, or isn't YAML with a mapping at its top.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, MOST_BYTES).decode("utf-8")
     except IsADirectoryError as error:
         raise refused("", "found a directory", f"a {of} file (*.yaml)", str(path)) from error
     except OSError as error:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
-from airlink.endpoint import Endpoint, VehicleId
+from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, ParserCounts, Receiver
+from airlink.frame import Frame, FrameWriter, ParserCounts, Receiver
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
@@ -33,7 +33,8 @@ from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
 from gcs_formation.mission.starting import UNCHECKED, PreFlight, PreFlightOptions, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.vehicle import STATION_COMPONENT, Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
 """A timer overdue by more than this means that the station was held up and datagrams have waited in its queue."""
@@ -67,6 +68,8 @@ class Station(Engine):
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
+        # A socket is one of MAVLink's channels, and frames are numbered by channel (guide, "Packet Serialization").
+        self._channels = [FrameWriter(STATION_SYSTEM, STATION_COMPONENT) for _ in self._endpoints]
         note, fleet = self._note, (self.vehicles, self._note)
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
@@ -124,6 +127,14 @@ class Station(Engine):
         soonest = min(self._next_tick, self._heartbeats.next_probe)
         return min(soonest, self._dispatch.due)
 
+    def known_peers(self) -> frozenset[Address]:
+        """Return the vehicles' addresses, as of the last tick."""
+        return self._senders.peers(self._next_tick)
+
+    def left_unread(self, octets: int) -> None:
+        """Count what strangers sent and nobody read."""
+        self._flood.unread_bytes += octets
+
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Take datagrams: pass their frames to their vehicles, and count the rest."""
         timed, raws = not self._was_away(now), list[bytes]()
@@ -135,8 +146,10 @@ class Station(Engine):
                     vehicle = self._senders.sender(frame, datagram, now)
                     if vehicle is None:
                         self.frames_refused += 1
-                    else:
+                    elif vehicle.history.is_news:
                         self._take(vehicle, frame, now, timed)
+                    else:
+                        vehicle.overlook(frame)
                     frame = frame.following
         finally:
             self._recorder.frames(now, raws)
@@ -232,7 +245,7 @@ class Station(Engine):
 
     def received(self) -> ParserCounts:
         """Return the counts of everything received, also from other senders."""
-        return self._receiver.total()
+        return self._receiver.total() + ParserCounts(unread_bytes=self._flood.unread_bytes)
 
     def _schedule_tick(self, now: Instant) -> None:
         """Schedule the next tick on the grid of ticks; missed ticks are skipped."""
@@ -401,9 +414,11 @@ class Station(Engine):
         for vehicle, message in messages:
             peer = vehicle.connection.peer
             if peer is not None:
-                raw = vehicle.encode(message)
+                socket = vehicle.connection.socket
+                raw = self._channels[socket].encode(message)
+                vehicle.frames_out += 1
                 raws.append(raw)
-                datagrams.append(Datagram(vehicle.connection.socket, peer, raw))
+                datagrams.append(Datagram(socket, peer, raw))
         if raws:
             self._recorder.frames(now, raws)
             self._out += datagrams

@@ -9,6 +9,7 @@ clock is mapped by UTC has no such error.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -47,9 +48,12 @@ MOST_S = 120.0
 def split_errors(scenario: Scenario) -> Iterator[str]:
     """Yield each follower's largest constant error along the path, from `LEAST_M` on."""
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
+    leader_s = _early_s(scenario, scenario.leader, times_s)
     for vehicle in scenario.followers:
-        at_s = max(times_s, key=lambda at_s: abs(_behind_m(scenario, vehicle, at_s)))
-        error_m = _behind_m(scenario, vehicle, at_s)
+        early_s = _early_s(scenario, vehicle, times_s)
+        errors_m = [scenario.path.speed_mps * (own - leads) for own, leads in zip(early_s, leader_s, strict=True)]
+        error_m = max(errors_m, key=abs)
+        at_s = times_s[errors_m.index(error_m)]
         if abs(error_m) >= LEAST_M:
             leaders = f", the leader's {_split(scenario, scenario.leader, at_s)}," if scenario.leader else ""
             yield (
@@ -115,18 +119,17 @@ def _bits(message_id: int) -> float:
     return 8.0 * (KINDS[message_id].base_length + FRAME_BYTES)
 
 
-def _behind_m(scenario: Scenario, vehicle: Vehicle, at_s: float) -> float:
-    """Return how far behind its slot a follower flies because its link's delay and the leader's are asymmetric, m."""
-    early_s = [_early_s(scenario, each, at_s) for each in (vehicle, scenario.leader)]
-    return scenario.path.speed_mps * (early_s[0] - early_s[1])
+def _early_s(scenario: Scenario, vehicle: Vehicle | None, times_s: list[float]) -> list[float]:
+    """Return by how much a vehicle's clock is mapped too early, s, at each of some times from 0 on, in order.
 
-
-def _early_s(scenario: Scenario, vehicle: Vehicle | None, at_s: float) -> float:
-    """Return by how much a vehicle's clock is mapped too early, s; 0 for a virtual leader, which uses our clock."""
+    It is 0 for a virtual leader, which uses our clock.
+    """
     if vehicle is None or _by_utc(scenario, vehicle):
-        return 0.0
-    up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
-    return (up_s - down_s) / 2
+        return [0.0] * len(times_s)
+    steps = scenario.link_steps(vehicle)
+    begins_s, ways = [step.at_s for step in steps], [ways_s(step) for step in steps]
+    found = (ways[bisect_right(begins_s, at_s) - 1] for at_s in times_s)
+    return [(up_s - down_s) / 2 for up_s, down_s in found]
 
 
 def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:

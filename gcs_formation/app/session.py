@@ -321,6 +321,8 @@ class Session:
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.telemetry.implausible,
+            frames_duplicate=vehicle.history.copies,
+            frames_late=vehicle.history.late,
             injected=injected(self._links.statistics(identity)) if self._links else uninjected,
             due_to_s=due_to_s,
             heard_to_s=self._heard_to_s(identity),

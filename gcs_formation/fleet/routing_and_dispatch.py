@@ -15,7 +15,7 @@ from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
-from airlink.endpoint import VehicleId
+from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, DelayQueue
 from airlink.frame import Frame, ParserCounts
 from airlink.messages import MISSION_TIME, Message
@@ -31,6 +31,9 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 NO_AUTOPILOT: Final = m.MAV_AUTOPILOT_INVALID
 SYSTEMS: Final = 256
+MANY_COPIES: Final = 20
+"""Number of copies of a vehicle's frames after which they are reported."""
+COPIES_TEXT: Final = "its frames come more than once, as by a second link; copies and what is overtaken are ignored"
 EVERYONE = 0
 """MAVLink's broadcast id, which isn't allowed as a sender's id."""
 
@@ -58,9 +61,18 @@ class Senders:
         self._note = note
         self._give_up = give_up
         self._strangers: set[VehicleId] = set()
+        self._connections = [vehicle.connection for vehicle in vehicles.values()]
+        self._peers, self._peers_at = frozenset[Address](), NEVER
+
+    def peers(self, tick: Instant) -> frozenset[Address]:
+        """Return the vehicles' addresses, looked up once for each next tick."""
+        if self._peers_at != tick:
+            self._peers_at = tick
+            self._peers = frozenset(each.peer for each in self._connections if each.peer is not None)
+        return self._peers
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
-        """Return the vehicle whose autopilot sent a frame, None for another sender."""
+        """Return the vehicle whose autopilot sent a frame, None for another sender; its `history` tells news."""
         socket, message = datagram.socket, frame.message
         vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
@@ -68,15 +80,30 @@ class Senders:
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
+        connection, history = vehicle.connection, vehicle.history
+        elsewhere = connection.talks and (socket != connection.socket or datagram.peer != connection.peer)
+        follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
+        # Another address's are refused in any case; a twin's frames may be the same as a vehicle's earlier ones.
+        if not elsewhere and history.is_copy(frame, now, elsewhere=False, follows=follows):
+            if history.copies == MANY_COPIES:
+                self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
+            return vehicle
+        if not elsewhere and history.is_lost_one(frame, now, elsewhere=False):
+            return None
         admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if finding is not None:
             self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
-        return vehicle if admitted else None
+        if not admitted:
+            return None
+        follows = follows or vehicle.sequence.is_near(frame.sequence)
+        history.take(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
+        return vehicle
 
     def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
         self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
         if admitted:
             vehicle.sequence.restart()
+            vehicle.history.restart()
         elif self._flight.phase is Phase.CONNECTING:
             self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
 
@@ -94,7 +121,7 @@ class Senders:
 
 
 FLOOD_BYTES_PER_S: Final = 100e3
-"""Bytes that aren't frames; a vehicle sends some 5 kB/s."""
+"""Bytes that aren't frames or weren't read; a vehicle sends some 5 kB/s."""
 FLOOD_FRAMES_PER_S: Final = 1000.0
 """Frames that aren't taken for a vehicle's."""
 SUBSIDED: Final = 0.5
@@ -107,19 +134,26 @@ class FloodWatch:
     def __init__(self, note: Note) -> None:
         """Start without counts."""
         self._note, self._flooded, self._looked = note, False, NEVER
-        self._garbage_bytes, self._refused = 0, 0
+        self._garbage_bytes = self._unread_bytes = self._refused = 0
+        self.unread_bytes = 0
+        """Bytes of strangers that weren't read, so far."""
 
     def watch(self, now: Instant, counts: ParserCounts, frames_refused: int) -> None:
         """Compare the counts since the flight began with those of the last call."""
         garbage, refused = counts.garbage_bytes - self._garbage_bytes, frames_refused - self._refused
+        unread = counts.unread_bytes - self._unread_bytes
         over_s = 0.0 if self._looked == NEVER else seconds_between(self._looked, now)
-        self._garbage_bytes, self._refused, self._looked = counts.garbage_bytes, frames_refused, now
+        self._garbage_bytes, self._unread_bytes = counts.garbage_bytes, counts.unread_bytes
+        self._refused, self._looked = frames_refused, now
         if over_s <= 0.0:
             return
-        share = max(garbage / over_s / FLOOD_BYTES_PER_S, refused / over_s / FLOOD_FRAMES_PER_S)
+        share = max((garbage + unread) / over_s / FLOOD_BYTES_PER_S, refused / over_s / FLOOD_FRAMES_PER_S)
         if not self._flooded and share > 1.0:
             self._flooded = True
-            what = f"{garbage / over_s / 1e3:.0f} kB of no frame and {refused / over_s:.0f} frames of others arrive"
+            junk = f"{garbage / over_s / 1e3:.0f} kB of no frame"
+            if unread:
+                junk += f", {unread / over_s / 1e3:.0f} kB of strangers, which aren't read,"
+            what = f"{junk} and {refused / over_s:.0f} frames of others arrive"
             self._note(now, "flood", f"{what} a second; frames of vehicles may be lost in that", None, {})
         elif self._flooded and share < SUBSIDED:
             self._flooded = False

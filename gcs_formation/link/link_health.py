@@ -19,6 +19,8 @@ LATE: Final = MODULUS // 2
 """A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
 SKIPPED: Final = 8
 """A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss."""
+NEAR: Final = 16
+"""Numbers by which copies may displace the newest."""
 SHARE: Final = 1 / 16
 """Weight of each new difference in the running mean."""
 STALE_AFTER_S: Final = 1.5
@@ -151,6 +153,38 @@ class SequenceTracker:
             self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
         self._expect()
         return gap > 0
+
+    def may_follow(self, sequence: i64, now: Instant, heard: Instant) -> bool:
+        """Return whether a number is the next one, or others as may be lost here or in a silence are between."""
+        if sequence == self._expected or self._newest == ANY or now - heard >= STALE_AFTER_NS:
+            return True
+        gap = (sequence - self._newest - 1) % MODULUS
+        return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
+
+    def is_near(self, sequence: i64) -> bool:
+        """Return whether a number is shortly before or after the newest: copies may have shown others between."""
+        return (self._newest - sequence + NEAR) % MODULUS < 2 * NEAR
+
+    def return_to(self, sequence: i64) -> None:
+        """Take back that a number had come which copies showed, far ahead of the present one; what it skipped too."""
+        ahead = (self._newest - sequence) % MODULUS
+        if self._newest == ANY or not SKIPPED <= ahead <= LATE:
+            return
+        skipped = {each for each in self._missing if 0 < (each - sequence) % MODULUS <= ahead}
+        self._missing -= skipped
+        self.lost -= len(skipped)
+        self._newest = (sequence - 1) % MODULUS
+        self._expect()
+
+    def overtaken(self, sequence: i64, *, copy: bool) -> None:
+        """Take the number of a frame that others overtook: a copy, or one that was counted as lost until now."""
+        if copy:
+            self.repeated += 1
+        elif sequence in self._missing:
+            self._observe_late(sequence)
+        else:
+            self.received += 1
+            self.lost = max(0, self.lost - 1)
 
     def _expect(self) -> None:
         self._expected = ANY if self._missing or self._newest == ANY else (self._newest + 1) % MODULUS

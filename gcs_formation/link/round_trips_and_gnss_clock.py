@@ -21,6 +21,7 @@ from typing import Final
 from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, seconds_between
+from airlink.messages import Message
 from airlink.messages.system import Timesync
 from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
 
@@ -44,6 +45,7 @@ UNSTEADY_STEPS, UNSTEADY_S = 4, 60.0
 """A clock that steps this many times within `UNSTEADY_S`, with round trips as long as before, is unsteady."""
 OLDEST_UNIX_S = 1.5e9
 """Times before July 2017 mean that UTC hasn't been set."""
+EPOCH_YEAR, YEAR_S = 1970, 365.2425 * 86400.0
 JUMP_S = 0.01
 UNKNOWN_DRIFT_S = 0.01
 """Largest error by drift with which UTC is used, s."""
@@ -73,6 +75,8 @@ class GnssClock:
         self._off = deque[tuple[float, float]](maxlen=WINDOW)
         self._steps = deque[Instant](maxlen=UNSTEADY_STEPS)
         self._utc_s = math.nan
+        self._unset_year = 0
+        """Year of the last UTC that can't be; 0 if none was."""
         self._readings = 0
         self._disarmed_s: float | None = None
         """Time since boot of the last UTC reading while disarmed."""
@@ -96,7 +100,7 @@ class GnssClock:
     def why_not(self, *, used: bool = False) -> str | None:
         """Return why its UTC can't be used, None if it can; `used`: it is in use already."""
         if math.isnan(self._utc_s):
-            return "it sends no UTC"
+            return self._why_none()
         if self.samples < FEWEST:
             return "it has answered too few requests"
         if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
@@ -108,6 +112,11 @@ class GnssClock:
         if unsure_s > most_s:
             return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
         return None
+
+    def _why_none(self) -> str:
+        if self._unset_year > EPOCH_YEAR:
+            return f"the UTC that it sends is of {self._unset_year}, which can't be: its receiver hasn't set it yet"
+        return "it sends no UTC"
 
     def utc_uncertainty_s(self) -> float:
         """Return the bound of its UTC's error by unknown drift, s (three standard deviations)."""
@@ -139,6 +148,7 @@ class GnssClock:
     def utc(self, unix_s: float, boot_s: float, *, armed: bool) -> None:
         """Take UTC and time since boot, from one SYSTEM_TIME."""
         if unix_s < OLDEST_UNIX_S:
+            self._unset_year = EPOCH_YEAR + int(max(0.0, unix_s) / YEAR_S)
             return
         ahead_s = unix_s - boot_s
         if math.isnan(self._utc_s):
@@ -310,6 +320,10 @@ class RoundTrips:
     def hear(self, now: Instant) -> None:
         """Record an answer to any message."""
         self._answered = now
+
+    def awaits(self, message: Message | None) -> bool:
+        """Return whether a message answers a pending request."""
+        return isinstance(message, Timesync) and message.tc1_ns != 0 and message.ts1_ns in self._pending
 
     def is_answer(self, message: Timesync) -> bool:
         """Return whether a message answers a pending request, and remove that request."""

@@ -17,12 +17,9 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S, TURN_S
 from gcs_formation.link.link_health import Connection, LinkState
 
-LONGEST_DELAY_S: Final = 10.0
-"""Largest age of a time stamp on arrival."""
-EARLY_S: Final = 2.0
-"""How far in the future a stamp may lie: the clock mapping errs by half the difference of the two delays."""
 BOOT_SLACK_S: Final = 1.0
 """Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much."""
 BOTH_TALK_S: Final = 1.0
@@ -30,8 +27,6 @@ BOTH_TALK_S: Final = 1.0
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
 FORGOTTEN_S: Final = 60.0
-TURN_S: Final = 2.0**32 / 1e3
-"""Stamps are milliseconds in 32 bits and wrap after this time, 49.7 days; TIMESYNC's have 64 bits."""
 MAX_RIVALS: Final = 8
 
 Remote = tuple[int, Address]

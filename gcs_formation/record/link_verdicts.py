@@ -29,6 +29,8 @@ class LinkFigures:
     frames_out: int
     frames_bad: int
     frames_implausible: int = 0
+    frames_duplicate: int = 0
+    frames_late: int = 0
     injected: tuple[float, float, float, float] | None = None
     """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
 

@@ -165,6 +165,8 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "frames_out": link.frames_out,
         "frames_bad": link.frames_bad,
         "frames_implausible": link.frames_implausible,
+        "frames_duplicate": link.frames_duplicate,
+        "frames_late": link.frames_late,
         "heard_to_s": figures.if_finite(min(link.due_to_s, link.heard_to_s)),
     }
 
@@ -175,6 +177,7 @@ def _received(counts: ParserCounts, refused: int) -> dict[str, Any]:
         "frames_refused": refused,
         "frames_bad": counts.bad,
         "garbage_bytes": counts.garbage_bytes,
+        "unread_bytes": counts.unread_bytes,
     }
 
 

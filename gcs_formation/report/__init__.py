@@ -55,6 +55,8 @@ UNKNOWN_IN_LINKS = (
     "frames_out",
     "frames_bad",
     "frames_implausible",
+    "frames_duplicate",
+    "frames_late",
 )
 UNKNOWN_IN_CONTROL = ("late_ticks", "lateness")
 UNKNOWN = (*UNKNOWN_IN_LINKS, *UNKNOWN_IN_CONTROL, "compute_ms", "wall_s", "real_time_factor", "worst_loop_delay_s")

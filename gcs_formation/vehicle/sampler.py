@@ -9,8 +9,9 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import FlightState
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
+from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
-from gcs_formation.link.source_binding import EARLY_S, LONGEST_DELAY_S, SourceBinding
+from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -112,6 +113,8 @@ class Sampler:
         if seen.motion is not None and _is_of(now, self._round_trips.stamps.to_instant(seen.motion.stamp_s)):
             if math.isnan(seen.airspeed_mps):
                 return "it has told no airspeed in VFR_HUD"
+            if seen.not_finite:
+                return f"it tells no attitude: {seen.not_finite}"
             together = seen.attitude is None or seen.of_one_time
             return None if together else "its position, attitude and airspeed aren't of one time"
         if math.isnan(stamp_s) and seen.motion is not None:

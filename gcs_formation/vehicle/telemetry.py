@@ -96,6 +96,8 @@ class Telemetry:
     """Its home north and east of the origin, m; None while unknown."""
     implausible: int = 0
     """Messages dropped because an aircraft can't have sent such values."""
+    not_finite: str = ""
+    """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
@@ -149,9 +151,10 @@ class Telemetry:
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude."""
         if _is_attitude(message):
-            self.attitude = message
+            self.attitude, self.not_finite = message, ""
         else:
             self.implausible += 1
+            self.not_finite = _first_not_finite(message)
 
     def take_airspeed(self, message: VfrHud) -> None:
         """Store an airspeed; a multirotor without a sensor gets its ground speed instead."""
@@ -238,6 +241,13 @@ def _is_attitude(message: Attitude) -> bool:
         and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
         and abs(message.time_boot_s) < INFINITE
     )
+
+
+def _first_not_finite(message: Message) -> str:
+    """Return which field of a message isn't finite, and its value; empty if all are."""
+    values = message.values().items()
+    name, value = next(((name, value) for name, value in values if not math.isfinite(value)), ("", 0.0))
+    return f"{message.kind().name}'s {name} is {'NaN' if math.isnan(value) else 'infinite'}" if name else ""
 
 
 def _printable(text: str) -> str:

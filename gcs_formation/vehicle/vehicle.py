@@ -12,16 +12,17 @@ from mypy_extensions import i64
 from airlink import mavlink as m
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.frame import Frame, FrameWriter
+from airlink.frame import Frame
 from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedCheck
+from gcs_formation.link.frame_history import TURN_S, FrameHistory
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
-from gcs_formation.link.source_binding import TURN_S, SourceBinding
+from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.command_delivery import (
     GAP_S,
@@ -90,8 +91,8 @@ class Vehicle:
         self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
         self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
         self.clock = self.round_trips.clock
-        self.source_binding = SourceBinding(connection, self.clock)
-        """Decides which of several senders with its system id is the vehicle."""
+        self.source_binding, self.history = SourceBinding(connection, self.clock), FrameHistory(self.clock)
+        """Decides which of several senders with its id is the vehicle; tells its news from copies and late frames."""
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
         """Turns its telemetry into samples of its present state."""
         self.jitter, self.sequence, self.commands = JitterMeter(), SequenceTracker(), CommandQueue()
@@ -107,12 +108,12 @@ class Vehicle:
         channels = {command: SetpointChannel(command, setpoint_gap_s) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
         """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
-        self.restarts, self._flew_before = 0, False
-        """Number of restarts of its clock; whether it may have been flying at the last one."""
+        self.restarts, self._flew_before, self._probed_ns = 0, False, 0
+        """Number of restarts of its clock; whether it may have been flying at the last one; when its newest answered
+        TIMESYNC request was sent."""
         self._lost_at, self.alone_at = Instant(0), LONG_AGO
         """When a frame or an answer was last missing; when its failsafe last had reason to act, by the lack of
         setpoints, heartbeats or a link."""
-        self._writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
 
     @property
     def follows_setpoints(self) -> bool:
@@ -128,6 +129,8 @@ class Vehicle:
         message, sequence = frame.message, self.sequence
         if message is not None:
             self.messages_in[message.kind().place] += 1
+        if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
+            sequence.return_to(frame.sequence)
         if sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
@@ -149,6 +152,13 @@ class Vehicle:
         elif message is not None:
             self.telemetry.take(message)
         return changed
+
+    def overlook(self, frame: Frame) -> None:
+        """Count a frame of this vehicle that is no news."""
+        copy = self.history.was_copy
+        if frame.message is not None and not copy:
+            self.messages_in[frame.message.kind().place] += 1
+        self.sequence.overtaken(frame.sequence, copy=copy)
 
     @property
     def frames_in(self) -> int:
@@ -279,11 +289,6 @@ class Vehicle:
         for channel in self.setpoint_channels:
             channel.forget()
 
-    def encode(self, message: Message) -> bytes:
-        """Return the frame of a message to this vehicle."""
-        self.frames_out += 1
-        return self._writer.encode(message)
-
     @property
     def home_unreported(self) -> bool:
         """Whether it has been armed for this flight but hasn't reported its home."""
@@ -344,7 +349,9 @@ class Vehicle:
         if not self.round_trips.is_answer(answer):
             return
         self.round_trips.hear(now)
-        if not timed:
+        overtaken = self.history.copies_come(now) and answer.ts1_ns < self._probed_ns
+        self._probed_ns = max(self._probed_ns, answer.ts1_ns)
+        if not timed or overtaken:  # while copies come, one overtaken is the copy of an answer that was lost
             return
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
@@ -360,6 +367,7 @@ class Vehicle:
         self.telemetry.forget()
         self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()
+        self.history.restart()
         self.effects = EffectWatch()
         self.take_off = TakeOff()
         self.jitter = JitterMeter()

@@ -43,9 +43,9 @@ class Layout:
 LATER = {
     "CURRENT_MODE": Layout(
         "CURRENT_MODE",
-        *mavlink.LATER["CURRENT_MODE"],
+        *mavlink.LATER["CURRENT_MODE"][:2],
         packer=struct.Struct("<IIB"),
-        base_length=9,
+        base_length=mavlink.LATER["CURRENT_MODE"][2],
         fields=("standard_mode", "custom_mode", "intended_custom_mode"),
         types=("uint8_t", "uint32_t", "uint32_t"),
         units=("", "", ""),

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink import checksum as checksum_module
+from airlink import frame as frame_module
 from airlink.checksum import Checksums, checksum
 from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser, frame_length
 from airlink.messages.command import CommandAck, ParamValue
@@ -241,3 +242,26 @@ def test_both_versions_may_alternate_on_one_stream():
     assert [frame.version for frame in frames] == [1, 2, 1, 2]
     assert [frame.sequence for frame in frames] == [0, 1, 2, 3]
     assert len(frames[0].raw) == HEADER_V1 + 9 + 2
+
+
+@pytest.mark.parametrize("pattern", [b"\xfe", b"\xfd", b"\xfe\xfd", b"\xfd\xfe", b"\xfe\xfe\xfd"])
+def test_a_flood_of_markers_is_tried_once_a_candidate_s_length(pattern, monkeypatch):
+    """A candidate begins at each byte; nearly all are excluded by their headers, not one by one."""
+    tried = []
+
+    def counting(data, offset):
+        tried.append(offset)
+        return frame_length(data, offset)
+
+    monkeypatch.setattr(frame_module, "frame_length", counting)
+    stream = (pattern * 1400)[:1400]
+    assert raws(frames_of(*[stream] * 10, SOUND)) == [SOUND]
+    assert len(tried) < 10 * (len(stream) // 250 + HEADER_V2)
+
+
+@pytest.mark.parametrize(("length", "found"), [(8, 0), (9, 1), (10, 0)])
+def test_a_frame_of_mavlink_1_has_its_message_s_length(length, found):
+    body = bytes([length, 7, 1, 1, 0]) + bytes([5, 0, 0, 0, 1, 3, 81, 4, 3, 0])[:length]
+    raw = b"\xfe" + body + crc16.mcrf4xx(body + b"\x32").to_bytes(2, "little")
+    assert len(frames_of(raw)) == found
+    assert len(frames_of(b"\xfe", raw)) == found

@@ -38,7 +38,10 @@ def table() -> str:
         enum: {str(entry.name): value for value, entry in entries.items() if not entry.name.endswith(LAST)}
         for enum, entries in sorted(dialect.enums.items())
     }
-    messages = {source.msgname: [source.id, source.crc_extra] for _, source in sorted(dialect.mavlink_map.items())}
+    messages = {
+        source.msgname: [source.id, source.crc_extra, base_length(source)]
+        for _, source in sorted(dialect.mavlink_map.items())
+    }
     parts = (f'"{name}": {{\n{lines(part)}\n}}' for name, part in (("enums", enums), ("messages", messages)))
     return "{\n" + ",\n".join(parts) + "\n}\n"
 

@@ -10,7 +10,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
-from airlink.frame import Frame, ParserCounts
+from airlink.frame import Frame, FrameWriter, ParserCounts
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
@@ -40,13 +40,18 @@ class Ground:
             for socket, identity in enumerate((FIRST, SECOND))
         }
         self.notes, self.given_up = Noted(), GivenUp()
+        self.writers = dict[tuple[int, int], FrameWriter]()
         self.identities = Senders(self.vehicles, (1, 2), Flight(phase), self.notes, self.given_up)
 
     def hear(
         self, message: Message, system: int = 2, component: int = 1, port: int = HERE, socket: int = 0, at_s: float = 0
     ) -> Vehicle | None:
         """Receive a frame; let its vehicle take it."""
-        now, frame = after(Instant(0), at_s), Frame(system, component, 0, 0, 2, message, b"")
+        writer = self.writers.setdefault((port, socket), FrameWriter(system, component))
+        for _ in range(port % 7):  # each sender counts otherwise
+            writer.encode(message)
+        now, raw = after(Instant(0), at_s), writer.encode(message)
+        frame = Frame(system, component, 0, message.kind().message_id, 2, message, raw)
         sender = self.identities.sender(frame, Datagram(socket, Address("127.0.0.1", port), b""), now)
         if sender:
             sender.connection.heard(now, heartbeat=isinstance(message, Heartbeat))

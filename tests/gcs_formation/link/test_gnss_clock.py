@@ -238,6 +238,8 @@ def test_a_vehicle_without_a_receiver_has_no_utc():
     clock = GnssClock(LOOP_S)
     clock.utc(12.0, 12.0, armed=False)
     assert clock.why_not() == "it sends no UTC"
+    clock.utc(1.17e9, 12.0, armed=False)
+    assert clock.why_not() == "the UTC that it sends is of 2007, which can't be: its receiver hasn't set it yet"
 
 
 def test_a_slow_clock_that_was_armed_unseen_has_drifted_by_an_unknown_amount():

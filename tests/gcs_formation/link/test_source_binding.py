@@ -12,8 +12,9 @@ from airlink.endpoint import Address
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.link.frame_history import TURN_S
 from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
-from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, TURN_S, SourceBinding
+from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, SourceBinding
 
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)
 BEAT = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)

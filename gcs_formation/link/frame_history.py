@@ -1,0 +1,196 @@
+"""Which frames of a vehicle are news, and which are copies of earlier ones or come after newer ones: history.
+
+A second link, a router or a radio may deliver every frame once more, seconds or a minute late. What such a frame says
+was true once: it must change nothing. Three things tell:
+
+- Frames with a time since boot: one that is older than the newest of its kind is history, known or not.
+- Frames that were received before, byte for byte: their checksums, which cover the sequence number too, are kept for
+  two minutes at least. By that alone a heartbeat isn't a copy, for its number comes again after 255 others.
+- So while copies come, a frame without a time is news only if its number follows the newest one's. If it also was
+  received before and contradicts the newest of its kind, the vehicle must have stopped saying the newest.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
+
+from airlink import mavlink as m
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant
+from airlink.frame import HEADER_V1, HEADER_V2, Frame
+from airlink.messages import KINDS
+from gcs_formation.link.clock_sync import ClockSync
+
+LONGEST_DELAY_S: Final = 10.0
+"""Largest age of a time stamp on arrival."""
+EARLY_S: Final = 2.0
+"""How far in the future a stamp may lie: the clock mapping errs by half the difference of the two delays."""
+TURN_S: Final = 2.0**32 / 1e3
+"""Stamps are milliseconds in 32 bits and wrap after this time, 49.7 days; TIMESYNC's have 64 bits."""
+KEPT_NS: Final = 120 * NANOSECONDS
+"""Received frames are remembered for this long at least, twice as long at most."""
+MARKS: Final = 1 << 18
+"""Bits, one of which each remembered frame sets: of a vehicle's frames in `KEPT_NS` some 3 % share one by chance."""
+COPIES_COME_NS: Final = 10 * NANOSECONDS
+"""For this long after a copy, others are expected."""
+SAID_NS: Final = 5 * NANOSECONDS // 2
+"""What wasn't said again for this long may be contradicted by a frame as received before."""
+SUSPICION: Final = 3.0
+CALMED: Final = 0.25
+"""Copies come once this many frames seem to be some; each other frame counts for so much less. By chance, or where a
+heartbeat's number comes again just after a loss, one in twenty may seem so."""
+BYTE: Final = 8
+STATES: Final = (
+    m.MAVLINK_MSG_ID_HEARTBEAT,
+    m.MAVLINK_MSG_ID_CURRENT_MODE,
+    m.MAVLINK_MSG_ID_VFR_HUD,
+    m.MAVLINK_MSG_ID_SYS_STATUS,
+    m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+)
+"""Messages without a time that say how the vehicle is."""
+
+
+class FrameHistory:
+    """What was received from one vehicle, by which later frames are judged."""
+
+    def __init__(self, clock: ClockSync) -> None:
+        """Start with nothing received; `clock` is the vehicle's."""
+        self.copies: i64 = 0
+        """Number of frames that had been received before."""
+        self.late: i64 = 0
+        """Number of others that came after newer ones."""
+        self.is_news = True
+        """Whether the frame judged last is news."""
+        self.was_copy = False
+        """Whether it had been received before."""
+        self._clock = clock
+        self._newest_s = vec[float]([math.nan] * len(KINDS))
+        """Newest stamp of each kind of message."""
+        self._seen, self._seen_before = bytearray(MARKS // BYTE), bytearray(MARKS // BYTE)
+        self._renewed = Instant(0)
+        self._copied_at, self._suspicion = [LONG_AGO, LONG_AGO], [0.0, 0.0]
+        """When copies came last, and how much speaks for it: from the vehicle's own address, and from others."""
+        self._said = dict[int, tuple[bytes, Instant]]()
+        """Newest payload of each of `STATES`, and when it was said last."""
+
+    def copies_come(self, now: Instant, *, elsewhere: bool = False) -> bool:
+        """Return whether copies have just come from the vehicle's own address, or from another one."""
+        return now - self._copied_at[elsewhere] < COPIES_COME_NS
+
+    def is_copy(self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool) -> bool:
+        """Return whether a frame had been received before, and count it if so.
+
+        `elsewhere`: it is from another address than the vehicle's; `follows`: its number may follow the newest one's.
+        """
+        known = self._knows(_mark(frame))
+        stamp_s = math.nan if frame.message is None else frame.message.boot_s()
+        timed = not math.isnan(stamp_s)
+        copied = known and timed and (self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now))
+        if timed or not elsewhere:
+            self._weigh(copied or (known and not timed and not follows), now, elsewhere)
+        if known and not timed and (elsewhere or self.copies_come(now)):
+            copied = elsewhere or not (follows and self._agrees(frame, now))
+        if copied:
+            self.copies += 1
+            self.is_news, self.was_copy = False, True
+        return copied
+
+    def _weigh(self, suspicious: bool, now: Instant, elsewhere: bool) -> None:
+        """Take whether a frame seems to be a copy; a few may seem so by chance."""
+        suspicion = self._suspicion[elsewhere] + (1.0 if suspicious else -CALMED)
+        self._suspicion[elsewhere] = max(0.0, min(2.0 * SUSPICION, suspicion))
+        if suspicious and suspicion >= SUSPICION:
+            self._copied_at[elsewhere] = now
+
+    def is_lost_one(self, frame: Frame, now: Instant, *, elsewhere: bool) -> bool:
+        """Return whether a frame that never came seems to be among the copies that come: it tells of no other sender.
+
+        Copies of a minute ago would otherwise look like those of another vehicle, with another clock.
+        """
+        if not self.copies_come(now, elsewhere=elsewhere):
+            return False
+        stamp_s = math.nan if frame.message is None else frame.message.boot_s()
+        return elsewhere or (self._is_old(frame, stamp_s) and not self._is_of_now(stamp_s, now))
+
+    def take(self, frame: Frame, now: Instant, *, follows: bool, awaited: bool) -> None:
+        """Take a frame of the vehicle that isn't a copy, and judge whether it is news.
+
+        `awaited`: it is the answer to a request, which no other frame can be.
+        """
+        self._remember(_mark(frame), now)
+        message = frame.message
+        stamp_s = math.nan if message is None else message.boot_s()
+        self.was_copy = False
+        if message is None or math.isnan(stamp_s):
+            self.is_news = follows or awaited or not self.copies_come(now)
+            if self.is_news and frame.message_id in STATES:
+                self._said[frame.message_id] = _payload(frame), now
+        else:
+            self.is_news = not (self._is_old(frame, stamp_s) and self._goes_on(frame, stamp_s, now))
+            if self.is_news:
+                self._newest_s[message.kind().place] = stamp_s
+        self.late += not self.is_news
+
+    def restart(self) -> None:
+        """Take stamps from their beginning: the vehicle has restarted, or another sender is the vehicle now."""
+        for place in range(len(self._newest_s)):
+            self._newest_s[place] = math.nan
+        self._said.clear()
+
+    def _is_old(self, frame: Frame, stamp_s: float) -> bool:
+        """Return whether a stamp is no newer than the newest of its kind."""
+        if frame.message is None:
+            return False
+        since_s = stamp_s - self._newest_s[frame.message.kind().place]
+        return -TURN_S / 2.0 < since_s <= 0.0
+
+    def _goes_on(self, frame: Frame, stamp_s: float, now: Instant) -> bool:
+        """Return whether an older stamp, and the newest of its kind, are of the vehicle's present clock."""
+        if frame.message is None or not self._clock.samples:
+            return False
+        newest_s = self._newest_s[frame.message.kind().place]
+        return stamp_s < newest_s and self._is_of_now(stamp_s, now) and self._is_of_now(newest_s, now)
+
+    def _is_of_now(self, stamp_s: float, now: Instant) -> bool:
+        """Return whether the vehicle's clock showed a stamp shortly before now; True while the clock is unknown."""
+        if not self._clock.samples:
+            return True
+        age_s = self._clock.age_s(stamp_s, now)
+        age_s -= TURN_S * math.floor(age_s / TURN_S + 0.5)
+        return -EARLY_S <= age_s <= LONGEST_DELAY_S
+
+    def _agrees(self, frame: Frame, now: Instant) -> bool:
+        """Return whether a frame received before says what the newest of its kind does, or that is no longer said."""
+        if frame.message_id not in STATES:
+            return True
+        said = self._said.get(frame.message_id)
+        return said is None or said[0] == _payload(frame) or now - said[1] > SAID_NS
+
+    def _knows(self, mark: i64) -> bool:
+        place, bit = mark // BYTE, 1 << mark % BYTE
+        return bool((self._seen[place] | self._seen_before[place]) & bit)
+
+    def _remember(self, mark: i64, now: Instant) -> None:
+        if now - self._renewed > KEPT_NS:
+            self._renewed, self._seen_before, self._seen = now, self._seen, bytearray(MARKS // BYTE)
+        self._seen[mark // BYTE] |= 1 << mark % BYTE
+
+
+def _begin(frame: Frame) -> int:
+    return HEADER_V2 if frame.version == 2 else HEADER_V1
+
+
+def _payload(frame: Frame) -> bytes:
+    begin = _begin(frame)
+    return frame.raw[begin : begin + frame.raw[1]]
+
+
+def _mark(frame: Frame) -> i64:
+    """Return by which bit a frame is remembered: its checksum, and two bits of its payload's first byte."""
+    raw, begin = frame.raw, _begin(frame)
+    end = begin + raw[1]
+    return raw[end] | raw[end + 1] << BYTE | (raw[begin] & 3) << 2 * BYTE

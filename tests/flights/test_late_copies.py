@@ -1,0 +1,133 @@
+"""Every frame arrives in time, and once more later, as through a second link: the flight is as without that."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from airlink.clock import Instant, after
+from airlink.endpoint import Endpoint
+from airlink.engine import Datagram, DelayQueue
+from sim_vehicles.fleet import Fleet
+from tests.flights.in_memory import Between, World
+
+SPREAD = 0.5
+"""Share of the delay by which shuffled copies differ from it."""
+LOSS = 0.005
+"""Largest share of frames that seem lost by mistake: before copies are known as such."""
+
+
+class Copying(Between):
+    """Delivers a copy of everything that vehicles send after `late_s`; some originals may never come."""
+
+    late_s, shuffled, elsewhere, loss = 2.0, False, False, 0.0
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._copies, self._random, self._now = DelayQueue[Datagram](), random.Random(1), Instant(0)
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        return self.fleet.endpoints() * (2 if self.elsewhere else 1)
+
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        self._now = now
+        super().receive(datagrams, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        sent, found = super().datagrams_to_send(), self._copies.pop_due(self._now)
+        for each in sent:
+            late_s = self.late_s * (self._random.uniform(1 - SPREAD, 1 + SPREAD) if self.shuffled else 1.0)
+            socket = each.socket + (len(self.fleet.vehicles) if self.elsewhere else 0)
+            self._copies.push(after(self._now, late_s), Datagram(socket, each.peer, each.data))
+            if self._random.random() >= self.loss:
+                found.append(each)
+        return found
+
+    def next_timer(self) -> Instant | None:
+        timer, due = super().next_timer(), self._copies.next()
+        return timer if due is None else due if timer is None else min(timer, due)
+
+    def handle_timer(self, now: Instant) -> None:
+        self._now = now
+        timer = super().next_timer()
+        if timer is not None and timer <= now:
+            super().handle_timer(now)
+
+
+def flown(between: type[Between], seconds: float = 24.0, restart: bool = False, **keys: Any) -> World:
+    """Fly with a change of slots, a freeze and, if wanted, a restart; copies of a minute ago need a minute's flight."""
+    world = World(between, **keys)
+    world.fly_to(seconds / 2.0)
+    if restart:
+        world.inject(3, "restart")
+    world.run(seconds / 2.0)
+    return world
+
+
+def copying(**given: Any) -> type[Copying]:
+    return type("Copied", (Copying,), given)
+
+
+def told(world: World) -> list[tuple[str, str, Any]]:
+    """Return what was noted, but for copies."""
+    return [(event.kind, event.text, event.vehicle) for event in world.notes.events if event.kind != "copies"]
+
+
+def figures(world: World) -> tuple[float, ...]:
+    vehicles = world.station.vehicles.values()
+    return (
+        world.worst_m(),
+        max(each.jitter.jitter_s for each in vehicles),
+        max(each.clock.one_way_s for each in vehicles),
+    )
+
+
+@pytest.fixture(scope="module")
+def alone() -> World:
+    return flown(Between)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "shuffled", "elsewhere"),
+    [
+        (0.05, False, False),
+        (0.05, True, False),
+        (2.0, False, False),
+        (2.0, True, False),
+        (3.0, False, False),
+    ],
+)
+def test_a_flight_with_late_copies_is_as_one_without(
+    late_s: float, shuffled: bool, elsewhere: bool, alone: World
+) -> None:
+    world = flown(copying(late_s=late_s, shuffled=shuffled, elsewhere=elsewhere))
+    assert told(world) == told(alone)
+    assert figures(world) == pytest.approx(figures(alone), abs=0.002)
+    assert max(each.sequence.whole_loss for each in world.station.vehicles.values()) < LOSS
+    assert len(world.words("copies")) == len(world.station.vehicles)
+    for vehicle in world.station.vehicles.values():
+        assert vehicle.history.copies > int(vehicle.sequence.received) * 4 // 5
+
+
+def test_copies_while_frames_are_lost_are_no_other_sender() -> None:
+    world = flown(copying(late_s=3.0, shuffled=True, loss=0.05))
+    assert world.words("duplicate") == []
+    assert world.station.flight.path_began is not None
+    assert world.worst_m() < 0.2
+
+
+def test_a_restart_among_late_copies_is_recognised() -> None:
+    world = flown(copying(late_s=3.0), restart=True)
+    assert len(world.times_s("restarted", 3)) == 1
+    assert world.words("duplicate") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_copies_of_a_minute_ago_change_nothing_either(shuffled: bool) -> None:
+    keys: dict[str, Any] = {"duration_s": 120, "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
+    world, alone = (flown(each, 130.0, **keys) for each in (copying(late_s=60.0, shuffled=shuffled), Between))
+    assert sorted(map(str, told(world))) == sorted(map(str, told(alone))), "a heartbeat may count a second later"
+    assert figures(world) == pytest.approx(figures(alone), abs=0.002)
