@@ -8,7 +8,7 @@ import numpy as np
 
 from flight_model.arrays import Array, beside
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, room_along_m
-from flight_model.path import PathPoints, SplinePath
+from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
@@ -36,7 +36,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
     terrain = scenario.terrain
     if terrain is None:
         return list(_over_plain(scenario))
-    ground, flat = scenario.ground, scenario.path.written
+    ground, flat = scenario.ground, scenario.written_path
     begin_m = -scenario.run_in_m
     places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
@@ -50,7 +50,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
 
 def _over_plain(scenario: Scenario) -> Iterator[Finding]:
     """Yield the lowest point of any vehicle if it is below the clearance: without terrain, paths aren't lifted."""
-    path, least_m = scenario.path.written, scenario.safety.clearance_m
+    path, least_m = scenario.written_path, scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
     worst = int(np.argmin(points.height_m))
     below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
@@ -234,7 +234,7 @@ def _least(terrain: Terrain) -> str:
     return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
 
 
-def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
+def check_fence(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
     """Yield the worst place of each limit of the fence, from `from_m` on the path; at its start with the run-in."""
     fence = scenario.safety.fence
     if fence is None:

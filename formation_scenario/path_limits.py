@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.path import PathPoints, SplinePath
+from flight_model.path import FlightPath, PathPoints
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
@@ -38,7 +38,7 @@ class SampledPath(NamedTuple):
     waypoints: Array
 
     @classmethod
-    def along(cls, path: SplinePath, from_m: float = 0.0) -> SampledPath:
+    def along(cls, path: FlightPath, from_m: float = 0.0) -> SampledPath:
         """Sample a path from `from_m` to its end."""
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
         places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
