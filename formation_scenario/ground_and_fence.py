@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -288,6 +289,45 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
         yield sampled.finding(int(index), found, allowed)
+
+
+class FenceDistance(NamedTuple):
+    """The least distance of a vehicle to the fence: in which slot, in words, and where on the path, m."""
+
+    who: str
+    least_m: float
+    at_m: float
+    height_m: float
+    """Least distance to the fence's lowest and highest height; infinite without them."""
+
+
+def fence_distances(scenario: Scenario) -> list[FenceDistance]:
+    """Return the least distance to the fence, m, negative outside, of the leader and of every slot, the nearest first.
+
+    From the run-in to the path's end; empty without a fence.
+    """
+    fence = scenario.safety.fence
+    if fence is None:
+        return []
+    sampled, flyers = (
+        SampledPath.along(scenario.leader_path, -scenario.run_in_m),
+        _flyers(scenario, slot_schedule(scenario)),
+    )
+    points, (lowest_m, highest_m) = sampled.points, fence.heights_m
+    turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
+    forward_m, right_m, up_m = np.array(list(flyers)).T
+    way = points.north_m, points.east_m, points.course_rad
+    within = np.full((len(flyers), points.north_m.size), np.inf)
+    if fence.corners_m is not None:
+        corners_m = np.array(fence.corners_m)
+        places, _ = room_along_m(corners_m, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
+        within = inside_m(corners_m, places)
+    found = list[FenceDistance]()
+    for row, (who, _) in enumerate(flyers.values()):
+        height_m = points.height_m + up_m[row]
+        index, room_m = int(within[row].argmin()), min(height_m.min() - lowest_m, highest_m - height_m.max())
+        found.append(FenceDistance(who, float(within[row, index]), float(sampled.places_m[index]), float(room_m)))
+    return sorted(found, key=lambda each: min(each.least_m, each.height_m))
 
 
 def drift(scenario: Scenario) -> Drift:

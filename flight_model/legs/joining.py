@@ -1,8 +1,9 @@
 """The joints of all legs: fly-by turns where they fit, and where they don't, the shortest way that does.
 
-Where the turns at both ends of a leg need more than its length, these are compared: a detour in place of one of them or
-of both, which leaves a leg at its waypoint and comes back to the next leg there; one turn in place of both; and one
-detour from the leg before to the leg after, as between the lanes of a survey.
+A turn that would pass too far from its waypoint is a detour, too, unless that has no room inside the fence. Where the
+turns at both ends of a leg need more than its length, these are compared: a detour in place of one of them or of both,
+which leaves a leg at its waypoint and comes back to the next leg there; one turn in place of both; and one detour from
+the leg before to the leg after, as between the lanes of a survey.
 """
 
 from __future__ import annotations
@@ -80,7 +81,15 @@ class Joiner:
     def _first_choice(self, index: int) -> Placed:
         corner, limits = self._corner(index, index), self._limits(index, index)
         joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.most_m)
-        return self._detour(index, index) if joint is None else Placed(index, index, joint)
+        if joint is not None:
+            return Placed(index, index, joint)
+        detour = self._detour(index, index)
+        wide = fly_by(corner, limits, math.inf) if detour.lack_m > 0.0 else None
+        if wide is None:
+            return detour
+        missed_m = float(distances_m(corner, wide).max()) - self._rules.most_m
+        lack_m = self._lack_m(corner, wide.stretches, wide.before_m)
+        return min(Placed(index, index, wide, lack_m, missed_m), detour, key=lambda each: each.lack_m)
 
     def _slack_m(self, found: list[Placed], at: int) -> float:
         """Return how much of the leg before joint `at` is left between the joints at its ends."""
@@ -137,13 +146,13 @@ class Joiner:
             return 0.0
         return max(float(distances_m(corner, joint).max()) - self._rules.most_m, 0.0)
 
-    def _lack_m(self, corner: Corner, stretches: tuple[Stretch, ...]) -> float:
+    def _lack_m(self, corner: Corner, stretches: tuple[Stretch, ...], before_m: float = 0.0) -> float:
         length_m = sum(each.length_m for each in stretches)
         if self._rules.lack is None or length_m == 0.0:
             return 0.0
         count = max(2, math.ceil(length_m / ROOM_STEP_M))
         axis = np.exp(1j * corner.course_rad)
-        way = corner.waypoints[0] + axis * places(stretches, count)
+        way = corner.waypoints[0] + axis * (places(stretches, count) - before_m)
         return self._rules.lack(way, corner.course_rad + courses_rad(stretches, count))
 
     def _corner(self, first: int, last: int) -> Corner:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -49,6 +50,7 @@ class LegsPath(FlightPath):
 
     Attributes:
         passed: how each waypoint but the first and the last is passed.
+        tightest_m: radius of the tightest turn, infinite without turns.
         steep: what is too steep, by the index of the waypoint at which that ends.
     """
 
@@ -70,6 +72,8 @@ class LegsPath(FlightPath):
         heights, steep = profile(at_m, np.array(line.heights_m), line.climbs)
         self.steep = {line.ends_at[each.interval]: each for each in steep}
         nodes_m, coefficients = _curve(flat[0], float(np.angle(flat[1] - flat[0])), line.stretches, heights)
+        curvature_1pm = max(abs(each.to_1pm) for each in line.stretches)
+        self.tightest_m = 1.0 / curvature_1pm if curvature_1pm else math.inf
         super().__init__(nodes_m, np.array(line.waypoints_at_m), coefficients)
 
 

@@ -17,6 +17,7 @@ from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.expectations import LinkFigures, RunOutcome, Verdict, is_out, judge
 from gcs_formation.record.flight import RecordedFlight
+from gcs_formation.record.planned_path import planned_path
 from gcs_formation.record.timeseries import PHASES
 
 SCHEMA = 1
@@ -68,6 +69,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
+        "path": {"leader": planned_path(scenario)},
         "safety": safety,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
