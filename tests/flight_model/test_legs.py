@@ -212,6 +212,7 @@ def test_heights_are_never_outside_those_of_the_waypoints_and_slopes_are_continu
 def test_a_slope_leaves_room_for_its_rounding():
     # x D - 2 c x^2 = rise with c = 0.75 / change, from level to level.
     slope = interior_slope(2000.0, 100.0, (0.0, 0.0), CLIMBS.change_1pm)
+    assert slope is not None
     assert slope * 2000.0 - 2.0 * 0.75 / CLIMBS.change_1pm * slope**2 == pytest.approx(100.0)
     assert slope > 100.0 / 2000.0
     assert interior_slope(200.0, 100.0, (0.0, 0.0), CLIMBS.change_1pm) is None
