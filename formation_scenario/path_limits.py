@@ -11,7 +11,6 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.legs.heights import Steep
 from flight_model.legs.path import LegsPath
-from flight_model.legs.turn import STEEPEST
 from flight_model.path import FlightPath, PathPoints
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
@@ -113,7 +112,7 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Find
     for waypoint, each in steep.items():
         (north_m, east_m, from_m), to = scenario.path.waypoints_m[waypoint - 1 : waypoint + 1]
         rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
-        needed_m = abs(rise_m) / limits.slope + STEEPEST * limits.slope / limits.change_1pm
+        needed_m = abs(rise_m) / limits.slope + limits.shortest_rounding_m
         found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
         flown = f"{abs(each.slope) * scenario.path.speed_mps:.3g} m/s of climb with its rounding"
         most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"

@@ -19,13 +19,20 @@ from flight_model.legs.turn import STEEPEST
 LEVEL = 1e-9
 """Slopes below this are none."""
 LEAST_M = 1e-3
+TIGHTER = (1.0, 2.0, 4.0)
+"""Multiples of the preferred change of slope that are tried where there is no room for it."""
 
 
 class Climbs(NamedTuple):
-    """The steepest slope that vehicles can fly, and the fastest change of it, per m of the way."""
+    """The steepest slope that vehicles can fly, and the change of it that is preferred, per m of the way."""
 
     slope: float
     change_1pm: float
+
+    @property
+    def shortest_rounding_m(self) -> float:
+        """Length of the way that two changes from level to the steepest slope take beyond that of the slope alone."""
+        return STEEPEST * self.slope / (self.change_1pm * TIGHTER[-1])
 
 
 class Steep(NamedTuple):
@@ -69,6 +76,15 @@ def interior_slope(length_m: float, rise_m: float, slopes: tuple[float, float], 
     return None if square < 0.0 else sign * 2.0 * constant / (linear + math.sqrt(square))
 
 
+def eased(length_m: float, rise_m: float, slopes: tuple[float, float], climbs: Climbs) -> tuple[float, float] | None:
+    """Return the slope within the limits with which a way rises, and its gentlest possible change; None without one."""
+    for times in TIGHTER:
+        slope = interior_slope(length_m, rise_m, slopes, times * climbs.change_1pm)
+        if slope is not None and abs(slope) <= climbs.slope * (1.0 + LEVEL):
+            return slope, times * climbs.change_1pm
+    return None
+
+
 def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[Heights, list[Steep]]:
     """Return the profile through heights (n,) at rising distances (n,), and what of it is too steep.
 
@@ -84,21 +100,19 @@ def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[H
     for end, inside in ((0, 1), (len(means), len(means) - 1)):
         leg = min(end, len(means) - 1)
         slopes = (0.0, at_waypoints[inside])
-        if interior_slope(lengths_m[leg], rises_m[leg], slopes, climbs[leg].change_1pm) is None:
+        if eased(lengths_m[leg], rises_m[leg], slopes, climbs[leg]) is None:
             at_waypoints[end] = float(means[leg])
     rows, steep = list[tuple[float, float, float, float]](), list[Steep]()
     for index, limits in enumerate(climbs):
         length_m, rise_m = lengths_m[index], rises_m[index]
         a, b = at_waypoints[index], at_waypoints[index + 1]
-        slope = interior_slope(length_m, rise_m, (a, b), limits.change_1pm)
-        first_m = last_m = length_m / 2.0
-        if slope is None:
-            slope = 2.0 * rise_m / length_m - (a + b) / 2.0
+        found = eased(length_m, rise_m, (a, b), limits)
+        if found is None:
+            slope, first_m, last_m = 2.0 * rise_m / length_m - (a + b) / 2.0, length_m / 2.0, length_m / 2.0
             steep.append(Steep(index, slope, limits.slope))
         else:
-            first_m, last_m = (STEEPEST * abs(slope - each) / limits.change_1pm for each in (a, b))
-            if abs(slope) > limits.slope * (1.0 + LEVEL):
-                steep.append(Steep(index, slope, limits.slope))
+            slope, change_1pm = found
+            first_m, last_m = (STEEPEST * abs(slope - each) / change_1pm for each in (a, b))
         rows += _pieces((float(distance_m[index]), float(height_m[index])), length_m, (a, slope, b), (first_m, last_m))
     begin_m, heights_m, from_slope, to_slope = np.array(rows).T
     return Heights(begin_m, heights_m, from_slope, to_slope, float(distance_m[-1])), steep

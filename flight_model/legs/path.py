@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import TURN, Array, Complex, Indices
-from flight_model.legs.heights import Climbs, Heights, interior_slope, profile
+from flight_model.legs.heights import Climbs, Heights, eased, profile
 from flight_model.legs.joining import Joiner, Placed, TurnRules
 from flight_model.legs.joint import SAMPLES, Joint, courses_rad, places
 from flight_model.legs.turn import NEGLIGIBLE_M, Stretch, TurnLimits, turn_length_m, turn_stretches, turned_m
@@ -22,6 +22,8 @@ PIECE_M = 2000.0
 LEAST_CURVED = 4
 APART_M = 0.5
 """Nodes for heights are moved to others that are nearer than this, so that no piece is tiny."""
+TINY_M = 1.0
+"""Length of pieces below which they are cubics."""
 MOST_CIRCLES = 200
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -153,8 +155,7 @@ class _Line:
             whole_m = self.length_m - self.knots_m[-1] + length_m + due_m
             if count:
                 whole_m += float(turn_length_m(np.asarray(count * TURN), limits)) - forward_m
-            slope = interior_slope(whole_m, rise_m, (0.0, 0.0), climbs.change_1pm)
-            if slope is not None and abs(slope) <= climbs.slope:
+            if eased(whole_m, rise_m, (0.0, 0.0), climbs) is not None:
                 break
         return self._to_roomier_side(waypoint, count * TURN, limits, length_m - forward_m)
 
@@ -202,7 +203,12 @@ def _curve(start: complex, course_rad: float, stretches: list[Stretch], heights:
     values = np.stack((place.real, place.imag, height), axis=1)
     first = np.stack((axis.real, axis.imag, slope), axis=1)
     second = np.stack((-curvature * axis.imag, curvature * axis.real, slope_rate), axis=1)
-    return nodes, hermite_pieces(values, first, second, np.diff(nodes))
+    coefficients, length = hermite_pieces(values, first, second, np.diff(nodes)), np.diff(nodes)[:, None]
+    # On tiny pieces the rounding of both places would be a large third derivative.
+    tiny = length[:, 0] < TINY_M
+    coefficients[tiny, :, 3] = (np.diff(second, axis=0) / (6.0 * length))[tiny]
+    coefficients[tiny, :, 4:] = 0.0
+    return nodes, coefficients
 
 
 def _with_nodes(nodes: Array, others: Array) -> Array:

@@ -150,7 +150,6 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_law.gust_errors(scenario)
     yield from check_links.split_errors(scenario)
     yield from check_links.narrow_links(scenario)
-    yield from check_path.far_from_legs(scenario)
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)
@@ -179,6 +178,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from doomed_orders(scenario)
     if text := check_links.goes_round(scenario):
         yield text
+    yield from check_path.far_from_legs(scenario)
 
 
 def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
