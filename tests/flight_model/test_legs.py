@@ -148,8 +148,8 @@ def missions(draw):
 @settings(max_examples=60, deadline=None)
 def test_any_mission_is_a_curve_of_bounded_and_continuous_curvature_through_its_ends(waypoints, over):
     path = legs(waypoints, over=over)
-    for at_m, (north_m, east_m, height_m) in ((0.0, waypoints[0]), (path.length_m, waypoints[-1])):
-        point = path.at(at_m)
+    for end_m, (north_m, east_m, height_m) in ((0.0, waypoints[0]), (path.length_m, waypoints[-1])):
+        point = path.at(end_m)
         assert (point.north_m, point.east_m, point.height_m) == pytest.approx((north_m, east_m, height_m), abs=1e-3)
     step_m = 1.0
     at_m = np.arange(0.0, path.length_m, step_m)
