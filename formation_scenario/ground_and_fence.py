@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, beside
-from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, room_along_m
+from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, places_along, room_along_m
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
 from formation_scenario.formation import added
@@ -97,7 +97,7 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
 
     After a take-off vehicles assemble at the same positions.
     """
-    in_air = scenario.model_copy(update={"start": scenario.start.model_copy(update={"in_air": True})})
+    in_air = scenario.on_same_path({"start": scenario.start.model_copy(update={"in_air": True})})
     places, safety = _start_places(in_air), scenario.safety
     who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
     apart_m, found = _nearest(scenario, places)
@@ -320,8 +320,7 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     within = np.full((len(flyers), points.north_m.size), np.inf)
     if fence.corners_m is not None:
         corners_m = np.array(fence.corners_m)
-        places, _ = room_along_m(corners_m, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
-        within = inside_m(corners_m, places)
+        within = inside_m(corners_m, places_along(way, Flyers(forward_m, right_m, turn_rps), drift(scenario)))
     found = list[FenceDistance]()
     for row, (who, _) in enumerate(flyers.values()):
         height_m = points.height_m + up_m[row]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from math import hypot, radians
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -294,8 +295,14 @@ class Scenario(Keys):
         return self.start.run_in_s * self.path.speed_mps
 
     def at_speed(self, speed_mps: float) -> Scenario:
-        """Return the scenario with another speed along the path."""
-        return self.model_copy(update={"path": self.path.model_copy(update={"speed_mps": speed_mps})})
+        """Return the scenario with another speed along the path, which stays where it was planned."""
+        return self.on_same_path({"path": self.path.model_copy(update={"speed_mps": speed_mps})})
+
+    def on_same_path(self, update: Mapping[str, Any]) -> Scenario:
+        """Return a copy with some keys changed, on the path through the waypoints that this one has found."""
+        copied, name = self.model_copy(update=update), "written_path"
+        vars(copied).update({name: vars(self)[name]} if name in vars(self) else {})
+        return copied
 
     def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
         """Return the vehicles that a key such as `vehicles: [2, 3]` selects, in the scenario's order."""

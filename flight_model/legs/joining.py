@@ -110,19 +110,24 @@ class Joiner:
         return sum(each.joint.longer_m for each in joints) + between
 
     def _candidates(self, crowded: list[Placed], *, head: bool, tail: bool) -> Iterator[list[Placed]]:
-        around = [self._detour(each.first, each.last) for each in crowded]
         if head or tail:
-            yield around
+            yield [self._detour(each.first, each.last) for each in crowded]
             return
         one, other = crowded
-        leg_m = self._lengths_m[one.last]
+        leg_m, limits = self._lengths_m[one.last], self._limits(one.first, other.last)
+        merged = [self._detour(one.first, other.last)]
+        yield merged
+        corner = self._corner(one.first, other.last)
+        if not self._rules.over and (joint := fly_by(corner, limits, self._rules.most_m)) is not None:
+            yield [Placed(one.first, other.last, joint)]
+        # A detour over one waypoint turns by half a circle or more.
+        least_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
+        if merged[0].lack_m == merged[0].missed_m == 0.0 and merged[0].joint.longer_m < least_m:
+            return
+        around = [self._detour(each.first, each.last) for each in crowded]
         for pair in ([around[0], other], [one, around[1]], around):
             if leg_m - pair[0].joint.after_m - pair[1].joint.before_m >= -ENOUGH_M:
                 yield pair
-        corner, limits = self._corner(one.first, other.last), self._limits(one.first, other.last)
-        if not self._rules.over and (joint := fly_by(corner, limits, self._rules.most_m)) is not None:
-            yield [Placed(one.first, other.last, joint)]
-        yield [self._detour(one.first, other.last)]
 
     def _detour(self, first: int, last: int) -> Placed:
         """Return the shortest detour from a waypoint's leg to another's that has room, or lacks the least."""
