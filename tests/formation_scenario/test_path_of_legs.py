@@ -104,3 +104,13 @@ def test_five_hundred_waypoints_are_no_other_path_after_the_gains_are_designed(l
         {"vehicles": {"count": 4}, "path": {"kind": "legs", "waypoints_m": waypoints}}, ["law.gains=auto"]
     )
     assert math.isclose(scenario.leader_path.at(scenario.leader_path.length_m).east_m, 249 * 60.0, abs_tol=0.01)
+
+
+def test_turns_to_the_side_on_which_a_slot_is_slow_decide_as_well():
+    model = {"speed_min_mps": 20.0, "speed_max_mps": 28.0}
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "model": model}]
+    formation = {"shape": "custom", "slots_m": {2: [0, -60, 0]}}
+    path = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    # The slot to the left is inside left turns alone, where 2 m/s below the path's 22 are left.
+    limits = limits_of(load_scenario({"vehicles": vehicles, "formation": formation, "path": path}))
+    assert 22.0 * limits.curvature_1pm == pytest.approx(SPEED_SHARE * 2.0 / 60.0, rel=0.02)
