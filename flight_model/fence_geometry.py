@@ -80,6 +80,14 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
     return inside_m(corners_m, centres) - radius_m[..., None]
 
 
+def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) -> Array:
+    """Return all vehicles' positions along the leader's way, (F, S, 2); arguments as of `room_along_m`."""
+    north_m, east_m, course_rad = way
+    aside_mps = drift.east_mps * np.cos(course_rad) - drift.north_mps * np.sin(course_rad)
+    heading_rad = course_rad - np.arcsin(within(aside_mps / max(drift.speed_mps, LEAST_MPS), -1.0, 1.0))
+    return np.stack(beside(north_m, east_m, heading_rad, flyers.forward_m[:, None], flyers.right_m[:, None]), axis=-1)
+
+
 def room_along_m(
     corners_m: Array, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
 ) -> tuple[Array, Array]:
@@ -93,13 +101,11 @@ def room_along_m(
         flyers: the vehicles.
         drift: airspeed and wind.
     """
-    north_m, east_m, course_rad = way
+    course_rad = way[2]
     cos, sin = np.cos(course_rad), np.sin(course_rad)
     along_mps, aside_mps = drift.north_mps * cos + drift.east_mps * sin, drift.east_mps * cos - drift.north_mps * sin
-    heading_rad = course_rad - np.arcsin(within(aside_mps / max(drift.speed_mps, LEAST_MPS), -1.0, 1.0))
     ground_mps = np.sqrt(np.maximum(drift.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
-    forward_m, right_m, turn_rps = (each[:, None] for each in flyers)
-    places = np.stack(beside(north_m, east_m, heading_rad, forward_m, right_m), axis=-1)
+    places, turn_rps = places_along(way, flyers, drift), flyers.turn_rps[:, None]
     velocity = np.stack((ground_mps * cos, ground_mps * sin), axis=-1)
     shape = places.shape[:-1]
     through_air, turn = np.full(shape, drift.through_air_mps), np.broadcast_to(turn_rps, shape)

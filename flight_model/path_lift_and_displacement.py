@@ -18,7 +18,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, T
 from flight_model.curve import PathPoint
-from flight_model.path import SplinePath
+from flight_model.path import FlightPath
 
 STEP_M = 20.0
 """Distance between knots."""
@@ -218,7 +218,7 @@ class DisplacedPath:
 
     def __init__(
         self,
-        path: SplinePath,
+        path: FlightPath,
         from_m: float,
         over_m: float,
         right_m: float,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.path import Route, SplinePath
+from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import Rise
 from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over
@@ -36,14 +36,14 @@ def check(scenario: Scenario) -> list[Finding]:
     """
     over_ground = check_terrain(scenario)
     if over_ground:
-        steep = list(climbs(scenario, SampledPath.along(scenario.path.written)))
+        steep = list(climbs(scenario, SampledPath.along(scenario.written_path)))
         return steep or over_ground
     path, steps = scenario.leader_path, slot_schedule(scenario)
     standing = _standing(scenario, path, steps, _keys(scenario), 0.0)
     return standing or [*check_start(scenario), *check_steps(scenario), *_transitions(scenario, path, steps)]
 
 
-def check_ahead(scenario: Scenario, step: SlotStep, path: SplinePath, from_m: float) -> list[str]:
+def check_ahead(scenario: Scenario, step: SlotStep, path: FlightPath, from_m: float) -> list[str]:
     """Return, in words, what of a formation can't be flown on the path from `from_m` on."""
     problems = _standing(scenario, path, (step,), [("formation",)], min(max(from_m, 0.0), path.length_m))
     return [f"{found}; allowed: {allowed}" for _, found, allowed in problems]
@@ -97,7 +97,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
             flown = flown.after(order)
 
 
-def _why_refused(flown: _Flown, order: Order, path: SplinePath, at_s: float, at_m: float) -> str | None:
+def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_m: float) -> str | None:
     """Return why an order will be refused at a time and a place of the path; None if it won't."""
     if order.heading_rad is not None:
         speed_mps = flown.scenario.path.speed_mps
@@ -116,7 +116,7 @@ def _why_refused(flown: _Flown, order: Order, path: SplinePath, at_s: float, at_
 
 
 def _standing(
-    scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], from_m: float
+    scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], from_m: float
 ) -> list[Finding]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
     least_m = scenario.safety.separation_m
@@ -129,7 +129,7 @@ def _standing(
     ]
 
 
-def _transitions(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]) -> list[Finding]:
+def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
     """Return the first change that can't be flown; those after it would start from an unknown formation."""
     for key, at_m, way in _ways(scenario, path, steps):
         if isinstance(way, NotFlyableError):
@@ -151,7 +151,7 @@ def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
 
 
 def _ways(
-    scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...]
+    scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]
 ) -> Iterator[tuple[KeyPath, float, Transition | NotFlyableError]]:
     """Yield the changes that begin on the path, where on it, m, and how they're flown, up to one that can't be.
 

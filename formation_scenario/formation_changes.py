@@ -9,7 +9,7 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.path import PathPoints, Route, SplinePath
+from flight_model.path import FlightPath, PathPoints, Route
 from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
     PEAK_JERK,
@@ -139,7 +139,7 @@ def _conditions(scenario: Scenario, leader: int, flight: Callable[[Array], Leade
 
 def take_over(
     scenario: Scenario,
-    path: SplinePath,
+    path: FlightPath,
     from_m: float,
     right_m: float,
     above: Rise,

@@ -90,7 +90,7 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
     if scenario.law.type == "consensus" and any(each.model.airframe for each in scenario.vehicles):
         found = _protocol_gains(scenario) | _written(written, "consensus")
         keys["consensus"] = scenario.law.consensus.model_copy(update={name: found[name] for name in PROTOCOL})
-    return scenario.model_copy(update={"law": scenario.law.model_copy(update=keys)})
+    return scenario.on_same_path({"law": scenario.law.model_copy(update=keys)})
 
 
 def _protocol_gains(scenario: Scenario) -> dict[str, float]:

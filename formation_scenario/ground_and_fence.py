@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, beside
-from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, room_along_m
-from flight_model.path import PathPoints, SplinePath
+from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, places_along, room_along_m
+from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
@@ -36,7 +37,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
     terrain = scenario.terrain
     if terrain is None:
         return list(_over_plain(scenario))
-    ground, flat = scenario.ground, scenario.path.written
+    ground, flat = scenario.ground, scenario.written_path
     begin_m = -scenario.run_in_m
     places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
@@ -50,7 +51,7 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
 
 def _over_plain(scenario: Scenario) -> Iterator[Finding]:
     """Yield the lowest point of any vehicle if it is below the clearance: without terrain, paths aren't lifted."""
-    path, least_m = scenario.path.written, scenario.safety.clearance_m
+    path, least_m = scenario.written_path, scenario.safety.clearance_m
     points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
     worst = int(np.argmin(points.height_m))
     below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
@@ -96,7 +97,7 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
 
     After a take-off vehicles assemble at the same positions.
     """
-    in_air = scenario.model_copy(update={"start": scenario.start.model_copy(update={"in_air": True})})
+    in_air = scenario.on_same_path({"start": scenario.start.model_copy(update={"in_air": True})})
     places, safety = _start_places(in_air), scenario.safety
     who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
     apart_m, found = _nearest(scenario, places)
@@ -234,7 +235,7 @@ def _least(terrain: Terrain) -> str:
     return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
 
 
-def check_fence(scenario: Scenario, path: SplinePath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
+def check_fence(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
     """Yield the worst place of each limit of the fence, from `from_m` on the path; at its start with the run-in."""
     fence = scenario.safety.fence
     if fence is None:
@@ -288,6 +289,44 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
         found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
         allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
         yield sampled.finding(int(index), found, allowed)
+
+
+class FenceDistance(NamedTuple):
+    """The least distance of a vehicle to the fence: in which slot, in words, and where on the path, m."""
+
+    who: str
+    least_m: float
+    at_m: float
+    height_m: float
+    """Least distance to the fence's lowest and highest height; infinite without them."""
+
+
+def fence_distances(scenario: Scenario) -> list[FenceDistance]:
+    """Return the least distance to the fence, m, negative outside, of the leader and of every slot, the nearest first.
+
+    From the run-in to the path's end; empty without a fence.
+    """
+    fence = scenario.safety.fence
+    if fence is None:
+        return []
+    sampled, flyers = (
+        SampledPath.along(scenario.leader_path, -scenario.run_in_m),
+        _flyers(scenario, slot_schedule(scenario)),
+    )
+    points, (lowest_m, highest_m) = sampled.points, fence.heights_m
+    turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
+    forward_m, right_m, up_m = np.array(list(flyers)).T
+    way = points.north_m, points.east_m, points.course_rad
+    within = np.full((len(flyers), points.north_m.size), np.inf)
+    if fence.corners_m is not None:
+        corners_m = np.array(fence.corners_m)
+        within = inside_m(corners_m, places_along(way, Flyers(forward_m, right_m, turn_rps), drift(scenario)))
+    found = list[FenceDistance]()
+    for row, (who, _) in enumerate(flyers.values()):
+        height_m = points.height_m + up_m[row]
+        index, room_m = int(within[row].argmin()), min(height_m.min() - lowest_m, highest_m - height_m.max())
+        found.append(FenceDistance(who, float(within[row, index]), float(sampled.places_m[index]), float(room_m)))
+    return sorted(found, key=lambda each: min(each.least_m, each.height_m))
 
 
 def drift(scenario: Scenario) -> Drift:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from math import hypot, radians
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
-from flight_model.path import SplinePath
+from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
+from flight_model.spline import SplinePath
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
     WHOLE,
@@ -25,23 +27,21 @@ from formation_scenario.fields import (
     Number,
     Offset,
     Positive,
-    Speed,
     Vector,
     VehicleSelection,
     key,
 )
-from formation_scenario.formation import Formation, Law, Step
+from formation_scenario.formation import Formation, Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
+from formation_scenario.path_of_legs import path_of_legs
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
-Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
-
-
 Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1 or more vehicles, or {count: N}")]
 
 
@@ -156,29 +156,6 @@ class Telemetry(Keys):
         return self.clock == "gnss"
 
 
-class PathPlan(Keys):
-    """The leader's path."""
-
-    speed_mps: Speed = key(22.0, "the leader's speed, m/s", 20)
-    waypoints_m: Waypoints = key(
-        ...,
-        "north, east and height above the origin, m; a smooth curve goes through all of them",
-        [[0, 0, 100], [1500, 0, 100], [3000, 700, 120]],
-    )
-    steps: tuple[Step, ...] = key(
-        (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
-    )
-
-    @cached_property
-    def written(self) -> SplinePath:
-        """The path as written, without any lift.
-
-        Raises:
-            PathError: as `SplinePath`.
-        """
-        return SplinePath(self.waypoints_m)
-
-
 class Scenario(Keys):
     """A scenario with every default filled in; `load_scenario` makes them, from a file or a mapping."""
 
@@ -248,15 +225,26 @@ class Scenario(Keys):
         return ground_of(self.terrain, self.origin.geodetic, np.array(self.path.waypoints_m))
 
     @cached_property
-    def leader_path(self) -> SplinePath:
+    def written_path(self) -> FlightPath:
+        """The path through the waypoints, without any lift.
+
+        Raises:
+            PathError: no such path leads through them.
+        """
+        if self.path.kind == "legs":
+            return path_of_legs(self, self.path, self.drift_mps, self.safety.fence)
+        return SplinePath(self.path.waypoints_m)
+
+    @cached_property
+    def leader_path(self) -> FlightPath:
         """The path that the leader flies: lifted if the scenario has terrain, as written otherwise.
 
         Raises:
             FileError: the elevation file can't be read.
         """
         if self.terrain is None:
-            return self.path.written
-        return lifted(self.path.written, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
+            return self.written_path
+        return lifted(self.written_path, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
 
     def rise_bounds(self, share: float) -> Bounds:
         """Return the bounds of a path that every vehicle can follow with a share of its climb limit, in calm air.
@@ -311,8 +299,14 @@ class Scenario(Keys):
         return self.start.run_in_s * self.path.speed_mps
 
     def at_speed(self, speed_mps: float) -> Scenario:
-        """Return the scenario with another speed along the path."""
-        return self.model_copy(update={"path": self.path.model_copy(update={"speed_mps": speed_mps})})
+        """Return the scenario with another speed along the path, which stays where it was planned."""
+        return self.on_same_path({"path": self.path.model_copy(update={"speed_mps": speed_mps})})
+
+    def on_same_path(self, update: Mapping[str, Any]) -> Scenario:
+        """Return a copy with some keys changed, on the path through the waypoints that this one has found."""
+        copied, name = self.model_copy(update=update), "written_path"
+        vars(copied).update({name: vars(self)[name]} if name in vars(self) else {})
+        return copied
 
     def in_wind(self, north_mps: float, east_mps: float) -> Scenario:
         """Return the scenario in another constant wind."""

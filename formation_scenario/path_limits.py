@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.path import PathPoints, SplinePath
+from flight_model.legs.heights import Steep
+from flight_model.legs.path import LegsPath
+from flight_model.path import FlightPath, PathPoints
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
+from formation_scenario.turn_limits import climb_limits
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 BETWEEN_SAMPLES_M = 5.0
@@ -39,7 +43,7 @@ class SampledPath(NamedTuple):
     waypoints: Array
 
     @classmethod
-    def along(cls, path: SplinePath, from_m: float = 0.0) -> SampledPath:
+    def along(cls, path: FlightPath, from_m: float = 0.0) -> SampledPath:
         """Sample a path from `from_m` to its end."""
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
         places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
@@ -92,7 +96,11 @@ def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ..
 
 
 def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
-    """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can."""
+    """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can, or steep legs."""
+    written = scenario.written_path
+    if isinstance(written, LegsPath) and written.steep:
+        yield from _steep_legs(scenario, written.steep)
+        return
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
     climb_mps = over_ground_mps(scenario, sampled.points.course_rad) * sampled.points.slope
@@ -101,6 +109,21 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {abs(climb_mps[index]):.3g} m/s"
         allowed = f"up to {most_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         yield sampled.finding(index, found, allowed)
+
+
+def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Finding]:
+    """Yield the legs that are too steep for some vehicle, and the length that each would need."""
+    weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
+    limits = climb_limits(scenario, scenario.path.speed_mps, math.hypot(*scenario.drift_mps))
+    for waypoint, each in steep.items():
+        (north_m, east_m, from_m), to = scenario.path.waypoints_m[waypoint - 1 : waypoint + 1]
+        rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
+        needed_m = abs(rise_m) / limits.slope + limits.shortest_rounding_m
+        found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
+        flown = f"{abs(each.slope) * scenario.path.speed_mps:.3g} m/s of climb with its rounding"
+        most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
+        allowed = f"up to {most}: {needed_m:.0f} m or more for that height, or path.climb: circle"
+        yield (*WAYPOINTS, waypoint), f"{found}, {flown}", allowed
 
 
 def _speed(scenario: Scenario) -> Iterator[Finding]:

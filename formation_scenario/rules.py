@@ -92,7 +92,7 @@ def wind(scenario: Scenario) -> Iterator[Finding]:
 def path(scenario: Scenario) -> Iterator[Finding]:
     """Yield waypoints without a flyable spline, and paths that are too long."""
     try:
-        length_m = scenario.path.written.length_m
+        length_m = scenario.written_path.length_m
     except PathError as error:
         allowed = "waypoints 1 m or more apart, without turning straight back"
         yield (*WAYPOINTS, error.waypoint), str(error), allowed

@@ -9,20 +9,43 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain, count, islice
 from math import cos, pi, sin, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario.fields import Vector, VehicleRef
-from formation_scenario.formation import FormationChange, Shape
-from formation_scenario.model import Scenario
+from formation_scenario.formation import Formation, FormationChange, Shape
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
 Place = tuple[float, float]
 """Forward and right of the leader, in units of the spacing."""
 ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
+
+
+class Members(Protocol):
+    """What of a scenario decides who has which slot: the formation's keys and its vehicles."""
+
+    @property
+    def formation(self) -> Formation:
+        """The keys of the formation."""
+        ...
+
+    @property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """All vehicles, in the scenario's order."""
+        ...
+
+    @property
+    def leader(self) -> Vehicle | None:
+        """The vehicle that leads at the start, None for a virtual leader."""
+        ...
+
+    @property
+    def followers(self) -> tuple[Vehicle, ...]:
+        """The vehicles that follow, in the scenario's order."""
+        ...
 
 
 def _diamond(k: int) -> Iterator[Place]:
@@ -85,7 +108,7 @@ class Arrangement(NamedTuple):
     slots_m: Mapping[VehicleRef, Vector] | None
     leader: int
 
-    def changed(self, change: FormationChange, scenario: Scenario) -> Arrangement:
+    def changed(self, change: FormationChange, scenario: Members) -> Arrangement:
         """Return the arrangement after a change; what the change doesn't name is kept."""
         return Arrangement(
             change.shape or self.shape,
@@ -108,27 +131,27 @@ class SlotStep(NamedTuple):
         return self.arrangement.shape
 
 
-def columns(scenario: Scenario) -> tuple[Vehicle | None, ...]:
+def columns(scenario: Members) -> tuple[Vehicle | None, ...]:
     """Return the vehicle of each column, None for a virtual leader."""
     return (scenario.leader, *scenario.followers)
 
 
-def column_models(scenario: Scenario) -> tuple[VehicleModel, ...]:
+def column_models(scenario: Members) -> tuple[VehicleModel, ...]:
     """Return the model of each column; a virtual leader has the first follower's."""
     return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
 
 
-def column_names(scenario: Scenario) -> tuple[str, ...]:
+def column_names(scenario: Members) -> tuple[str, ...]:
     """Return a name for the vehicle of each column, for messages."""
     return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))
 
 
-def column_ids(scenario: Scenario) -> list[VehicleId | None]:
+def column_ids(scenario: Members) -> list[VehicleId | None]:
     """Return the network and system id of each column's vehicle, None for a virtual leader."""
     return [None if vehicle is None else vehicle.vehicle_id for vehicle in columns(scenario)]
 
 
-def column_of(scenario: Scenario, ref: VehicleRef) -> int:
+def column_of(scenario: Members, ref: VehicleRef) -> int:
     """Return the column of the vehicle with an id, or 'network:id'.
 
     Raises:
@@ -141,18 +164,18 @@ def column_of(scenario: Scenario, ref: VehicleRef) -> int:
     raise ValueError(f"found vehicle {ref}; allowed: {known}")
 
 
-def first_arrangement(scenario: Scenario) -> Arrangement:
+def first_arrangement(scenario: Members) -> Arrangement:
     """Return the formation at the start."""
     formation = scenario.formation
     return Arrangement(formation.shape, formation.spacing_m, formation.slots_m, 0)
 
 
-def slot_table(scenario: Scenario) -> Array:
+def slot_table(scenario: Members) -> Array:
     """Return the slots (F, 3) at the start, in the order of `scenario.followers`."""
     return _in_order(scenario, first_arrangement(scenario))[1:]
 
 
-def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
+def slot_schedule(scenario: Members) -> tuple[SlotStep, ...]:
     """Return the formation at the start and after each of `formation.changes`, in time order, with all present."""
     arrangement = first_arrangement(scenario)
     steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
@@ -164,7 +187,7 @@ def slot_schedule(scenario: Scenario) -> tuple[SlotStep, ...]:
     return tuple(steps)
 
 
-def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
+def planned_slots(scenario: Members) -> dict[VehicleId, Array]:
     """Return the slots (S, 3) of each vehicle, for the S steps of the schedule in which it follows.
 
     The scenario's leader has slots if another vehicle leads later. A vehicle that never follows has no entry.
@@ -177,7 +200,7 @@ def planned_slots(scenario: Scenario) -> dict[VehicleId, Array]:
     return planned
 
 
-def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present: Mask | None = None) -> Array:
+def assigned(scenario: Members, arrangement: Arrangement, now_m: Array, present: Mask | None = None) -> Array:
     """Return the places (C, 3) of an arrangement, assigned with the least sum of squared distances from `now_m` (C, 3).
 
     Vehicles that aren't `present` (C,) are assigned the last slots, which are kept free for them; by default all are
@@ -203,7 +226,7 @@ def assigned(scenario: Scenario, arrangement: Arrangement, now_m: Array, present
     return given
 
 
-def _in_order(scenario: Scenario, arrangement: Arrangement) -> Array:
+def _in_order(scenario: Members, arrangement: Arrangement) -> Array:
     """Return the places (C, 3) with the shape's slots in the order of the columns, 0 for the leader."""
     followers, leader = len(scenario.followers), arrangement.leader
     places = np.zeros((1 + followers, 3))

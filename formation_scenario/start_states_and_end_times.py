@@ -39,7 +39,7 @@ def start_states(scenario: Scenario) -> list[StartState]:
     `start.offset_m` from its slot, and higher where the terrain's clearance requires it. On the ground they stand in a
     row if the scenario says so; otherwise those nearer to others than `safety.separation_m` are placed farther back.
     """
-    leader = scenario.path.written.at(-scenario.run_in_m)
+    leader = scenario.written_path.at(-scenario.run_in_m)
     in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
@@ -118,7 +118,7 @@ def planned_m(scenario: Scenario, mission_s: Array, speeds_mps: Sequence[tuple[f
 
 def _progress(scenario: Scenario) -> tuple[Array, Array]:
     """Return distances along the path, m, and when the leader is there, s; infinite if the wind blows it back."""
-    path = scenario.path.written
+    path = scenario.written_path
     at_m = np.linspace(0.0, path.length_m, POINTS)
     speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad)
     if speed_mps.min() <= 0.0:

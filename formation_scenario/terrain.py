@@ -14,7 +14,7 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
-from flight_model.path import PathPoints, SplinePath
+from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from formation_scenario.fields import FileError
 from formation_scenario.surroundings import Hill, Terrain
@@ -200,10 +200,10 @@ def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Arra
     return read_elevation(Path(terrain.file), origin, waypoints_m[:, :2])
 
 
-class LiftedPath(SplinePath):
+class LiftedPath(FlightPath):
     """A path with a lift, which is 0 at the path's start; the straight run-in before it is level."""
 
-    def __init__(self, written: SplinePath, lift: Lift) -> None:
+    def __init__(self, written: FlightPath, lift: Lift) -> None:
         """Take the path as written, and the lift from 0 to its length."""
         vars(self).update(vars(written))  # the same curve, without fitting it again
         self.lift = lift
@@ -227,7 +227,7 @@ class LiftedPath(SplinePath):
         )
 
 
-def lifted(written: SplinePath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
+def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)

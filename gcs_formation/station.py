@@ -79,8 +79,7 @@ class Station(Engine):
         self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
         self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
-        self._common_clock = CommonClock(self.vehicles, utc_at_0_s, note)
-        self._takeover = Takeover(resumed, *fleet)
+        self._common_clock, self._takeover = CommonClock(self.vehicles, utc_at_0_s, note), Takeover(resumed, *fleet)
         self._starting = Starting(
             self.vehicles,
             self._endpoints,
@@ -93,8 +92,7 @@ class Station(Engine):
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.orders = Orders(scenario, self.course, self._reconfiguration, note)
-        self._heartbeats = HeartbeatScheduler(*fleet)
-        self._message_intervals = MessageIntervals(*fleet)
+        self._heartbeats, self._message_intervals = HeartbeatScheduler(*fleet), MessageIntervals(*fleet)
         self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
         # _restarts: how many restarts of each vehicle have been handled

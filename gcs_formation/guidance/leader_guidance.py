@@ -12,7 +12,7 @@ from airlink.clock import Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
-from flight_model.path import Route, SplinePath
+from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
@@ -205,7 +205,7 @@ class LeaderCommands:
 class LeaderGuidance:
     """The leader's route and its position on it; computes its setpoints."""
 
-    path: SplinePath
+    path: FlightPath
     speed_mps: float
     run_in_m: float
     hold_speed_mps: float

@@ -9,7 +9,7 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, beside
-from flight_model.path import SplinePath
+from flight_model.path import FlightPath
 from formation_scenario import Scenario
 from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.guidance.tracking import nearest, project
@@ -76,7 +76,7 @@ def distances(
     return found
 
 
-def _along_m(path: SplinePath, speed_mps: float, time_s: Array, north_m: Array, east_m: Array) -> Array:
+def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, east_m: Array) -> Array:
     """Return the distances along the path (N,) of the points nearest to places on a way along it, m.
 
     Followed from its start, for a path may come near itself again.

@@ -19,6 +19,7 @@ from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.lateness import late_ticks, lateness
 from gcs_formation.record.link_verdicts import LinkFigures, is_out
+from gcs_formation.record.planned_path import planned_path
 from gcs_formation.record.safety import safety
 from gcs_formation.record.verdict import Verdict
 
@@ -76,7 +77,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "links": {str(i): _link(link, flight.vehicles[i]["jitter_s"]) for i, link in outcome.links.items()},
         "received": _received(outcome.received, outcome.frames_refused),
         "control": _control(outcome.ticks_s, scenario.law.rate_hz),
-        "path": {who: path_distance.figures(each, window) for who, each in off_path.items()},
+        "path": _path(scenario, off_path, window),
         "safety": safe.figures,
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
@@ -96,6 +97,12 @@ def summarise(outcome: RunOutcome) -> Summary:
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
     return Summary(parts, verdicts, (*safe.breaches, *unsafe, *parts["undone"]), measured=measured)
+
+
+def _path(scenario: Scenario, off_path: Mapping[str, path_distance.Distances], window: Mask) -> dict[str, Any]:
+    """Return how far the leader and the formation's centre were from the path, and the path from its legs."""
+    flown = {who: path_distance.figures(each, window) for who, each in off_path.items()}
+    return {who: each | (planned_path(scenario) if who == "leader" else {}) for who, each in flown.items()}
 
 
 def _never_assembled(outcome: RunOutcome, followers: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -22,7 +22,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.model import PathPlan
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, KnownSetpoints, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m

@@ -14,8 +14,8 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.model import PathPlan
 from formation_scenario.orders import End
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check

@@ -18,7 +18,7 @@ from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario
-from formation_scenario.model import PathPlan
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.telemetry import ReportedMotion
 

@@ -25,7 +25,7 @@ from airlink.messages.command import CommandInt, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.model import PathPlan
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep

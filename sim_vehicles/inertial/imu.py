@@ -19,7 +19,7 @@ from airlink.random_streams import random_stream
 from flight_model.arrays import Array
 from flight_model.earth import ECCENTRICITY_SQUARED, RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
 from flight_model.energy import GRAVITY_MPS2
-from flight_model.path import SplinePath
+from flight_model.path import FlightPath
 from formation_scenario.navigation import InertialNavigation
 
 KNOT_S = 1.0
@@ -94,7 +94,7 @@ class Trajectory:
         return cls(times_s, np.tile(row, (times_s.size, 1)), duration_s)
 
     @classmethod
-    def along(cls, path: SplinePath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
+    def along(cls, path: FlightPath, speed_mps: float, origin: GeodeticOrigin, duration_s: float) -> Self:
         """Return the flight along a path at a horizontal speed, with the heading along it and coordinated turns."""
         times_s = _knots(duration_s)
         points = path.at(speed_mps * times_s)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from flight_model.path import spline_through
+from flight_model.spline import spline_through
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 40])

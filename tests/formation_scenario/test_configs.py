@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario import dump_scenario, load_scenario
 from formation_scenario.slot_assignment import slot_table
 from formation_scenario.source import read_text

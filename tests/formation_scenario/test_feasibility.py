@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import path_end_s
 

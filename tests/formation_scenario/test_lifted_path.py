@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.source import read_text
 from formation_scenario.start_states_and_end_times import start_states

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline, make_interp_spline
 
-from flight_model.path import PathError, SplinePath
+from flight_model.path import PathError
+from flight_model.spline import SplinePath
 
 legs = st.tuples(st.floats(-1.2, 1.2), st.floats(30.0, 3000.0), st.floats(-30.0, 30.0))
 

@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gcs_formation
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.model import graph_adjacency
 from gcs_formation import Summary

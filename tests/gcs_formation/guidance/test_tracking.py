@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.autopilot_model import AutopilotModel, FlightState
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from gcs_formation.guidance.tracking import project, track, track_turn
 
 ROUTE = SplinePath([[0, 0, 100], [900, 0, 100], [1700, 500, 120], [2300, 1300, 110], [3300, 1500, 100]])

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario import Scenario, dump_scenario, load_scenario
 from formation_scenario.slot_assignment import slot_schedule
 from gcs_formation.record.figures_of_merit import (

@@ -12,7 +12,7 @@ from airlink.messages import EKF_READY
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPositionInt, SysStatus, VfrHud
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.model import PathPlan
+from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from flight_model.earth import GeodeticOrigin
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from sim_vehicles.inertial.alignment import STATES, TILTS, FineAlignment, align, coarse, limits
 from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS, barometer, gnss
 from sim_vehicles.inertial.experiment import exact_start, navigate

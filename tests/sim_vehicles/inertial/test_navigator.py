@@ -12,7 +12,7 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from flight_model.earth import GeodeticOrigin
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from formation_scenario.navigation import InertialNavigation, InertialSensorKeys
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.inertial.alignment import limits

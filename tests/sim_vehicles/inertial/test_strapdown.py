@@ -9,7 +9,7 @@ import pytest
 
 from flight_model.arrays import Array
 from flight_model.earth import RATE_RADPS, GeodeticOrigin, gravity_mps2, radii_m
-from flight_model.path import SplinePath
+from flight_model.spline import SplinePath
 from sim_vehicles.inertial.error_model import NORTH, TILT, VELOCITY, dynamics
 from sim_vehicles.inertial.experiment import Start, exact_start, navigate
 from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory, attitude, misalignment

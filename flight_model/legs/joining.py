@@ -1,0 +1,168 @@
+"""The joints of all legs: fly-by turns where they fit, and where they don't, the shortest way that does.
+
+A turn that would pass too far from its waypoint is a detour, too, unless that has no room inside the fence. Where the
+turns at both ends of a leg need more than its length, these are compared: a detour in place of one of them or of both,
+which leaves a leg at its waypoint and comes back to the next leg there; one turn in place of both; and one detour from
+the leg before to the leg after, as between the lanes of a survey.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model.arrays import Array, Complex
+from flight_model.legs.detour import Detours
+from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, places
+from flight_model.legs.turn import Stretch, TurnLimits
+
+Lack = Callable[[Complex, Array], float]
+"""How much room a way lacks: places (K,), north + i east, and courses (K,), rad -> m, 0 if it has enough."""
+ROOM_STEP_M = 20.0
+ENOUGH_M = 1e-6
+
+
+@dataclass(frozen=True)
+class TurnRules:
+    """How waypoints are passed: within `most_m` of the turn (fly-by), or over them, in turns within the limits.
+
+    `limits` are those of each leg (n - 1,), which differ with its speed; a joint keeps to the tighter of its legs'.
+    """
+
+    limits: Sequence[TurnLimits]
+    most_m: float
+    over: bool = False
+    lack: Lack | None = None
+
+
+class Placed(NamedTuple):
+    """A joint in place of the turns at waypoints `first` to `last`.
+
+    It lacks so much room, and passes so much farther than allowed from waypoints between them.
+    """
+
+    first: int
+    last: int
+    joint: Joint
+    lack_m: float = 0.0
+    missed_m: float = 0.0
+
+
+class Joiner:
+    """Finds the joints of legs between waypoints."""
+
+    def __init__(self, waypoints: Complex, rules: TurnRules) -> None:
+        """Take the waypoints (n,), north + i east, m."""
+        self._waypoints, self._rules = waypoints, rules
+        legs = np.diff(waypoints)
+        self._lengths_m: list[float] = np.abs(legs).tolist()
+        self._courses: list[float] = np.angle(legs).tolist()
+        self._detours = dict[TurnLimits, Detours]()
+
+    def joints(self) -> list[Placed]:
+        """Return the joints along the legs, one after another, such that each leg has room for those at its ends."""
+        found = [self._first_choice(index) for index in range(1, len(self._waypoints) - 1)]
+        slack = [self._slack_m(found, at) for at in range(len(found) + 1)]
+        while slack and min(slack) < -ENOUGH_M:
+            at = slack.index(min(slack))
+            begin, end = max(at - 1, 0), min(at + 1, len(found))
+            chosen = self._chosen(found[begin:end], tail=at == len(found), head=at == 0)
+            found[begin:end] = chosen
+            first, last = max(begin - 1, 0), begin + len(chosen) + 1
+            slack[begin : end + 1] = [0.0] * (len(chosen) + 1)
+            for each in range(first, min(last + 1, len(found) + 1)):
+                slack[each] = self._slack_m(found, each)
+        return found
+
+    def _first_choice(self, index: int) -> Placed:
+        corner, limits = self._corner(index, index), self._limits(index, index)
+        joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.most_m)
+        if joint is not None:
+            return Placed(index, index, joint)
+        detour = self._detour(index, index)
+        wide = fly_by(corner, limits, math.inf) if detour.lack_m > 0.0 else None
+        if wide is None:
+            return detour
+        missed_m = float(distances_m(corner, wide).max()) - self._rules.most_m
+        lack_m = self._lack_m(corner, wide.stretches, wide.before_m)
+        return min(Placed(index, index, wide, lack_m, missed_m), detour, key=lambda each: each.lack_m)
+
+    def _slack_m(self, found: list[Placed], at: int) -> float:
+        """Return how much of the leg before joint `at` is left between the joints at its ends."""
+        before = found[at - 1] if at > 0 else None
+        after = found[at] if at < len(found) else None
+        leg = before.last if before is not None else 0
+        taken_m = (before.joint.after_m if before else 0.0) + (after.joint.before_m if after else 0.0)
+        return self._lengths_m[leg] - taken_m
+
+    def _chosen(self, crowded: list[Placed], *, head: bool, tail: bool) -> list[Placed]:
+        """Return what replaces the joints at the ends of a leg that is too short for them: what is shortest."""
+        candidates = [each for each in self._candidates(crowded, head=head, tail=tail) if each != crowded]
+        return min(candidates, key=lambda each: (sum(p.lack_m + p.missed_m for p in each), self._longer_m(each)))
+
+    def _longer_m(self, joints: list[Placed]) -> float:
+        """Return the length of joints beyond what they take from the legs outside, and with those between them."""
+        between = sum(self._lengths_m[each.last] for each in joints[:-1])
+        return sum(each.joint.longer_m for each in joints) + between
+
+    def _candidates(self, crowded: list[Placed], *, head: bool, tail: bool) -> Iterator[list[Placed]]:
+        if head or tail:
+            yield [self._detour(each.first, each.last) for each in crowded]
+            return
+        one, other = crowded
+        leg_m, limits = self._lengths_m[one.last], self._limits(one.first, other.last)
+        merged = [self._detour(one.first, other.last)]
+        yield merged
+        corner = self._corner(one.first, other.last)
+        if not self._rules.over and (joint := fly_by(corner, limits, self._rules.most_m)) is not None:
+            yield [Placed(one.first, other.last, joint)]
+        # A detour over one waypoint turns by half a circle or more.
+        least_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
+        if merged[0].lack_m == merged[0].missed_m == 0.0 and merged[0].joint.longer_m < least_m:
+            return
+        around = [self._detour(each.first, each.last) for each in crowded]
+        for pair in ([around[0], other], [one, around[1]], around):
+            if leg_m - pair[0].joint.after_m - pair[1].joint.before_m >= -ENOUGH_M:
+                yield pair
+
+    def _detour(self, first: int, last: int) -> Placed:
+        """Return the shortest detour from a waypoint's leg to another's that has room, or lacks the least."""
+        corner, limits = self._corner(first, last), self._limits(first, last)
+        detours = self._detours.setdefault(limits, Detours(limits))
+        ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
+        best, least_m = None, math.inf
+        for way in ways:
+            joint = Joint(0.0, 0.0, way.stretches(limits), "detour")
+            lack_m, missed_m = self._lack_m(corner, joint.stretches), self._missed_m(corner, joint)
+            if lack_m + missed_m < least_m - ENOUGH_M:
+                best, least_m = Placed(first, last, joint, lack_m, missed_m), lack_m + missed_m
+            if least_m == 0.0:
+                break
+        assert best is not None, "there is always a way with three turns, or turns with a straight between"
+        return best
+
+    def _missed_m(self, corner: Corner, joint: Joint) -> float:
+        """Return by how much more than allowed a detour passes from a waypoint between its ends."""
+        if len(corner.waypoints) == 2 or not joint.stretches:
+            return 0.0
+        return max(float(distances_m(corner, joint).max()) - self._rules.most_m, 0.0)
+
+    def _lack_m(self, corner: Corner, stretches: tuple[Stretch, ...], before_m: float = 0.0) -> float:
+        length_m = sum(each.length_m for each in stretches)
+        if self._rules.lack is None or length_m == 0.0:
+            return 0.0
+        count = max(2, math.ceil(length_m / ROOM_STEP_M))
+        axis = np.exp(1j * corner.course_rad)
+        way = corner.waypoints[0] + axis * (places(stretches, count) - before_m)
+        return self._rules.lack(way, corner.course_rad + courses_rad(stretches, count))
+
+    def _corner(self, first: int, last: int) -> Corner:
+        waypoints = tuple(complex(each) for each in self._waypoints[first : last + 1])
+        return Corner(self._courses[first - 1], self._courses[last], waypoints)
+
+    def _limits(self, first: int, last: int) -> TurnLimits:
+        return min(self._rules.limits[first - 1 : last + 1])

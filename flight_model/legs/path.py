@@ -1,0 +1,223 @@
+"""The path of legs: straights and joints one after another, as one curve by arc length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flight_model.arrays import TURN, Array, Complex, Indices
+from flight_model.legs.heights import Climbs, Heights, eased, profile
+from flight_model.legs.joining import Joiner, Placed, TurnRules
+from flight_model.legs.joint import SAMPLES, Joint, courses_rad, places
+from flight_model.legs.turn import NEGLIGIBLE_M, Stretch, TurnLimits, turn_length_m, turn_stretches, turned_m
+from flight_model.path import FlightPath, PathError, hermite_pieces
+
+MIN_LEG_M = 1.0
+PIECE_RAD = 0.1
+"""Largest angle of a curved piece; the error of its quintic is far below a millimetre."""
+PIECE_M = 2000.0
+LEAST_CURVED = 4
+APART_M = 0.5
+"""Nodes for heights are moved to others that are nearer than this, so that no piece is tiny."""
+TINY_M = 1.0
+"""Length of pieces below which they are cubics."""
+MOST_CIRCLES = 200
+_ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+class LegPlan(NamedTuple):
+    """Limits of the n - 1 legs, and what becomes of one that is too steep."""
+
+    turns: TurnRules
+    climbs: Sequence[Climbs]
+    circle: bool = False
+    """Whether a leg that is too steep ends in circles; else it is too steep."""
+
+
+class Passed(NamedTuple):
+    """How one or several waypoints, `first` to `last`, are passed: what is flown, where, and how far from them."""
+
+    first: int
+    last: int
+    kind: str
+    begin_m: float
+    length_m: float
+
+
+class LegsPath(FlightPath):
+    """Straight legs through waypoints, joined by turns; begins and ends at the first and the last waypoint.
+
+    Attributes:
+        passed: how each waypoint but the first and the last is passed.
+        tightest_m: radius of the tightest turn, infinite without turns.
+        steep: what is too steep, by the index of the waypoint at which that ends.
+    """
+
+    def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array, plan: LegPlan) -> None:
+        """Take (n, 3) north, east and height in m, n >= 2, and the limits.
+
+        Raises:
+            PathError: two successive waypoints less than 1 m apart horizontally.
+        """
+        waypoints = np.asarray(waypoints_m, dtype=np.float64)
+        flat = waypoints[:, 0] + 1j * waypoints[:, 1]
+        short = np.flatnonzero(np.abs(np.diff(flat)) < MIN_LEG_M)
+        if short.size:
+            found = f"found a waypoint {abs(flat[short[0] + 1] - flat[short[0]]):.3g} m from the one before it"
+            raise PathError(found, int(short[0]) + 1)
+        line = _Line(flat, waypoints[:, 2], plan)
+        line.lay(Joiner(flat, plan.turns).joints())
+        self.passed, at_m = line.passed, np.array(line.knots_m)
+        heights, steep = profile(at_m, np.array(line.heights_m), line.climbs)
+        self.steep = {line.ends_at[each.interval]: each for each in steep}
+        nodes_m, coefficients = _curve(flat[0], float(np.angle(flat[1] - flat[0])), line.stretches, heights)
+        curvature_1pm = max(abs(each.to_1pm) for each in line.stretches)
+        self.tightest_m = 1.0 / curvature_1pm if curvature_1pm else math.inf
+        super().__init__(nodes_m, np.array(line.waypoints_at_m), coefficients)
+
+
+class _Line:
+    """The stretches of a path as they are laid out, and the distances at which waypoints' heights are due."""
+
+    def __init__(self, flat: Complex, heights_m: Array, plan: LegPlan) -> None:
+        self._legs_m: list[float] = np.abs(np.diff(flat)).tolist()
+        self._flat, self._wanted_m, self._plan = flat, heights_m.tolist(), plan
+        self.stretches = list[Stretch]()
+        self.length_m = 0.0
+        self.passed = list[Passed]()
+        self.waypoints_at_m, self.knots_m, self.heights_m = [0.0], [0.0], [float(heights_m[0])]
+        self.climbs, self.ends_at = list[Climbs](), list[int]()
+
+    def lay(self, joints: list[Placed]) -> None:
+        """Lay out all legs and joints."""
+        leg, taken_m = 0, 0.0
+        for first, last, joint, *_ in joints:
+            due_m = joint.length_m / 2.0 if joint.kind == "turn" and first == last else 0.0
+            self._straight(first, self._legs_m[leg] - taken_m - joint.before_m, due_m)
+            begin_m, self.length_m = self.length_m, self.length_m + joint.length_m
+            self.stretches += joint.stretches
+            self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
+            for waypoint, at_m in zip(range(first, last + 1), self._passing(first, last, joint, begin_m), strict=True):
+                self.waypoints_at_m.append(at_m)
+                self._due(waypoint, at_m)
+            if joint.kind == "detour" and first == last:
+                self._due(last, self.length_m)
+            leg, taken_m = last, joint.after_m
+        last = len(self._flat) - 1
+        self._straight(last, self._legs_m[leg] - taken_m, 0.0)
+        self.waypoints_at_m.append(self.length_m)
+        self._due(last, self.length_m)
+
+    def _passing(self, first: int, last: int, joint: Joint, begin_m: float) -> list[float]:
+        """Return the distances at which waypoints are passed."""
+        count = last - first
+        if joint.kind != "turn":
+            return [begin_m + joint.length_m * each / max(count, 1) for each in range(count + 1)]
+        if count == 0:
+            return [begin_m + joint.length_m / 2.0]
+        axis = self._flat[first] - self._flat[first - 1]
+        axis = axis / abs(axis)
+        way = self._flat[first] - joint.before_m * axis + axis * places(joint.stretches, SAMPLES)
+        nearest = np.abs(self._flat[first : last + 1, None] - way).argmin(axis=1)
+        return (begin_m + joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
+
+    def _due(self, waypoint: int, at_m: float) -> None:
+        """Note a waypoint's height at a distance; the higher limit of slopes is that of the leg before it."""
+        if at_m - self.knots_m[-1] > NEGLIGIBLE_M:
+            self.knots_m.append(at_m)
+            self.heights_m.append(self._wanted_m[waypoint])
+            self.climbs.append(self._plan.climbs[max(waypoint - 1, 0)])
+            self.ends_at.append(waypoint)
+
+    def _straight(self, waypoint: int, length_m: float, due_m: float) -> None:
+        """Lay out the rest of the leg to a waypoint, whose height is due `due_m` later; with circles if it is steep."""
+        circles = self._circles(waypoint, length_m, due_m) if self._plan.circle else ()
+        if circles:
+            limits = self._plan.turns.limits[waypoint - 1]
+            length_m -= float(turned_m(np.asarray(TURN), limits).real)
+        if length_m > NEGLIGIBLE_M:
+            self.stretches.append(Stretch(length_m))
+            self.length_m += length_m
+        self.stretches += circles
+        self.length_m += sum(each.length_m for each in circles)
+
+    def _circles(self, waypoint: int, length_m: float, due_m: float) -> tuple[Stretch, ...]:
+        """Return the fewest circles at the end of a leg that make it flat enough; none if there is no room for one."""
+        limits, climbs = self._plan.turns.limits[waypoint - 1], self._plan.climbs[waypoint - 1]
+        rise_m = self._wanted_m[waypoint] - self.heights_m[-1]
+        forward_m = float(turned_m(np.asarray(TURN), limits).real)
+        if rise_m == 0.0 or forward_m > length_m:
+            return ()
+        for count in range(MOST_CIRCLES):
+            whole_m = self.length_m - self.knots_m[-1] + length_m + due_m
+            if count:
+                whole_m += float(turn_length_m(np.asarray(count * TURN), limits)) - forward_m
+            if eased(whole_m, rise_m, (0.0, 0.0), climbs) is not None:
+                break
+        return self._to_roomier_side(waypoint, count * TURN, limits, length_m - forward_m)
+
+    def _to_roomier_side(
+        self, waypoint: int, angle_rad: float, limits: TurnLimits, after_m: float
+    ) -> tuple[Stretch, ...]:
+        lack, leg = self._plan.turns.lack, self._flat[waypoint] - self._flat[waypoint - 1]
+        both = [turn_stretches(side * angle_rad, limits) for side in (1.0, -1.0)]
+        if lack is None or not both[0]:
+            return both[0]
+        begin = self._flat[waypoint] - leg / abs(leg) * (abs(leg) - after_m if after_m < 0.0 else 0.0)
+        course = float(np.angle(leg))
+        return min(
+            both, key=lambda way: lack(begin + np.exp(1j * course) * places(way, 100), course + courses_rad(way, 100))
+        )
+
+
+def _curve(start: complex, course_rad: float, stretches: list[Stretch], heights: Heights) -> tuple[Array, Array]:
+    """Return nodes (m + 1,) and coefficients (m, 3, 6) of the whole."""
+    lengths, begun, ended = np.array(stretches).T
+    ends = np.concatenate((np.zeros(1), np.cumsum(lengths)))
+    angle = np.maximum(np.abs(begun), np.abs(ended)) * lengths
+    bent = angle > 0.0
+    counts = np.where(bent, np.maximum(np.ceil(angle / PIECE_RAD), LEAST_CURVED), np.ceil(lengths / PIECE_M))
+    within = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(ends, ends[1:], counts, strict=False)]
+    nodes = np.append(np.concatenate(within), ends[-1])
+    nodes = _with_nodes(nodes, heights.begin_m)
+    index = np.clip(np.searchsorted(ends, nodes[:-1], side="right") - 1, 0, lengths.size - 1)
+    before = np.concatenate((np.zeros(1), np.cumsum((begun + ended) / 2.0 * lengths)))
+
+    def bearing(at_m: Array, index: Indices) -> tuple[Array, Array]:
+        """Return courses and curvatures at distances on stretches."""
+        along, by = at_m - ends[index], (ended - begun)[index]
+        u = along / lengths[index]
+        course = course_rad + before[index] + begun[index] * along + by * lengths[index] * u**3 * (1.0 - u / 2.0)
+        return course, begun[index] + by * u**2 * (3.0 - 2.0 * u)
+
+    half = np.diff(nodes) / 2.0
+    inner, _ = bearing(nodes[:-1, None] + half[:, None] * (1.0 + _ABSCISSAE), index[:, None])
+    steps = half * (np.exp(1j * inner) @ _WEIGHTS)
+    place = start + np.concatenate((np.zeros(1), np.cumsum(steps)))
+    course, curvature = bearing(nodes, np.append(index, lengths.size - 1))
+    height, slope, slope_rate = heights.at(nodes)
+    axis = np.exp(1j * course)
+    values = np.stack((place.real, place.imag, height), axis=1)
+    first = np.stack((axis.real, axis.imag, slope), axis=1)
+    second = np.stack((-curvature * axis.imag, curvature * axis.real, slope_rate), axis=1)
+    coefficients, length = hermite_pieces(values, first, second, np.diff(nodes)), np.diff(nodes)[:, None]
+    # On tiny pieces the rounding of both places would be a large third derivative.
+    tiny = length[:, 0] < TINY_M
+    coefficients[tiny, :, 3] = (np.diff(second, axis=0) / (6.0 * length))[tiny]
+    coefficients[tiny, :, 4:] = 0.0
+    return nodes, coefficients
+
+
+def _with_nodes(nodes: Array, others: Array) -> Array:
+    """Return nodes with those others that aren't near to any of them."""
+    found = nodes.tolist()
+    for each in others.tolist():
+        at = int(np.searchsorted(nodes, each))
+        near = nodes[max(at - 1, 0) : at + 1]
+        if np.abs(near - each).min() > APART_M:
+            found.append(each)
+    merged = np.sort(np.array(found))
+    return merged[np.concatenate(([True], np.diff(merged) > NEGLIGIBLE_M / 10.0))]

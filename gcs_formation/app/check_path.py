@@ -1,0 +1,67 @@
+"""What `check` says about the path: how its legs are joined, how far it is from them, and from the fence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from flight_model.legs.deviation import deviation
+from flight_model.legs.path import LegsPath
+from formation_scenario import Scenario
+from formation_scenario.ground_and_fence import fence_distances
+
+FAR_M = 20.0
+"""Distance of a spline from its legs, and outside its waypoints' heights, beyond which `check` warns."""
+LISTED = 4
+"""Number of slots whose distance to the fence is listed."""
+
+
+def path_figures(scenario: Scenario) -> dict[str, Any]:
+    """Return the path's greatest distance from its legs and outside its waypoints' heights, and each slot's fence."""
+    figures: dict[str, Any] = {"length_m": scenario.leader_path.length_m}
+    figures |= deviation(scenario.written_path, scenario.path.waypoints_m)._asdict()
+    if slots := fence_distances(scenario):
+        figures["fence"] = [
+            {name: value for name, value in each._asdict().items() if value != math.inf} for each in slots
+        ]
+    return figures
+
+
+def path_text(scenario: Scenario) -> Iterator[str]:
+    """Yield the same in words, and how waypoints are passed."""
+    path, off = scenario.written_path, deviation(scenario.written_path, scenario.path.waypoints_m)
+    kinds = _joints(path) if isinstance(path, LegsPath) else "one curve through all waypoints"
+    yield f"path of {path.length_m:.0f} m: {kinds}"
+    yield (
+        f"at most {off.off_legs_m:.1f} m from its legs (at {off.off_legs_at_m:.0f} m), "
+        f"{off.outside_heights_m:.1f} m outside its waypoints' heights"
+    )
+    for each in fence_distances(scenario)[:LISTED]:
+        sides = (
+            "" if each.least_m == math.inf else f"{each.least_m:.0f} m from the fence at {each.at_m:.0f} m of the path"
+        )
+        heights = "" if each.height_m == math.inf else f"{each.height_m:.1f} m from its heights"
+        if sides or heights:
+            yield f"{each.who}: at least {', '.join(filter(None, (sides, heights)))}"
+
+
+def far_from_legs(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of a spline that is farther than `FAR_M` from its legs, or outside its waypoints' heights."""
+    if scenario.path.kind != "spline":
+        return
+    off = deviation(scenario.written_path, scenario.path.waypoints_m)
+    for distance_m, at_m, what in (
+        (off.off_legs_m, off.off_legs_at_m, "from the straight legs between its waypoints"),
+        (off.outside_heights_m, off.outside_heights_at_m, "outside the heights of the waypoints around"),
+    ):
+        if distance_m > FAR_M:
+            yield f"path: the curve is {distance_m:.0f} m {what}, at {at_m:.0f} m; path.kind: legs keeps to them"
+
+
+def _joints(path: LegsPath) -> str:
+    counts = {kind: sum(each.kind == kind for each in path.passed) for kind in ("turn", "over", "detour")}
+    words = {"turn": "turns inside a waypoint", "over": "turns after a waypoint", "detour": "detours outside"}
+    said = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
+    radius = f", of {path.tightest_m:.0f} m radius or more" if said else ""
+    return f"straight legs, {said or 'no turns'}{radius}"
