@@ -27,6 +27,7 @@ from formation_scenario.fields import (
 )
 from formation_scenario.formation import Formation
 from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
+from formation_scenario.mission_path import with_mission
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
@@ -83,7 +84,7 @@ def standalone(source: Source) -> Source:
     Raises:
         ScenarioError: no such vehicle file, or one with values that aren't allowed.
     """
-    whole = with_models(source)
+    whole = with_files(source)
     return replace(whole, data=whole.data | _with_absolute_files(whole.data, _directory(source)))
 
 
@@ -202,6 +203,15 @@ class VehicleFile(Keys):
     source: str = key("", "where the model comes from", "runs/steps, vehicle 2")
     model: VehicleModel = key(..., "its autopilot's lags, its limits and its airframe")
     fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
+
+
+def with_files(source: Source) -> Source:
+    """Return the scenario with the contents of vehicle files and of a mission file in place of their names.
+
+    Raises:
+        ScenarioError: no such file, or one that can't be used.
+    """
+    return with_models(with_mission(source, _directory(source)))
 
 
 def with_models(source: Source) -> Source:

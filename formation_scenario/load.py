@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from formation_scenario.derived_defaults import resolve, with_models
+from formation_scenario.derived_defaults import resolve, with_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import WINDOWED
 from formation_scenario.feasibility import check
@@ -54,7 +54,7 @@ def load_scenario(
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
-    read = with_models(apply_overrides(_read(source), overrides, option))
+    read = with_files(apply_overrides(_read(source), overrides, option))
     scenario, resolved = _typed(read)
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:

@@ -6,9 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from formation_scenario.fields import Allowed, Keys, Positive, Speed, Vector, key
+from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Positive, Speed, Text, Vector, key
 from formation_scenario.formation import Step
 
+TOLERANCE_M = 10.0
+"""Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
 Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
 
 
@@ -20,6 +22,30 @@ class PathPlan(Keys):
         ...,
         "north, east and height above the origin, m; `kind` says what leads through them",
         [[0, 0, 100], [1500, 0, 100], [3000, 700, 120]],
+        derived="from `file` or `waypoints_deg`",
+    )
+    waypoints_deg: Waypoints | None = key(
+        None,
+        "instead of waypoints_m: latitude, longitude, degrees, and height above the origin, m; the first is the origin "
+        "unless there is one; `kind` is legs then",
+        [[47.40, 8.54, 100], [47.41, 8.54, 100]],
+    )
+    file: Text | None = key(
+        None,
+        "instead of waypoints_m: a mission file (.plan, .waypoints, .kml, .gpx, .geojson, .csv), relative to the "
+        "scenario's; its home is the origin and its fence `safety.fence` unless there are others; `kind` is legs then",
+        "mission.plan",
+    )
+    height_m: Number | None = key(None, "file: height of points for which it has none, above the origin, m", 120)
+    tolerance_m: NonNegative | None = key(
+        None,
+        "file: points that the line through the others passes as near as this are left out, m",
+        25,
+        derived=f"{TOLERANCE_M:g} for a recorded track, else 0",
+    )
+    read_from: Text | None = key(None, "written when a file was read: its name", "mission.plan")
+    not_flown: tuple[Text, ...] = key(
+        (), "written when a file was read: what of it isn't flown", ["item 3: DO_SET_SERVO"]
     )
     kind: Literal["spline", "legs"] = key(
         "spline",

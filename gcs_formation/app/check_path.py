@@ -46,6 +46,12 @@ def path_text(scenario: Scenario) -> Iterator[str]:
             yield f"{each.who}: at least {', '.join(filter(None, (sides, heights)))}"
 
 
+def not_flown(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of each thing in a mission file that isn't flown."""
+    for text in scenario.path.not_flown:
+        yield f"path: {text}"
+
+
 def far_from_legs(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of a spline that is farther than `FAR_M` from its legs, or outside its waypoints' heights."""
     if scenario.path.kind != "spline":

@@ -26,7 +26,9 @@ INIT_EXAMPLES = examples(
     "gcs-formation init try --example paper  try/paper.yaml",
 )
 CHECK_EXAMPLES = examples(
-    "gcs-formation check quickstart.yaml", "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json"
+    "gcs-formation check quickstart.yaml",
+    "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
+    "gcs-formation check quickstart.yaml --export path.kml             for a map; .plan for QGroundControl",
 )
 SCHEMA_EXAMPLES = examples("gcs-formation schema > scenario.schema.json", "gcs-formation schema --markdown | less")
 TELL_USAGE = (
@@ -104,7 +106,17 @@ def init(directory: Path, example: str) -> None:
 @click.argument("scenario", type=click.Path(path_type=Path))
 @OVERRIDES
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
-def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+@click.option(
+    "--export",
+    "exported",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the flown path: .plan, .waypoints of the leader; .kml, .gpx, .geojson, .csv of every slot.",
+)
+@click.option("--export-vehicle", metavar="ID", help="With --export: the path of this vehicle alone.")
+def check(
+    scenario: Path, overrides: tuple[str, ...], as_json: bool, exported: Path | None, export_vehicle: str | None
+) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
     from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor margins
     from gcs_formation.app.check import check_report, check_text, refusal_report  # noqa: PLC0415
@@ -116,6 +128,21 @@ def check(scenario: Path, overrides: tuple[str, ...], as_json: bool) -> None:
             click.echo(json.dumps(refusal_report(error), indent=2))
         fail(str(error))
     click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+    if exported is not None:
+        _export(loaded, exported, export_vehicle)
+    elif export_vehicle is not None:
+        fail("found --export-vehicle alone; allowed: with --export FILE")
+
+
+def _export(scenario: Scenario, file: Path, vehicle: str | None) -> None:
+    from formation_scenario.mission_files import MissionFileError  # noqa: PLC0415 - this option alone needs it
+    from gcs_formation.app.export_path import export_path  # noqa: PLC0415
+
+    try:
+        export_path(scenario, file, vehicle)
+    except MissionFileError as error:
+        fail(str(error))
+    click.echo(f"wrote {file}", err=True)
 
 
 @click.command(epilog=SCHEMA_EXAMPLES)

@@ -1,0 +1,245 @@
+"""The path, origin and fence of a scenario whose waypoints are a mission file's, or are latitudes and longitudes.
+
+`path.file` and `path.waypoints_deg` become the keys that a scenario would have otherwise, before it is typed: a path of
+legs through `waypoints_m`, the file's home as the origin, its fence as `safety.fence`. What the scenario itself says
+wins. So everything after this, and `run.yaml`, knows one form of a path. What of a file isn't flown stands in
+`path.not_flown`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, TypeGuard
+
+import numpy as np
+from pydantic import ValidationError
+
+from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
+from formation_scenario.fields import FileError, ScenarioError
+from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
+from formation_scenario.mission_files.export import thinned
+from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
+from formation_scenario.path_plan import TOLERANCE_M
+from formation_scenario.source import Key, Plain, Source, kind, plain_mapping
+from formation_scenario.surroundings import Terrain
+from formation_scenario.terrain import ground_of
+
+FORMS: Final = ("waypoints_m", "waypoints_deg", "file")
+"""Keys of which a path has one."""
+CIRCLE_CORNERS: Final = 36
+"""Corners of the polygon that stands for a fence's circle, inside it."""
+_Points = list[tuple[float, float, float]]
+
+
+def with_mission(source: Source, directory: Path) -> Source:
+    """Return the scenario with its waypoints in metres, whatever they were given as; others unchanged.
+
+    Args:
+        source: the scenario in plain values.
+        directory: to which `path.file` is relative.
+
+    Raises:
+        ScenarioError: two forms of waypoints, a file that can't be read, or heights that can't be known.
+    """
+    path = source.data.get("path")
+    given = [name for name in FORMS if isinstance(path, dict) and path.get(name) is not None]
+    if not isinstance(path, dict) or given in ([], ["waypoints_m"]):
+        return source
+    if len(given) > 1:
+        allowed = f"one of {', '.join(FORMS)}"
+        raise ScenarioError([source.problem(("path", given[-1]), f"found {' and '.join(given)}", allowed)])
+    if given == ["waypoints_deg"]:
+        return _from_degrees(source, path)
+    return _FromFile(source, path, directory).scenario()
+
+
+def _from_degrees(source: Source, path: dict[Key, Plain]) -> Source:
+    """Return the scenario with `waypoints_deg` [latitude, longitude, height above the origin] in metres."""
+    points = path["waypoints_deg"]
+    allowed = "a list of 2 or more [latitude, longitude, height], degrees and m above the origin"
+    if not isinstance(points, list) or len(points) < 2:
+        raise ScenarioError([source.problem(("path", "waypoints_deg"), f"found {kind(points)}", allowed)])
+    triples = _Points()
+    for index, point in enumerate(points):
+        numbers = [each for each in point if _is_number(each)] if isinstance(point, list) else []
+        if len(numbers) != 3 or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
+            raise ScenarioError([source.problem(("path", "waypoints_deg", index), f"found {point}", allowed)])
+        triples.append((numbers[0], numbers[1], numbers[2]))
+    lat_deg, lon_deg, _ = triples[0]
+    origin = _group(source, "origin") or {"lat_deg": lat_deg, "lon_deg": lon_deg}
+    geodetic = _geodetic(origin)
+    waypoints = [(*_north_east(geodetic, lat, lon), height) for lat, lon, height in triples]
+    return _changed(source, path, "waypoints_deg", waypoints, {"origin": origin})
+
+
+class _FromFile:
+    """A scenario whose waypoints are a mission file's."""
+
+    def __init__(self, source: Source, path: dict[Key, Plain], directory: Path) -> None:
+        self._source = source
+        self._path = path
+        file = path["file"]
+        if not isinstance(file, str):
+            raise self._refused(f"found {kind(file)}", "a mission file")
+        try:
+            self._mission = read_mission(directory / file)
+            self._route = route_of(self._mission)
+        except MissionFileError as error:
+            found, _, allowed = str(error).partition("; allowed: ")
+            raise self._refused(found, allowed) from error
+        self._not_flown = list(self._route.remarks)
+
+    def scenario(self) -> Source:
+        origin = self._origin()
+        geodetic, points = _geodetic(origin), self._route.points
+        places = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
+        heights = self._heights(points, places, origin)
+        waypoints = np.column_stack((places, heights))
+        if tolerance_m := self._tolerance_m():
+            waypoints = thinned(waypoints, tolerance_m)
+        if circles := [each.where for each in points if each.circles is not None]:
+            self._not_flown.append(f"{_listed(circles)}: circles aren't flown; the path goes through their centre")
+        more: dict[Key, Plain] = {"origin": origin}
+        if fence := self._fence(geodetic):
+            more["safety"] = _group(self._source, "safety") | {"fence": fence}
+        path = self._path | self._speed()
+        path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
+        return _changed(self._source, path, "file", waypoints.tolist(), more)
+
+    def _origin(self) -> dict[Key, Plain]:
+        """Return the scenario's origin, or else the file's home, or else its first point."""
+        given, home = _group(self._source, "origin"), self._mission.home
+        first = self._route.points[0]
+        lat_deg, lon_deg = (first.lat_deg, first.lon_deg) if home is None else home[:2]
+        origin: dict[Key, Plain] = {"lat_deg": lat_deg, "lon_deg": lon_deg}
+        origin |= given
+        if "alt_m" not in given:
+            origin["alt_m"] = self._home_alt_m()
+        return origin
+
+    def _home_alt_m(self) -> float:
+        """Return the height of home above sea level, m.
+
+        A recorded track begins on the ground. If no height of the file is above sea level, it doesn't matter: 0.
+        """
+        home, points = self._mission.home, self._route.points
+        if home is not None and math.isfinite(home[2]):
+            return home[2]
+        if all(each.datum != "sea level" or math.isnan(each.height_m) for each in points):
+            return 0.0
+        if self._mission.track:
+            return points[0].height_m
+        found = f"found heights above sea level in {self._mission.file}, which says nothing of the ground's"
+        raise self._refused(found, "with `origin: {alt_m: …}`, the ground's height above sea level at its first point")
+
+    def _heights(self, points: Sequence[RoutePoint], places: Array, origin: dict[Key, Plain]) -> Array:
+        """Return heights above the origin, (N,) m."""
+        alt_m, home = float(str(origin["alt_m"])), self._mission.home
+        home_m = home[2] - alt_m if home is not None and math.isfinite(home[2]) else 0.0
+        above = {"sea level": -alt_m, "home": home_m, "ground": 0.0}
+        heights = np.array([each.height_m + above[each.datum] for each in points])
+        on_ground = np.array([each.datum == "ground" for each in points])
+        if on_ground.any():
+            heights[on_ground] += self._ground(places[on_ground], origin)
+        unknown = np.isnan(heights)
+        if unknown.any():
+            instead = self._path.get("height_m")
+            if not _is_number(instead):
+                where = points[int(np.argmax(unknown))].where
+                raise self._refused(f"found no height at {where}", "with `path: {height_m: …}`, above the origin")
+            heights[unknown] = float(instead)
+        return heights
+
+    def _ground(self, places: Array, origin: dict[Key, Plain]) -> Array:
+        """Return the ground's heights above the origin at places (N, 2); a plain without terrain, as everywhere."""
+        terrain = self._source.data.get("terrain")
+        if terrain is None:
+            self._not_flown.append(
+                "heights above ground: without `terrain` the ground is a plain at the origin's height"
+            )
+        try:
+            typed = None if terrain is None else Terrain.model_validate(terrain)
+            return ground_of(typed, _geodetic(origin), places).height(places[:, 0], places[:, 1])
+        except ValidationError:
+            return np.zeros(len(places))  # its keys are refused when the scenario is typed
+        except FileError as error:
+            raise self._refused(str(error), "a terrain file that can be read") from error
+
+    def _speed(self) -> dict[Key, Plain]:
+        """Return the path's speed by the file, if the scenario has none and the file's is the same on all legs."""
+        speeds = [each.speed_mps for each in self._route.points[:-1]]
+        if self._path.get("speed_mps") is not None or all(each is None for each in speeds):
+            return {}
+        if len(set(speeds)) == 1:
+            return {"speed_mps": speeds[0]}
+        self._not_flown.append("speeds that differ from leg to leg: the path is flown at `path.speed_mps`")
+        return {}
+
+    def _tolerance_m(self) -> float:
+        tolerance = self._path.get("tolerance_m")
+        return float(tolerance) if _is_number(tolerance) else TOLERANCE_M if self._mission.track else 0.0
+
+    def _fence(self, origin: GeodeticOrigin) -> dict[Key, Plain] | None:
+        """Return the first area of the file's fence to stay in, unless the scenario has a fence."""
+        if _group(self._source, "safety").get("fence") is not None or not self._mission.fence:
+            return None
+        inside = [each for each in self._mission.fence if each.inclusion]
+        others = len(self._mission.fence) - min(len(inside), 1)
+        if others:
+            self._not_flown.append(f"{self._mission.file}: {others} further areas of its fence aren't kept")
+        return {"corners_m": [list(each) for each in _corners(inside[0], origin)]} if inside else None
+
+    def _refused(self, found: str, allowed: str) -> ScenarioError:
+        return ScenarioError([self._source.problem(("path", "file"), found, allowed)])
+
+
+def _corners(area: FenceCircle | FencePolygon, origin: GeodeticOrigin) -> Iterator[tuple[float, float]]:
+    """Yield the corners of a fence's area, north and east; those of a circle on it."""
+    if isinstance(area, FencePolygon):
+        yield from (_north_east(origin, *each) for each in area.corners)
+        return
+    north_m, east_m = _north_east(origin, *area.centre)
+    for corner in range(CIRCLE_CORNERS):
+        angle_rad = 2.0 * math.pi * corner / CIRCLE_CORNERS
+        yield north_m + area.radius_m * math.cos(angle_rad), east_m + area.radius_m * math.sin(angle_rad)
+
+
+def _changed(
+    source: Source, path: dict[Key, Plain], form: str, waypoints: Sequence[Sequence[float]], more: dict[Key, Plain]
+) -> Source:
+    """Return the scenario with a path of legs through waypoints instead of another form of them."""
+    kept = {name: value for name, value in path.items() if name != form}
+    kept = {"kind": "legs", **kept, "waypoints_m": [list(each) for each in waypoints]}
+    return replace(source, data=source.data | plain_mapping(more | {"path": kept}))
+
+
+def _north_east(origin: GeodeticOrigin, *place: float) -> tuple[float, float]:
+    lat_deg, lon_deg = place
+    north_m, east_m, _ = origin.to_ned(math.radians(lat_deg), math.radians(lon_deg), 0.0)
+    return north_m, east_m
+
+
+def _geodetic(origin: dict[Key, Plain]) -> GeodeticOrigin:
+    """Return the origin; values that will be refused count as the default's."""
+    defaults = {"lat_deg": 35.0, "lon_deg": 125.0, "alt_m": 0.0}
+    lat_deg, lon_deg, alt_m = (
+        float(given) if _is_number(given := origin.get(name)) else default for name, default in defaults.items()
+    )
+    return GeodeticOrigin(math.radians(lat_deg), math.radians(lon_deg), alt_m)
+
+
+def _group(source: Source, name: str) -> dict[Key, Plain]:
+    group = source.data.get(name)
+    return dict(group) if isinstance(group, dict) else {}
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

@@ -1,0 +1,55 @@
+"""Writes the path of a scenario, and its slots' paths, for other programs (`check --export`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flight_model.arrays import Array, beside
+from formation_scenario import Scenario
+from formation_scenario.fields import VehicleRef
+from formation_scenario.mission_files.export import NamedPath, export
+from formation_scenario.mission_files.mission import MissionFileError
+from formation_scenario.slot_assignment import columns, slot_schedule
+
+SAMPLE_M = 2.0
+"""Distance of the points by which a path is known to the exporter, which thins them."""
+MISSIONS = (".plan", ".waypoints")
+"""Formats that hold one path."""
+
+
+def export_path(scenario: Scenario, file: Path, vehicle: VehicleRef | None = None) -> None:
+    """Write the leader's path and, in a format that holds several, each follower's slot along it.
+
+    Slots are those of the formation at the start, by the path's course.
+
+    Args:
+        scenario: whose path is written.
+        file: the file to write; its suffix names the format.
+        vehicle: write the path of this vehicle alone.
+
+    Raises:
+        MissionFileError: no such format or vehicle, or a file that can't be written.
+    """
+    paths = _paths(scenario)
+    if vehicle is not None:
+        if str(vehicle) not in paths:
+            raise MissionFileError(f"found no vehicle {vehicle}; allowed: {', '.join(paths)}")
+        paths = {str(vehicle): paths[str(vehicle)]}
+    elif file.suffix.lower() in MISSIONS:
+        paths = dict([next(iter(paths.items()))])
+    export(file, [NamedPath(f"vehicle {name}", points) for name, points in paths.items()], scenario.origin.geodetic)
+
+
+def _paths(scenario: Scenario) -> dict[str, Array]:
+    """Return the paths (N, 3), north, east and height, m, of the leader, real or virtual, and of the followers."""
+    length_m = scenario.leader_path.length_m
+    points = scenario.leader_path.at(np.linspace(0.0, length_m, 2 + int(length_m / SAMPLE_M)))
+    paths = dict[str, Array]()
+    for vehicle, place in zip(columns(scenario), slot_schedule(scenario)[0].places_m, strict=True):
+        forward_m, right_m, up_m = place.tolist()
+        north_m, east_m = beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
+        name = "leader" if vehicle is None else str(vehicle.vehicle_id)
+        paths[name] = np.stack((north_m, east_m, points.height_m + up_m), axis=1)
+    return paths
