@@ -59,7 +59,7 @@ class CompilingHook(BuildHookInterface[Any]):
 
 
 def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
-    """Compile modules in the directory `place`; return them and the libraries they share, by their places in a wheel."""
+    """Compile modules in the directory `place`; return the files made, by their places in a wheel."""
     compile_modules = runpy.run_path(str(Path(__file__).with_name(COMPILING)))["compiled"]
     built: dict[str, Path] = compile_modules(root, modules, place)
     return built
