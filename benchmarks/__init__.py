@@ -22,7 +22,8 @@ def _prefer_compiled() -> None:
     """Have an installed, compiled package win over the sources beside us: that's what is measured."""
     elsewhere = [place for place in sys.path if Path(place or ".").resolve() != ROOT]
     spec = importlib.machinery.PathFinder.find_spec("airlink", elsewhere)
-    if spec is not None and any(Path(spec.submodule_search_locations[0]).glob("clock.*.so")):
+    folders = [] if spec is None else spec.submodule_search_locations or []
+    if any(any(Path(folder).glob("clock.*.so")) for folder in folders):
         sys.path[:] = [*elsewhere, str(ROOT)]
 
 

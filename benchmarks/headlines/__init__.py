@@ -81,11 +81,12 @@ class Found:
     @property
     def tolerance(self) -> float:
         """How far a stated figure may be off: the flights' standard deviation, or one of its last digit."""
-        return max(statistics.pstdev(self.values), 10.0**-self.figure.digits)
+        spread = 0.0 if math.isnan(self.worst) else statistics.pstdev(self.values)
+        return max(spread, 10.0**-self.figure.digits)
 
     def agrees(self, stated: str) -> bool:
         """Return whether a stated figure is that of the flights."""
-        return abs(float(stated) - self.worst) <= self.tolerance
+        return abs(float(stated) - self.worst) <= self.tolerance * (1.0 + 1e-9)
 
 
 def fly(case: Case, number: int) -> dict[str, float]:

@@ -169,7 +169,7 @@ def turbulent(random: Random) -> Flight:
 
 
 STEP_300 = partial(delayed, delay_ms=300.0)
-UNCOMPENSATED = {"law__delay_compensation": False}
+UNCOMPENSATED: dict[str, Any] = {"law__delay_compensation": False}
 JITTER = {"delay_ms": 300, "jitter_ms": 40}
 HILLS = CONFIGS / "hills.yaml"
 CASES = (
