@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib.machinery
 import json
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -13,13 +15,28 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import gcs_formation
-from gcs_formation.record.run_directory import EVENTS
+ROOT = Path(__file__).parents[1]
+
+
+def _prefer_compiled() -> None:
+    """Have an installed, compiled package win over the sources beside us: that's what is measured."""
+    elsewhere = [place for place in sys.path if Path(place or ".").resolve() != ROOT]
+    spec = importlib.machinery.PathFinder.find_spec("airlink", elsewhere)
+    folders = [] if spec is None else spec.submodule_search_locations or []
+    if any(any(Path(folder).glob("clock.*.so")) for folder in folders):
+        sys.path[:] = [*elsewhere, str(ROOT)]
+
+
+_prefer_compiled()
+
+import gcs_formation  # noqa: E402
+from airlink.cli import COMPILED  # noqa: E402
+from gcs_formation.record.run_directory import EVENTS  # noqa: E402
 
 if TYPE_CHECKING:
     from gcs_formation.app.operator_at_terminal import ClockName
 
-PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
+PAPER = ROOT / "configs" / "paper.yaml"
 Result = TypeVar("Result")
 
 
@@ -59,6 +76,12 @@ def alone(work: Callable[..., Result], *given: Any) -> Result:
     """Return the result of work in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(work, *given).result()
+
+
+def which_package() -> str:
+    """Return in words what was measured: the package's version, where it is, and whether it's compiled."""
+    where = Path(gcs_formation.__file__).parent
+    return f"measured: {where}, {'compiled' if COMPILED else 'not compiled'}"
 
 
 def print_load() -> None:

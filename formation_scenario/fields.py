@@ -192,13 +192,13 @@ class FileError(Exception):
     """A file that a key names can't be used; the message says what was found, and where."""
 
 
-def distinct_texts(found: float, allowed: float) -> tuple[str, str]:
-    """Return both numbers as text, with three digits or as many as it takes to tell them apart."""
-    texts = (f"{found:.3g}", f"{allowed:.3g}")
-    for digits in range(4, 9):
+def distinct_texts(found: float, allowed: float, digits: int = 3) -> tuple[str, str]:
+    """Return both numbers as text, with `digits` digits or as many as it takes to tell them apart."""
+    texts = (f"{found:.{digits}g}", f"{allowed:.{digits}g}")
+    for more in range(digits + 1, 17):
         if texts[0] != texts[1]:
             break
-        texts = (f"{found:.{digits}g}", f"{allowed:.{digits}g}")
+        texts = (f"{found:.{more}g}", f"{allowed:.{more}g}")
     return texts
 
 

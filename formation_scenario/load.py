@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,11 +12,12 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from flight_model.path import PathError
 from formation_scenario.derived_defaults import resolve, with_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import WINDOWED
 from formation_scenario.feasibility import check
-from formation_scenario.fields import Problem, ScenarioError, refused
+from formation_scenario.fields import MAX_NUMBER, Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
@@ -28,6 +30,7 @@ from formation_scenario.source import (
     plain_mapping,
     read_file,
 )
+from formation_scenario.start_states_and_end_times import path_end_s
 from formation_scenario.vehicles import VehicleGroup
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
@@ -55,7 +58,7 @@ def load_scenario(
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
     read = with_files(apply_overrides(_read(source), overrides, option))
-    scenario, resolved = _typed(read)
+    scenario, resolved = _to_the_paths_end(read, *_typed(read))
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:
         scenario = designed(scenario, read.data.get("law"))
@@ -91,6 +94,19 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
         if entry["metric"] not in WINDOWED and entry["to_s"] == scenario.duration_s:
             del entry["to_s"]  # so that it follows duration_s when that is changed
     return plain_mapping(dumped)
+
+
+def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> tuple[Scenario, Source]:
+    """Return a scenario that ends with its path, to a millisecond, if the source gives no `duration_s`."""
+    if source.data.get("duration_s") is not None:
+        return scenario, resolved
+    try:
+        end_s = math.floor(1e3 * path_end_s(scenario) + 1e-6) / 1e3
+    except (PathError, OverflowError):  # no such path, or a wind that blows the leader back: the checks say so
+        return scenario, resolved
+    if not 0.0 < end_s <= MAX_NUMBER:
+        return scenario, resolved
+    return _typed(replace(source, data=source.data | {"duration_s": end_s}))
 
 
 def _typed(source: Source) -> tuple[Scenario, Source]:

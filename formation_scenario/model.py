@@ -163,7 +163,10 @@ class Scenario(Keys):
     name: Name = key("scenario", "name of the run", "three-followers", derived="the file's")
     seed: Seed = key(1, "seed of all randomness: the same seed, the same flight", 7)
     duration_s: Seconds = key(
-        120.0, "end of the run, from the leader's start on its path, s; the path's end may come first", 600
+        120.0,
+        "end of the run, from the leader's start on its path, s; the path's end may come first",
+        600,
+        derived="the path's end",
     )
     origin: Origin = Origin()
     start: Start = key(..., "", derived="its keys'")

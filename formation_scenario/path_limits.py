@@ -106,8 +106,9 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
     climb_mps = over_ground_mps(scenario, sampled.points.course_rad) * sampled.points.slope
     for stretch in sampled.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
-        found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {abs(climb_mps[index]):.3g} m/s"
-        allowed = f"up to {most_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
+        figure, most = distinct_texts(abs(float(climb_mps[index])), most_mps)
+        found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {figure} m/s"
+        allowed = f"up to {most} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         yield sampled.finding(index, found, allowed)
 
 
@@ -134,8 +135,10 @@ def _speed(scenario: Scenario) -> Iterator[Finding]:
         if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
             thin = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
-            allowed = f"{slowest:.4g} to {fastest:.4g} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
-            yield ("path", "speed_mps"), f"found {speed:g} m/s", allowed
+            found, least = distinct_texts(speed, slowest, 4)
+            found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
+            allowed = f"{least} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
+            yield ("path", "speed_mps"), f"found {found} m/s", allowed
             return
 
 

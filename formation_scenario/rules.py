@@ -19,7 +19,7 @@ from formation_scenario.expectation import (
     Expectation,
     pointless,
 )
-from formation_scenario.fields import FileError, Timed, VehicleSelection
+from formation_scenario.fields import FileError, Timed, VehicleSelection, distinct_texts
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,
@@ -98,7 +98,8 @@ def path(scenario: Scenario) -> Iterator[Finding]:
         yield (*WAYPOINTS, error.waypoint), str(error), allowed
     else:
         if length_m > MAX_PATH_M:
-            yield WAYPOINTS, f"found a path of {length_m:.3g} m", f"up to {MAX_PATH_M:g} m"
+            found, most = distinct_texts(length_m, MAX_PATH_M)
+            yield WAYPOINTS, f"found a path of {found} m", f"up to {most} m"
 
 
 def terrain(scenario: Scenario) -> Iterator[Finding]:

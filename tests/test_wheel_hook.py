@@ -16,7 +16,7 @@ def hook(tmp_path, monkeypatch):
     monkeypatch.delenv(hatch_build.SWITCH, raising=False)
     nothing: Any = None
     return hatch_build.CompilingHook(
-        str(tmp_path), {"modules": []}, nothing, nothing, str(tmp_path), "wheel", Application()
+        str(tmp_path), {"modules": [], "compiling": ["mypy"]}, nothing, nothing, str(tmp_path), "wheel", Application()
     )
 
 
@@ -48,3 +48,19 @@ def test_an_editable_installation_has_nothing_to_remove(hook, tmp_path):
     hook.initialize("editable", {})
     hook.finalize("editable", {}, "a.whl")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("switch", "needed"), [("0", []), ("1", ["mypy"]), ("", ["mypy"])])
+def test_a_wheel_that_is_left_uncompiled_needs_no_compiler_of_ours(hook, monkeypatch, switch, needed):
+    monkeypatch.setenv(hatch_build.SWITCH, switch)
+    assert hook.dependencies() == needed
+
+
+def test_a_wheel_that_must_be_compiled_and_cannot_is_an_error(hook, monkeypatch):
+    def compiled(root, modules, place):
+        raise SystemExit("no compiler")
+
+    monkeypatch.setenv(hatch_build.SWITCH, "1")
+    monkeypatch.setattr(hatch_build, "compiled", compiled)
+    with pytest.raises(SystemExit):
+        hook.initialize("standard", {"force_include": {}})

@@ -41,6 +41,9 @@ NO_MARGIN = "# delay margin: – (of this law none is computed; docs/own-law.md)
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
+SAME_S = 1e-3
+"""Differences of the planned end below which a path isn't said to end early, s: a derived `duration_s` is rounded."""
+
 
 def check_report(scenario: Scenario) -> dict[str, Any]:
     """Return what `check --json` prints: margins in seconds at the small-signal gains and over the fuzzy range."""
@@ -250,7 +253,7 @@ def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str
     planned_s, whole_s = planned_end_s(scenario), scenario.duration_s
     end_s = min(planned_s, until_s)
     over = f"the flight is over at {end_s:.4g} s"
-    if planned_s < min(whole_s, until_s):
+    if planned_s < min(whole_s, until_s) - SAME_S:
         broken = f"; windows of expect that reach {GAP_S:g} s beyond are broken" if scenario.expect else ""
         yield f"duration_s: found {whole_s:g}; the path ends at {planned_s:.4g} s{broken}"
     for i, entry in enumerate(scenario.expect):

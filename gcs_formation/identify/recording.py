@@ -136,10 +136,23 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
     found = [_gridded(system, each, delays.get(system, 0.0), wait_s) for system, each in sorted(vehicles.items())]
     kept = [each for each in found if each is not None]
     if not kept:
-        wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
-        told = "commands 43000 to 43002, DO_REPOSITION, or velocities"
-        raise RecordError(f"{log}: found no vehicle under setpoints ({told}); allowed: {wanted}")
+        wanted = _of_dataflash_wanted(vehicles) if log.suffix.lower() == DATAFLASH else _of_telemetry_wanted()
+        raise RecordError(f"{log}: found no vehicle under setpoints {wanted}")
     return kept
+
+
+def _of_telemetry_wanted() -> str:
+    wanted = f"{LEAST_S:.0f} s or more of a vehicle that is told speed, heading and height, and sends how it flies"
+    return f"(commands 43000 to 43002, DO_REPOSITION, or velocities); allowed: {wanted}"
+
+
+def _of_dataflash_wanted(vehicles: Mapping[int, _Samples]) -> str:
+    """Return in words what an ArduPilot log lacks, by the names of its messages, and what one must have."""
+    has = {name for each in vehicles.values() for name in each.of}
+    lacks = [kind for kind, fields in DATAFLASH_FIELDS.items() if fields[0][0] not in has]
+    found = f"(no messages {', '.join(lacks)})" if lacks else f"for {LEAST_S:.0f} s"
+    kinds = ", ".join(list(DATAFLASH_FIELDS)[1:])
+    return f"{found}; allowed: {LEAST_S:.0f} s or more of ArduPlane in GUIDED: OFG (its setpoints), {kinds}"
 
 
 def _of_telemetry(log: Path) -> dict[int, _Samples]:

@@ -18,6 +18,7 @@ from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario
+from formation_scenario.fields import distinct_texts
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -142,7 +143,10 @@ def place_findings(seen: ReportedMotion, scenario: Scenario, *, flies: bool) -> 
     away_m = math.hypot(seen.north_m - points_m[0, 0], seen.east_m - points_m[0, 1])
     most_m = float(np.hypot(*(points_m - points_m[0]).T).max()) + FAR_M
     if away_m > most_m:
-        found = f"place: found {away_m / 1000.0:.1f} km from the path's start; allowed: up to {most_m / 1000.0:.1f} km"
+        away, most = f"{away_m / 1000.0:.1f}", f"{most_m / 1000.0:.1f}"
+        if away == most:
+            away, most = distinct_texts(away_m / 1000.0, most_m / 1000.0)
+        found = f"place: found {away} km from the path's start; allowed: up to {most} km"
         return [Finding(f"{found}. Set origin.lat_deg and lon_deg to the field's", refuses=True)]
     home_m, above_sea_m = seen.height_m - seen.above_home_m, scenario.origin.alt_m
     ground_m = float(scenario.ground.height(np.array([seen.north_m]), np.array([seen.east_m]))[0])

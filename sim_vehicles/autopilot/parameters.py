@@ -88,6 +88,12 @@ class ParameterServer:
         self._to_list: deque[tuple[Address, int]] = deque()
         self._files = Files(self.entries)
 
+    def prepare(self, values: Mapping[str, float]) -> None:
+        """Set those of `values` that this vehicle has, as its owner did before it was first switched on."""
+        for name, value in values.items():
+            if name in self._kinds:
+                self._change(name, value)
+
     def answers(self, message: Message, sender: Sender) -> list[Message]:
         """Return the answers to a message, if it concerns parameters; a list is sent later."""
         match message:

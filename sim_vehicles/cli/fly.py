@@ -28,6 +28,19 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 
 APART_M = 20.0
+PREPARED = {
+    "FS_GCS_ENABL": 1.0,
+    "FS_LONG_ACTN": 1.0,
+    "FS_LONG_TIMEOUT": 300.0,
+    "FS_GCS_ENABLE": 1.0,
+    "FS_GCS_TIMEOUT": 120.0,
+    "NAV_DLL_ACT": 2.0,
+    "COM_DL_LOSS_T": 300.0,
+}
+"""Failsafes that a scenario's vehicles have on, as docs/real-autopilots.md asks: home when heartbeats stop.
+
+Their timeouts are the longest that the families allow, so that a station may be stopped and started again meanwhile.
+"""
 
 
 @click.command(epilog=EXAMPLES)
@@ -68,13 +81,16 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
         config = replace(config, ready_s=ready_s)
 
     try:
-        sys.exit(_flown(config, quiet=quiet, **options))
+        prepared = scenario is not None and options["parent_pid"] is None  # not those of `run`, which checks none
+        sys.exit(_flown(config, quiet=quiet, prepared=prepared, **options))
     except (PortError, OSError) as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
 
 
-def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -> Status:
+def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool, **given: Any) -> Status:
     """Fly until a signal, the end of the time, or the end of the parent process; `truth`: file for the ground truth.
+
+    `prepared`: whether the vehicles' failsafes are on.
 
     With a given clock origin (instant 0 on the machine's monotonic clock) instants are those of the parent process.
     """
@@ -89,6 +105,8 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, **given: Any) -
         begun = clock.now()
         vehicles = tuple(replace(each, endpoint=resolved(each.endpoint)) for each in config.vehicles)
         fleet = Fleet(replace(config, vehicles=vehicles, utc_at_0_us=clock.utc_at_0_us), begun, recording)
+        for vehicle in fleet.vehicles if prepared else ():
+            vehicle.parameters.prepare(PREPARED)
 
         def over() -> bool:
             late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS

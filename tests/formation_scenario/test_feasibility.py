@@ -100,6 +100,22 @@ def test_a_climb_takes_more_in_a_tailwind(refusal, load):
     assert load(climbs, f"wind.velocity_mps={back}")
 
 
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        (
+            ["path.waypoints_m=[[0, 0, 100], [1000, 0, 236.5]]"],
+            "climbs 3.003 m/s; up to 3 m/s, vehicle 1's climb_max_mps",
+        ),
+        (["path.speed_mps=28.00001"], "found 28.00001 m/s; 16 to 28 m/s, leader 1's limits"),
+        (["path.speed_mps=15.99999"], "found 15.99999 m/s; 16 to 28 m/s, leader 1's limits"),
+        (["path.waypoints_m=[[0, 0, 100], [1000100, 0, 100]]"], "found a path of 1.0001e+06 m; up to 1e+06 m"),
+    ],
+)
+def test_a_figure_just_beyond_its_limit_is_not_printed_as_the_limit(refusal, keys, line):
+    assert refusal(*keys)[0].endswith(line)
+
+
 @pytest.mark.parametrize("ground", ["terrain=", "terrain={clearance_m: 20}"])
 def test_a_leg_too_steep_is_not_called_too_low(refusal, ground):
     """The spline swings 450 m below the ground before a leg of 150 m in height over 100 m."""

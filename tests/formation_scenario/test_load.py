@@ -56,12 +56,22 @@ expect:
 
 def test_two_required_keys_make_a_scenario(load):
     scenario = load()
-    assert (scenario.schema_, scenario.seed, scenario.duration_s) == (1, 1, 120.0)
+    assert (scenario.schema_, scenario.seed, scenario.duration_s) == (1, 1, 181.818)  # 4000 m at 22 m/s
     assert scenario.leader is scenario.vehicles[0]
     assert [vehicle.vehicle_id for vehicle in scenario.followers] == [VehicleId(1, n) for n in (2, 3, 4)]
     assert {vehicle.endpoint for vehicle in scenario.vehicles} == {"udpin:127.0.0.1:14550"}
     assert scenario.law.type == "fuzzy_pid"
     assert scenario.expect == ()
+
+
+def test_without_a_duration_a_flight_ends_with_its_path_and_with_one_when_that_says(load):
+    long = "path.waypoints_m=[[0, 0, 100], [22000, 0, 100]]"
+    assert load(long).duration_s == 1000.0
+    assert load(long, "duration_s=120").duration_s == 120.0
+    assert load(long, "wind.velocity_mps=[-2, 0, 0]").duration_s == 1100.0  # 20 m/s over ground
+    expected = load(long, "expect=[{metric: error_x_m.max, below: 1}]")
+    assert expected.expect[0].to_s == 1000.0
+    assert load_scenario(read_text(dump_scenario(expected)).data) == expected
 
 
 def test_count_is_written_out_as_a_list_led_by_vehicle_1(load):

@@ -38,13 +38,16 @@ from formation_scenario.source import read_text
             "expect.0.followers.0: found 1; 2, 3, 4",
         ),
         (["expect=[{metric: settled_at_s}]"], "expect.0: found no bound; below, above or both"),
-        (["expect=[{metric: in_slot_share, above: 0.5, from_s: 120}]"], "found a window from 120 to 120 s"),
+        (
+            ["duration_s=120", "expect=[{metric: in_slot_share, above: 0.5, from_s: 120}]"],
+            "found a window from 120 to 120 s",
+        ),
         (
             ["expect=[{metric: settled_at_s, below: 99, from_s: 30, to_s: 35}]"],
             "expect.0.from_s: found 30 for settled_at_s, a figure of the whole flight; 0, or nothing",
         ),
         (
-            ["expect=[{metric: frames_bad, followers: [2], below: 1, to_s: 35}]"],
+            ["duration_s=120", "expect=[{metric: frames_bad, followers: [2], below: 1, to_s: 35}]"],
             "expect.0.to_s: found 35 for frames_bad, a figure of the whole flight; duration_s, 120, or nothing",
         ),
         (["expect=[{metric: violations, followers: [2], below: 1}]"], "a figure of the whole run; all"),
@@ -120,7 +123,7 @@ def test_a_figure_is_of_the_whole_flight_or_over_a_window_as_its_description_say
 
 
 def test_the_whole_flight_may_be_said_and_stays_whole_where_a_written_scenario_is_flown_longer(load):
-    wanted = load("expect=[{metric: margin_used, from_s: 0, to_s: 120, below: 1}]")
+    wanted = load("duration_s=120", "expect=[{metric: margin_used, from_s: 0, to_s: 120, below: 1}]")
     assert load_scenario(read_text(dump_scenario(wanted)).data, ["duration_s=150"]).expect[0].to_s == 150.0
 
 
@@ -129,9 +132,9 @@ def test_what_is_expected_of_a_flight_hides_nothing_that_keeps_it_from_being_flo
         "path.waypoints_m=[[0, 0, 100], [500, 0, 400]]",
         "expect=[{metric: error_x_m.max, below: 1, from_s: 60}]",
     )
-    (alone,) = refusal("path.waypoints_m=[[0, 0, 100], [500, 0, 100]]", late)
+    (alone,) = refusal("path.waypoints_m=[[0, 0, 100], [500, 0, 100]]", "duration_s=120", late)
     assert alone == "expect.0.from_s: found 60; less than 23.7 s, when the flight is over at the latest"
-    *path, expected = refusal(steep, late)
+    *path, expected = refusal(steep, "duration_s=120", late)
     assert path == refusal(steep)
     assert "climb" in path[0]
     assert expected.startswith("expect.0.from_s: found 60; ")

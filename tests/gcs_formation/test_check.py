@@ -251,7 +251,7 @@ def test_what_is_planned_for_after_the_flight_is_warned_of() -> None:
     ]
     steps = "path.steps=[{at_s: 9, for_s: 5}, {at_s: 500, for_s: 5}]"
     assert list(never_reached(load_scenario(PLAIN, [steps]))) == [
-        "path.steps.1.at_s: found 500; the flight is over at 120 s"
+        "path.steps.1.at_s: found 500; the flight is over at 136.4 s"
     ]
     slower = load_scenario(PLAIN | late | {"orders": [{"at_s": 9, "order": "speed 18"}]})
     assert list(never_reached(slower)) == []

@@ -242,7 +242,11 @@ def test_nothing_is_flown_for_a_file_that_cannot_be_written(tmp_path):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (random.Random(1).randbytes(5000), "found no vehicle under setpoints"),
+        (
+            random.Random(1).randbytes(5000),
+            "found no vehicle under setpoints (no messages OFG, ARSP, ATT, POS, TECS); "
+            "allowed: 30 s or more of ArduPlane in GUIDED: OFG (its setpoints), ARSP, ATT, POS, TECS",
+        ),
         (b"\xa3\x95\x80\x80\x59" + 4 * b"?" + 16 * b"?" + 64 * b"?", "found not a dataflash log"),
     ],
 )

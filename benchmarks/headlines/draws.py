@@ -1,0 +1,66 @@
+"""Held-out flights: paths, steps, hills, links and lags, drawn by a seeded generator."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+from typing import Any
+
+LEG_M = 700.0
+HARDEST_RAD = math.radians(40.0)
+"""Largest bend from one leg to the next: up to 1.4 degrees a second at 22 m/s, as in `configs/paper.yaml`."""
+HEIGHT_M, HIGHER_M = 200.0, 35.0
+SPEED_MPS = 22.0
+STEP_MPS = 0.6 * math.sqrt(2.0)
+"""Size of a step of wind: 0.6 m/s in each of two axes."""
+
+
+def path(random: Random, duration_s: float, *, level: bool = False) -> list[list[float]]:
+    """Return waypoints of a path that is straight for a leg, then bends, climbs and descends, for a duration."""
+    points, course_rad = [[0.0, 0.0, HEIGHT_M], [LEG_M, 0.0, HEIGHT_M]], 0.0
+    while (len(points) - 2) * LEG_M < SPEED_MPS * duration_s:
+        course_rad += random.uniform(-HARDEST_RAD, HARDEST_RAD)
+        height_m = HEIGHT_M if level else HEIGHT_M + random.uniform(-HIGHER_M, HIGHER_M)
+        north_m, east_m, _ = points[-1]
+        step_m = LEG_M * math.cos(course_rad), LEG_M * math.sin(course_rad)
+        points.append([round(north_m + step_m[0]), round(east_m + step_m[1]), round(height_m)])
+    return points
+
+
+def seed(random: Random) -> int:
+    """Return a scenario's seed."""
+    return random.randrange(1, 10**6)
+
+
+def step(random: Random, at_s: float, vehicles: str | list[int] = "all") -> list[dict[str, Any]]:
+    """Return a step of wind from a drawn direction, at an instant anywhere within a tick."""
+    bearing_rad = random.uniform(-math.pi, math.pi)
+    north_mps, east_mps = STEP_MPS * math.cos(bearing_rad), STEP_MPS * math.sin(bearing_rad)
+    velocity_mps = [round(north_mps, 3), round(east_mps, 3), 0.0]
+    return [{"at_s": at_s, "vehicles": vehicles, "velocity_mps": velocity_mps}]
+
+
+def instant(random: Random, least_s: float, most_s: float) -> float:
+    """Return an instant, to a millisecond."""
+    return round(random.uniform(least_s, most_s), 3)
+
+
+def lags(random: Random, share: float) -> dict[str, float]:
+    """Return lags of equation (7), each off the usual ones by up to a share."""
+    usual = {"tau_v_s": 4.0, "tau_psi_s": 1.5, "tau_ha_s": 1.0, "tau_hb_s": 3.0}
+    return {name: round(value * random.uniform(1 - share, 1 + share), 3) for name, value in usual.items()}
+
+
+def hills(random: Random, waypoints_m: list[list[float]]) -> list[dict[str, Any]]:
+    """Return a hill or a hollow near each waypoint of a path but the first."""
+    return [
+        {
+            "name": f"hill {number}",
+            "shape": random.choice(["gaussian", "cosine"]),
+            "north_m": round(north_m + random.uniform(-200, 200)),
+            "east_m": round(east_m + random.uniform(-200, 200)),
+            "height_m": round(random.choice([-0.5, 1, 1, 1]) * random.uniform(40, 85)),
+            "radius_m": round(random.uniform(300, 600)),
+        }
+        for number, (north_m, east_m, _) in enumerate(waypoints_m[2:], 1)
+    ]
