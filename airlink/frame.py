@@ -18,7 +18,7 @@ from mypy_extensions import i64, mypyc_attr, u8
 from airlink.checksum import BYTE, Checksums, checksum
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame_starts import frame_starts
+from airlink.frame_starts import EXTENDED, frame_starts
 from airlink.mavlink import base_lengths, crc_extras
 from airlink.messages import Message, kind_of
 from airlink.messages.payload import MARKER_V2
@@ -230,7 +230,7 @@ class StreamParser:
             self.counts.unknown_messages += counted
             return None
         length: i64 = raw[1]
-        if version == 1 and length != _LENGTHS[message_id]:  # truncated or extended, as MAVLink 1 never is
+        if version == 1 and not 0 <= length - _LENGTHS[message_id] < EXTENDED:  # truncated, as MAVLink 1 never is
             self.counts.bad_checksums += counted
             return None
         end = begin + length

@@ -18,6 +18,8 @@ HEADER_V1: Final = 6
 HEADER_V2: Final = 10
 KNOWN_FLAGS: Final = 0x01
 """The only incompatibility flag that there is: a signature."""
+EXTENDED: Final = 64
+"""Most bytes by which a frame of MAVLink 1 is longer than its message there: pymavlink sends extension fields too."""
 IDS: Final = 0x10000
 """Message ids from here on are none of the dialect's."""
 
@@ -28,7 +30,7 @@ def _lengths_and_ids() -> tuple[np.ndarray, np.ndarray]:
     for message_id, length in base_lengths().items():
         known[message_id] = True
         if message_id < len(of_v1):
-            of_v1[length, message_id] = True
+            of_v1[length : length + EXTENDED, message_id] = True
     return of_v1, known
 
 
@@ -38,8 +40,8 @@ _OF_V1, _KNOWN = _lengths_and_ids()
 def frame_starts(data: bytes) -> list[int]:
     """Return the positions at which a frame may begin, in order; a marker whose header isn't complete is one.
 
-    A frame of MAVLink 1 has exactly its message's length. One of MAVLink 2 may be truncated or have newer extension
-    fields, so only its flags and its id are compared. Source: MAVLink guide, "Packet Serialization".
+    A frame of MAVLink 1 has its message's length, or a few bytes more. One of MAVLink 2 may be truncated or have newer
+    extension fields, so only its flags and its id are compared. Source: MAVLink guide, "Packet Serialization".
     """
     raw = np.frombuffer(data, np.uint8)
     first, second = np.flatnonzero(raw == MARKER_V1), np.flatnonzero(raw == MARKER_V2)

@@ -23,6 +23,8 @@ TURN_SHARE = 0.7
 SPEED_SHARE, ENERGY_SPEED_SHARE = 0.7, 0.6
 """Share of the speed range above and below the leader's speed; less under total-energy control, where larger changes of
 airspeed cost metres of height."""
+SETPOINT_SHARE = 0.9
+"""Share of the speed range that a setpoint uses, which leads a change of speed by its time constant."""
 ACCELERATION_SHARE = 0.7
 """Share of the acceleration: along the slots' way, and of multirotors also towards the turn's middle."""
 GENTLEST = 0.02
@@ -90,8 +92,10 @@ def _kept(models: tuple[VehicleModel, ...], step: SlotStep, frame: Frame, flight
     low, high = np.array([model.soon_mps(flight.speed_mps) for model in each]).T
     turn = np.array([np.inf if model.hovers else model.turn_rate_max_rps for model in each])
     accel = ACCELERATION_SHARE * np.array([model.accel_max_mps2 for model in each])
-    over = needs.speed_mps - flight.speed_mps
-    kept = (over <= share * (high - flight.speed_mps)) & (-over <= share * (flight.speed_mps - low))
+    over, room_up, room_down = needs.speed_mps - flight.speed_mps, high - flight.speed_mps, flight.speed_mps - low
+    kept = (over <= share * room_up) & (-over <= share * room_down)
+    setpoint = over + np.array([model.tau_v_s for model in each]) * needs.accel_mps2
+    kept &= (setpoint <= SETPOINT_SHARE * room_up) & (-setpoint <= SETPOINT_SHARE * room_down)
     kept &= (np.abs(needs.turn_rate_rps) <= (1.0 + TURN_SHARE) / 2.0 * turn) & (np.abs(needs.accel_mps2) <= accel)
     return np.asarray(kept.all(axis=1))
 

@@ -259,9 +259,9 @@ def test_a_flood_of_markers_is_tried_once_a_candidate_s_length(pattern, monkeypa
     assert len(tried) < 10 * (len(stream) // 250 + HEADER_V2)
 
 
-@pytest.mark.parametrize(("length", "found"), [(8, 0), (9, 1), (10, 0)])
-def test_a_frame_of_mavlink_1_has_its_message_s_length(length, found):
-    body = bytes([length, 7, 1, 1, 0]) + bytes([5, 0, 0, 0, 1, 3, 81, 4, 3, 0])[:length]
+@pytest.mark.parametrize(("length", "found"), [(8, 0), (9, 1), (10, 1), (72, 1), (73, 0)])
+def test_a_frame_of_mavlink_1_has_its_message_s_length_and_some_extension_fields_at_most(length, found):
+    body = bytes([length, 7, 1, 1, 0]) + bytes([5, 0, 0, 0, 1, 3, 81, 4, 3, *[0] * 64])[:length]
     raw = b"\xfe" + body + crc16.mcrf4xx(body + b"\x32").to_bytes(2, "little")
     assert len(frames_of(raw)) == found
     assert len(frames_of(b"\xfe", raw)) == found

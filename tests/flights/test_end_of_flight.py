@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
 from gcs_formation.cli import main
@@ -118,7 +118,6 @@ class Deaf(Between):
         self.refuse: Callable[[CommandLong], int | None] = lambda _: None
         self.hidden: int | None = None
         self.told: list[CommandLong] = []
-        self._answers: list[Datagram] = []
 
     def take(self, datagram: Datagram, now: Instant) -> None:
         for frame in StreamParser().feed(datagram.data):
@@ -127,14 +126,13 @@ class Deaf(Between):
                 self.told.append(command)
                 result = self.refuse(command)
                 if result is not None:
-                    ack = FrameWriter(command.target_system, 1).encode(CommandAck(command.command, result))
-                    self._answers.append(Datagram(datagram.socket, datagram.peer, ack))
+                    answering = self.fleet.vehicles[command.target_system - 1].link
+                    answering.answer(datagram.peer, CommandAck(command.command, result))
                     return
         super().take(datagram, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        answers, self._answers = self._answers, []
-        return [each for each in super().datagrams_to_send() if not self._hides(each)] + answers
+        return [each for each in super().datagrams_to_send() if not self._hides(each)]
 
     def _hides(self, datagram: Datagram) -> bool:
         frames = StreamParser().feed(datagram.data)

@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable
 from typing import NamedTuple
 
+from airlink.mavlink import base_lengths
 from tests.airlink.layouts import Layout
 from tests.fuzz.frames import EXTRAS, LAYOUTS, Header, extremes, framed, packed
 
@@ -75,7 +76,8 @@ class Hostile:
         header = Header(draw.choice(names.systems), component, sequence, version, draw.random() < 0.2)
         if draw.random() < 0.1:
             message_id = draw.choice(_OTHERS_OF_VERSION_1 if version == 1 else _OTHERS)
-            return framed(message_id, draw.randbytes(draw.randrange(256)), header)
+            length = base_lengths()[message_id] if version == 1 else draw.randrange(256)
+            return framed(message_id, draw.randbytes(length), header)
         layout = draw.choice(LAYOUTS)
         payload = self._payload(layout)
         if version == 2 and draw.random() < 0.3:

@@ -35,13 +35,18 @@ def hand_over(vehicle: Vehicle, telemetry: Telemetry) -> None:
     vehicle.sampler = Sampler(telemetry, *parts, None)
 
 
+def answers(vehicle: Vehicle, time_s: float, now: Instant) -> None:
+    """Let a vehicle whose clock shows `time_s` answer at once, after the mean wait for its loop."""
+    vehicle.clock.observe(now, round((time_s + vehicle.clock.loop_s / 4) * NANOSECONDS), now)
+
+
 @pytest.fixture
 def vehicle(tell, telemetry) -> Vehicle:
     """Return a vehicle whose clock is 50 s ahead of ours, and that has sent everything but a current attitude."""
     made = Vehicle(VehicleId(1, 7), 0, ArduPlane(7, ORIGIN, 0.25), Connection(0), 10.0)
     tell(0, armed=True, above_home_m=100.0)
     hand_over(made, telemetry)
-    made.clock.observe(NOW, round(STAMP_S * NANOSECONDS), NOW)
+    answers(made, STAMP_S, NOW)
     telemetry.take(position(100.0, STAMP_S))
     telemetry.airspeed_stamp_s = STAMP_S
     return made
@@ -186,7 +191,7 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
         ]
         if number % 5 == 0:
             asked = vehicle.round_trips.request(Instant(now - NANOSECONDS // 25))
-            messages.append(Timesync(stamp_ms * 1_000_000, asked.ts1_ns))
+            messages.append(Timesync((stamp_ms + 5) * 1_000_000, asked.ts1_ns))  # half of the mean wait later
         for each in messages:
             assert vehicle.source_binding.judge(each, 0, HERE, now)[0]
             vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
