@@ -5,14 +5,17 @@ Process substitution works: it is a pipe that somebody writes to.
 
 from __future__ import annotations
 
+import errno
+import math
 import os
 import select
 import stat
+import time
 from pathlib import Path
 from typing import Final
 
-WAIT_MS: Final = 8000
-"""How long to wait for a pipe's next bytes."""
+WAIT_S: Final = 8.0
+"""How long to wait for what is written to a pipe, from its first byte to its end."""
 CHUNK: Final = 1 << 16
 MEGABYTE: Final = 1e6
 
@@ -30,16 +33,30 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         os.close(handle)
 
 
+def require_file(path: Path) -> None:
+    """Refuse what isn't a regular file, for readers that open a path themselves, or seek in it.
+
+    Raises:
+        OSError: it doesn't exist, or is a directory, a device or a pipe.
+    """
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(0, "is a device or a pipe; allowed: a file")
+
+
 def _read(handle: int, most_bytes: int) -> bytes:
     mode = os.fstat(handle).st_mode
     if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
         raise OSError(0, "is a device; allowed: a file, or a pipe that is written to")
     ready = select.poll()
     ready.register(handle, select.POLLIN)
-    parts, size = list[bytes](), 0
+    parts, size, ends_s = list[bytes](), 0, time.monotonic() + WAIT_S
     while size <= most_bytes:
-        if not stat.S_ISREG(mode) and not ready.poll(WAIT_MS):
-            raise OSError(0, f"is a pipe in which nothing has come for {WAIT_MS / 1000:.0f} s")
+        if not stat.S_ISREG(mode) and not ready.poll(max(0, math.ceil(1e3 * (ends_s - time.monotonic())))):
+            what = f"has given {size} bytes and no end" if size else "in which nothing has come"
+            raise OSError(0, f"is a pipe {what} for {WAIT_S:.0f} s")
         part = os.read(handle, CHUNK)
         if not part:
             return b"".join(parts)

@@ -6,6 +6,7 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal, NamedTuple, TypeGuard, Union, get_args, get_origin
 
+from annotated_types import MaxLen
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -58,6 +59,9 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     if error == "missing" and not expected.rest:
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
+    if error == "too_long" and isinstance(value, list):
+        most = next(item.max_length for item in expected.constraints if isinstance(item, MaxLen))
+        return source.problem(path, f"found {len(value)} entries", f"up to {most}")
     found = f"found {kind(value) if is_group(expected.type) else show(value)}"
     named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
     choices = named or [str(each) for each in get_args(expected.type) if get_origin(expected.type) is Literal]

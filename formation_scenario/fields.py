@@ -5,12 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self, TypeAlias, cast
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
 from pydantic.config import JsonDict
 from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import literal_schema
+
+Entry = TypeVar("Entry")
 
 MAX_SYSTEM_ID = 254
 MAX_NETWORK = 1000
@@ -129,6 +131,10 @@ SystemId = Annotated[
     Allowed(f"a whole number from 1 to {MAX_SYSTEM_ID} (for more vehicles give some another `network`)"),
 ]
 NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK), WHOLE]
+MOST_ENTRIES: Final = 1000
+"""Longest list of things that happen in a flight."""
+AtMost: TypeAlias = Annotated[tuple[Entry, ...], Field(max_length=MOST_ENTRIES)]
+"""A list of groups of keys whose length is limited, so that a file is checked within seconds."""
 Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
 Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]
 Offset: TypeAlias = Annotated[tuple[Near, Near, Near], Allowed(f"a list of 3 numbers, up to ±{MAX_NEAR_M:g}")]

@@ -11,6 +11,7 @@ from pydantic import Field
 from formation_scenario.fields import (
     MAX_NEAR_M,
     Allowed,
+    AtMost,
     Flag,
     Fraction,
     Keys,
@@ -74,7 +75,7 @@ class Formation(Keys):
     succession: Literal["nearest", "none"] = key(
         "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or nobody"
     )
-    changes: tuple[FormationChange, ...] = key(
+    changes: AtMost[FormationChange] = key(
         (),
         "later shapes, spacings and leaders",
         [{"at_s": 60, "shape": "square", "spacing_m": 50}, {"at_s": 100, "leader": 3}],

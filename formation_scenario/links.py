@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
@@ -26,6 +26,8 @@ from formation_scenario.fields import (
     key,
 )
 
+MOST_CHANGES: Final = 5000
+"""Of links in a flight."""
 MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
@@ -145,7 +147,7 @@ class Links(Keys):
     default: DefaultLink = DefaultLink()
     uplink: ImpairmentPatch | None = key(None, "the same as default.uplink, over which it takes precedence")
     downlink: ImpairmentPatch | None = key(None, "the same as default.downlink, over which it takes precedence")
-    changes: tuple[LinkChange, ...] = key(
+    changes: Annotated[tuple[LinkChange, ...], Field(max_length=MOST_CHANGES)] = key(
         (),
         "changes in flight",
         [

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from flight_model.path import FlightPath
@@ -17,8 +18,10 @@ from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.expectation import Expectation
 from formation_scenario.fields import (
+    MOST_ENTRIES,
     WHOLE,
     Allowed,
+    AtMost,
     Distance,
     Flag,
     Keys,
@@ -42,7 +45,11 @@ from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
-Fleet = Annotated[tuple[Vehicle, ...], Field(min_length=1), Allowed("a list of 1 or more vehicles, or {count: N}")]
+Fleet = Annotated[
+    tuple[Vehicle, ...],
+    Field(min_length=1, max_length=MOST_ENTRIES),
+    Allowed(f"a list of 1 to {MOST_ENTRIES} vehicles, or {{count: N}}"),
+]
 
 
 class Origin(Keys):
@@ -183,7 +190,7 @@ class Scenario(Keys):
     terrain: Terrain | None = key(None, "the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
-    disturbances: tuple[Disturbance, ...] = key(
+    disturbances: AtMost[Disturbance] = key(
         (),
         "velocities that the air adds to vehicles besides the wind; they add up",
         [
@@ -193,12 +200,12 @@ class Scenario(Keys):
             {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
         ],
     )
-    orders: tuple[PlannedOrder, ...] = key(
+    orders: AtMost[PlannedOrder] = key(
         (),
         "orders that are given at a mission time, as by `gcs-formation tell`",
         [{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}],
     )
-    faults: tuple[Fault, ...] = key(
+    faults: AtMost[Fault] = key(
         (),
         "faults of vehicles; emulators only",
         [
@@ -208,7 +215,7 @@ class Scenario(Keys):
     )
     safety: Safety = key(..., "", derived="its keys'")
     finish: Finish = Finish()
-    expect: tuple[Expectation, ...] = key(
+    expect: AtMost[Expectation] = key(
         (),
         "bounds that the run must have kept; exit status 1 if one is broken",
         [
@@ -323,8 +330,20 @@ class Scenario(Keys):
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
         """Return the states of one vehicle's link in time order, the first at 0 s."""
-        changes = (change for change in self.links.changes if vehicle in self.selected(change.vehicles))
-        return link_steps(self.links, changes)
+        return self._link_steps[vehicle.vehicle_id]
+
+    @cached_property
+    def _link_steps(self) -> dict[VehicleId, tuple[LinkStep, ...]]:
+        """The states of each vehicle's link; vehicles with the same changes share them."""
+        changes = {vehicle.vehicle_id: list[int]() for vehicle in self.vehicles}
+        for index, change in enumerate(self.links.changes):
+            for vehicle in self.selected(change.vehicles):
+                changes[vehicle.vehicle_id].append(index)
+        found = dict[tuple[int, ...], tuple[LinkStep, ...]]()
+        for indexes in map(tuple, changes.values()):
+            if indexes not in found:
+                found[indexes] = link_steps(self.links, (self.links.changes[each] for each in indexes))
+        return {identity: found[tuple(indexes)] for identity, indexes in changes.items()}
 
 
 def graph_adjacency(name: str, count: int) -> Array:

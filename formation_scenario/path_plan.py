@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Positive, Speed, Text, Vector, key
+from formation_scenario.fields import Allowed, AtMost, Keys, NonNegative, Number, Positive, Speed, Text, Vector, key
 from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
 """Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
-Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
+MOST_WAYPOINTS: Final = 5000
+Waypoints = Annotated[
+    tuple[Vector, ...],
+    Field(min_length=2, max_length=MOST_WAYPOINTS),
+    Allowed(f"a list of 2 to {MOST_WAYPOINTS} [north, east, height]"),
+]
 
 
 class PathPlan(Keys):
@@ -65,6 +70,6 @@ class PathPlan(Keys):
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
-    steps: tuple[Step, ...] = key(
+    steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )

@@ -39,6 +39,10 @@ from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
 
+MOST_LINK_STATES = 400_000
+"""Changes of links times vehicles: `check` takes some 5 s for as many."""
+MOST_SLOT_CHANGES = 6_000
+"""Changes of the formation times vehicles: the same."""
 MAX_PATH_M = 1e6
 """Half a day's flight; a longer path would take too long to check, every few metres against every limit."""
 MAX_DISTANCE_M = 1e6
@@ -157,9 +161,20 @@ def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
     """Return where each of a vehicle's link steps is written; the last of several changes at the same time."""
     places: dict[float, KeyPath] = {0.0: ("links", "default")}
     for index, change in enumerate(scenario.links.changes):
-        if vehicle in scenario.selected(change.vehicles):
+        if change.vehicles == "all" or any(ref in change.vehicles for ref in vehicle.refs):
             places[change.at_s] = ("links", "changes", index)
     return [places[at_s] for at_s in sorted(places)]
+
+
+def sizes(scenario: Scenario) -> Iterator[Finding]:
+    """Yield changes that are too many for so many vehicles: each is planned or checked for each vehicle."""
+    count = len(scenario.vehicles)
+    for path, changes, most in (
+        (("links", "changes"), len(scenario.links.changes), MOST_LINK_STATES),
+        (("formation", "changes"), len(scenario.formation.changes), MOST_SLOT_CHANGES),
+    ):
+        if changes * count > most:
+            yield path, f"found {changes} changes with {count} vehicles", f"up to {most // count} with so many"
 
 
 def link_changes(scenario: Scenario) -> Iterator[Finding]:
@@ -287,6 +302,7 @@ RULES = (
     references,
     disturbances,
     faults,
+    sizes,
     link_changes,
     traces,
     bursts,

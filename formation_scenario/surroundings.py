@@ -12,6 +12,7 @@ from pydantic import Field, Tag
 from flight_model.arrays import Array
 from formation_scenario.fields import (
     Allowed,
+    AtMost,
     Keys,
     Name,
     NonNegative,
@@ -159,9 +160,7 @@ class Terrain(Keys):
         "N35E125.hgt",
     )
     base_m: Number = key(0.0, "height of the ground around the hills, above the origin, m", 20)
-    hills: tuple[Hill, ...] = key(
-        (), "hills and ridges", [{"north_m": 1500, "east_m": 0, "height_m": 30, "radius_m": 600}]
-    )
+    hills: AtMost[Hill] = key((), "hills and ridges", [{"north_m": 1500, "east_m": 0, "height_m": 30, "radius_m": 600}])
     clearance_m: NonNegative = key(50.0, "height above ground that every vehicle keeps, m", 60)
 
 

@@ -16,11 +16,14 @@ from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
+from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
 from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
+MOST_HGT_BYTES = 100_000_000
+"""Nearly four times a tile of one arc-second."""
 MARGIN_M = 10_000.0
 """Distance around the waypoints for which a file is read."""
 WGS_84 = "EPSG:4326"
@@ -101,7 +104,8 @@ def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> Eleva
 def _read_hgt(path: Path, origin: GeodeticOrigin) -> ElevationGrid:
     """Return an SRTM tile: a square of big-endian 16-bit metres, named by its south-west corner."""
     try:
-        values = np.fromfile(path, dtype=">i2").astype(np.float64)
+        raw = read_bounded(path, MOST_HGT_BYTES)
+        values = np.frombuffer(raw[: len(raw) // 2 * 2], dtype=">i2").astype(np.float64)
     except OSError as error:
         raise FileError(f"found {path}: {error.strerror}") from error
     named = HGT_NAME.match(path.stem)
@@ -119,6 +123,10 @@ def _read_hgt(path: Path, origin: GeodeticOrigin) -> ElevationGrid:
 
 def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], origin: GeodeticOrigin) -> ElevationGrid:
     """Return the part of a file within west, south, east, north; other projections are warped to WGS 84."""
+    try:
+        require_file(path)
+    except OSError as error:
+        raise FileError(f"found {path}: {error.strerror}") from error
     try:
         rasterio: Any = importlib.import_module("rasterio")
         vrt: Any = importlib.import_module("rasterio.vrt")

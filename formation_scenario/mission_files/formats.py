@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from formation_scenario.bounded_read import read_bounded
 from formation_scenario.mission_files.csv_table import read_csv
 from formation_scenario.mission_files.geojson import read_geojson
 from formation_scenario.mission_files.mission import MAX_BYTES, MAX_ITEMS, Mission, MissionFileError
@@ -35,8 +36,7 @@ def read_mission(path: Path) -> Mission:
         MissionFileError: it can't be read, is of another kind, or lacks something; the message says where.
     """
     try:
-        with path.open("rb") as opened:
-            data = opened.read(MAX_BYTES + 1)
+        data = read_bounded(path, MAX_BYTES)
         text = data.decode("utf-8-sig")
     except OSError as error:
         raise MissionFileError(f"{path}: {error.strerror or error}") from error
@@ -44,8 +44,6 @@ def read_mission(path: Path) -> Mission:
         raise MissionFileError(
             f"{path}: found byte 0x{data[error.start]:02x} at offset {error.start}; allowed: text in UTF-8"
         ) from error
-    if len(data) > MAX_BYTES:
-        raise MissionFileError(f"{path}: larger than {MAX_BYTES // 2**20} MiB")
     reader = FORMATS.get(path.suffix.lower())
     if reader is None and text.startswith(HEADER):
         reader = read_waypoints

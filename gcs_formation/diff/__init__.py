@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Loader
 from gcs_formation.diff.difference import Difference, Tolerance, flattened
 from gcs_formation.diff.frames import tlog_differences
@@ -85,6 +86,7 @@ def _of_files(one: Path, other: Path, name: str, compare: Any) -> Iterator[Diffe
 def _summary(directory: Path) -> dict[str, Any]:
     """Return a run's summary, empty where the run didn't come to its end."""
     try:
+        require_file(directory / SUMMARY)
         text = (directory / SUMMARY).read_text(encoding="utf-8")
         found = json.loads(text)
     except FileNotFoundError:
@@ -96,6 +98,7 @@ def _summary(directory: Path) -> dict[str, Any]:
 
 def _scenario(directory: Path) -> dict[str, Any]:
     try:
+        require_file(directory / SCENARIO)
         found = yaml.load((directory / SCENARIO).read_text(encoding="utf-8"), Loader)
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise RecordError(f"cannot read {directory / SCENARIO}: {error}") from error
@@ -125,6 +128,7 @@ def _events(one: Path, other: Path) -> Iterator[Difference]:
 
 def _lines(path: Path) -> list[str]:
     try:
+        require_file(path)
         return path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return []

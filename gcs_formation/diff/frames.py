@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from airlink.frame import Frame, StreamParser
+from formation_scenario.bounded_read import require_file
 from gcs_formation.diff.difference import Difference
 from gcs_formation.record.run_directory import EVENTS
 from gcs_formation.record.tlog import read_tlog
@@ -26,6 +27,8 @@ def tlog_differences(one: Path, other: Path) -> Iterator[Difference]:
     Raises:
         OSError: a log can't be read.
     """
+    for each in (one, other):
+        require_file(each)
     if one.read_bytes() == other.read_bytes():
         return
     begun = [_begun_us(each) for each in (one, other)]

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from flight_model.arrays import Array, wrap
+from formation_scenario.bounded_read import require_file
 from gcs_formation.diff.difference import Difference, Tolerance
 
 KEYS: Final = ("network", "vehicle")
@@ -26,6 +27,8 @@ def series_differences(one: Path, other: Path, allowed: Tolerance) -> Iterator[D
         OSError: a series can't be read.
         ValueError: it isn't Parquet.
     """
+    for each in (one, other):
+        require_file(each)
     first, second = _read(one), _read(other)
     for name in dict.fromkeys([*first, *second]):
         if (name in first) != (name in second):

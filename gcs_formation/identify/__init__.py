@@ -14,6 +14,7 @@ import yaml
 
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.bounded_read import require_file
 from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
@@ -281,6 +282,7 @@ def _begin(believed: Scenario | None, system: int) -> VehicleModel:
 def _delays_s(directory: Path) -> dict[int, float]:
     """Return the measured round-trip delay of each vehicle's link, s, as far as the summary has it."""
     try:
+        require_file(directory / SUMMARY)
         summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}

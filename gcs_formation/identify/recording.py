@@ -16,6 +16,7 @@ from airlink.messages.command import CommandInt, SetPositionTargetLocalNed
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
+from formation_scenario.bounded_read import require_file
 from gcs_formation.errors import RecordError
 from gcs_formation.record.tlog import read_tlog
 from gcs_formation.vehicle.command_delivery import REPEAT_S
@@ -127,6 +128,7 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
         RecordError: the log can't be read, or no vehicle flew under setpoints for `LEAST_S`.
     """
     try:
+        require_file(log)
         vehicles = _of_dataflash(log) if log.suffix.lower() == DATAFLASH else _of_telemetry(log)
     except OSError as error:
         raise RecordError(f"{log}: {error.strerror or error}") from error

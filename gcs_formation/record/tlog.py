@@ -10,6 +10,7 @@ from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
 from airlink.clock import Instant
 from airlink.frame import frame_length
+from formation_scenario.bounded_read import require_file
 
 _STAMP_BYTES: Final = 8
 """Length of the stamp before each frame: microseconds since 1970, 64 bits, big-endian."""
@@ -49,6 +50,7 @@ class TlogWriter:
 
 def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
     """Yield a log's complete frames, each with the time of writing, microseconds since 1970."""
+    require_file(path)
     data = path.read_bytes()
     begin = 0
     while begin + _STAMP_BYTES < len(data):

@@ -17,6 +17,7 @@ from airlink.frame import ParserCounts
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.bounded_read import require_file
 from formation_scenario.gains import redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
@@ -238,6 +239,7 @@ def _events(path: Path) -> Events:
 
 def _text(path: Path) -> str:
     try:
+        require_file(path)
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         found = f"found byte 0x{error.object[error.start]:02x} at offset {error.start} of {path.name}"

@@ -23,6 +23,7 @@ from pydantic import ValidationError
 
 from airlink.cli.output_directory import refusal
 from flight_model.arrays import Array, Mask
+from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
@@ -158,6 +159,7 @@ def read_plan(path: Path) -> dict[str, Any]:
         RecordError: it isn't the directory of a study.
     """
     try:
+        require_file(path / STUDY)
         plan: Any = yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
         raise RecordError(f"found no study in {path}; expected: a directory that `study --out` wrote") from error

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from airlink.cli import counted
+from formation_scenario.bounded_read import require_file
 from formation_scenario.expectation import bounds_text
 from gcs_formation.errors import RecordError
 from gcs_formation.record.json_shape import (
@@ -139,6 +140,7 @@ def _result(directory: Path) -> Mapping[str, Any]:
         RecordError: it doesn't have the form that a study writes.
     """
     try:
+        require_file(directory / RESULT)
         result: Any = json.loads((directory / RESULT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
