@@ -132,6 +132,10 @@ class ParserCounts:
         )
 
 
+MOST_REFUSED: Final = 12
+"""Candidates in a datagram from a network that may be no frames; after as many its rest is skipped."""
+
+
 class StreamParser:
     """Finds frames in one remote's bytes, however these are split into datagrams; garbage is skipped and counted.
 
@@ -139,8 +143,12 @@ class StreamParser:
     one. So the frames found don't depend on how the bytes were split.
     """
 
-    def __init__(self) -> None:
-        """Start with no bytes."""
+    def __init__(self, most_refused: int = 0) -> None:
+        """Start with no bytes; `most_refused`: after so many refused candidates, what is given at once is skipped.
+
+        0 is no limit: every frame is found, in a time that grows with the bytes.
+        """
+        self._most_refused = most_refused
         self.counts = ParserCounts()
         self._pending = b""
         self._refused_to = 0
@@ -172,7 +180,7 @@ class StreamParser:
     def _search(self, data: bytes) -> list[Frame]:
         """Return the frames in the unparsed bytes; keep the bytes that may still become one."""
         frames: list[Frame] = []
-        offset, end, sound = 0, len(data), 0
+        offset, end, sound, refused = 0, len(data), 0, 0
         kept = end  # the earliest start of a candidate that isn't complete
         candidates, checksums = Candidates(data, self._refused_to), Checksums(data)
         while (offset := candidates.next(offset)) < end:
@@ -186,6 +194,10 @@ class StreamParser:
                     offset, kept = following, end
                     continue
                 candidates.refuse(following)
+                refused += 1
+                if refused == self._most_refused:
+                    candidates.refused_to, kept = 0, end
+                    break
             elif candidates.is_likely(offset):
                 kept = min(kept, offset)
             else:
@@ -352,7 +364,7 @@ class Receiver:
             self._parsers.move_to_end(peer)
         parser = of_peer.get(socket)
         if parser is None:
-            parser = of_peer[socket] = StreamParser()
+            parser = of_peer[socket] = StreamParser(MOST_REFUSED)
         return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:

@@ -83,12 +83,11 @@ class Senders:
         connection, history = vehicle.connection, vehicle.history
         elsewhere = connection.talks and (socket != connection.socket or datagram.peer != connection.peer)
         follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
-        # Another address's are refused in any case; a twin's frames may be the same as a vehicle's earlier ones.
-        if not elsewhere and history.is_copy(frame, now, elsewhere=False, follows=follows):
+        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows):
             if history.copies == MANY_COPIES:
                 self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
             return vehicle
-        if not elsewhere and history.is_lost_one(frame, now, elsewhere=False):
+        if history.is_lost_one(frame, now, elsewhere=elsewhere):
             return None
         admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
         if finding is not None:

@@ -34,6 +34,8 @@ KEPT_NS: Final = 120 * NANOSECONDS
 """Received frames are remembered for this long at least, twice as long at most."""
 MARKS: Final = 1 << 18
 """Bits, one of which each remembered frame sets: of a vehicle's frames in `KEPT_NS` some 3 % share one by chance."""
+SLOWER_LINK_S: Final = 5.0
+"""Largest age of copies from another address; older frames are another sender's."""
 COPIES_COME_NS: Final = 10 * NANOSECONDS
 """For this long after a copy, others are expected."""
 SAID_NS: Final = 5 * NANOSECONDS // 2
@@ -46,12 +48,11 @@ BYTE: Final = 8
 STATES: Final = (
     m.MAVLINK_MSG_ID_HEARTBEAT,
     m.MAVLINK_MSG_ID_CURRENT_MODE,
-    m.MAVLINK_MSG_ID_VFR_HUD,
     m.MAVLINK_MSG_ID_SYS_STATUS,
     m.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
 )
-"""Messages without a time that say how the vehicle is."""
+"""Messages without a time that say how the vehicle is, until it is otherwise. A measurement contradicts no other."""
 
 
 class FrameHistory:
@@ -89,7 +90,8 @@ class FrameHistory:
         known = self._knows(_mark(frame))
         stamp_s = math.nan if frame.message is None else frame.message.boot_s()
         timed = not math.isnan(stamp_s)
-        copied = known and timed and (self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now))
+        old = self._is_overtaken if elsewhere else self._is_old
+        copied = known and timed and (old(frame, stamp_s, now) or not (elsewhere or self._is_of_now(stamp_s, now)))
         if timed or not elsewhere:
             self._weigh(copied or (known and not timed and not follows), now, elsewhere)
         if known and not timed and (elsewhere or self.copies_come(now)):
@@ -114,7 +116,9 @@ class FrameHistory:
         if not self.copies_come(now, elsewhere=elsewhere):
             return False
         stamp_s = math.nan if frame.message is None else frame.message.boot_s()
-        return elsewhere or (self._is_old(frame, stamp_s) and not self._is_of_now(stamp_s, now))
+        if elsewhere:
+            return math.isnan(stamp_s) or self._is_overtaken(frame, stamp_s, now)
+        return self._is_old(frame, stamp_s, now) and not self._is_of_now(stamp_s, now)
 
     def take(self, frame: Frame, now: Instant, *, follows: bool, awaited: bool) -> None:
         """Take a frame of the vehicle that isn't a copy, and judge whether it is news.
@@ -130,7 +134,7 @@ class FrameHistory:
             if self.is_news and frame.message_id in STATES:
                 self._said[frame.message_id] = _payload(frame), now
         else:
-            self.is_news = not (self._is_old(frame, stamp_s) and self._goes_on(frame, stamp_s, now))
+            self.is_news = not (self._is_old(frame, stamp_s, now) and self._goes_on(frame, stamp_s, now))
             if self.is_news:
                 self._newest_s[message.kind().place] = stamp_s
         self.late += not self.is_news
@@ -141,7 +145,17 @@ class FrameHistory:
             self._newest_s[place] = math.nan
         self._said.clear()
 
-    def _is_old(self, frame: Frame, stamp_s: float) -> bool:
+    def _is_overtaken(self, frame: Frame, stamp_s: float, now: Instant) -> bool:
+        """Return whether a stamp is a little older than the newest of its kind, as those of a slower link are.
+
+        A twin's is as new, or of another clock: that its frames are the same as the vehicle's proves nothing.
+        """
+        if frame.message is None or not self._clock.samples:
+            return False
+        since_s = stamp_s - self._newest_s[frame.message.kind().place]
+        return since_s < 0.0 and self._clock.age_s(stamp_s, now) <= SLOWER_LINK_S
+
+    def _is_old(self, frame: Frame, stamp_s: float, now: Instant) -> bool:  # noqa: ARG002 - as `_is_overtaken`
         """Return whether a stamp is no newer than the newest of its kind."""
         if frame.message is None:
             return False

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from airlink import checksum as checksum_module
 from airlink import frame as frame_module
 from airlink.checksum import Checksums, checksum
-from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, StreamParser, frame_length
+from airlink.endpoint import Address
+from airlink.engine import Datagram
+from airlink.frame import HEADER_V1, HEADER_V2, MOST_REFUSED, FrameWriter, Receiver, StreamParser, frame_length
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
@@ -265,3 +267,32 @@ def test_a_frame_of_mavlink_1_has_its_message_s_length_and_some_extension_fields
     raw = b"\xfe" + body + crc16.mcrf4xx(body + b"\x32").to_bytes(2, "little")
     assert len(frames_of(raw)) == found
     assert len(frames_of(b"\xfe", raw)) == found
+
+
+@pytest.mark.parametrize("beginning", [*BEGINNINGS, SOUND[:12], SOUND[:-1] + bytes([SOUND[-1] ^ 1])])
+def test_a_datagram_of_beginnings_costs_a_few_checksums_and_the_next_frame_is_found(beginning, monkeypatch):
+    tried = []
+    accept = StreamParser._accept
+
+    def counting(parser, raw, **keys):
+        tried.append(len(raw))
+        return accept(parser, raw, **keys)
+
+    monkeypatch.setattr(StreamParser, "_accept", counting)
+    receiver, peer = Receiver(), Address("127.0.0.1", 14550)
+    data = (beginning * 1400)[:1400]
+    assert receiver.first(Datagram(0, peer, data)) is None
+    assert len(tried) <= MOST_REFUSED
+    found = receiver.first(Datagram(0, peer, SOUND))
+    assert found is not None
+    assert found.raw == SOUND
+    assert receiver.total().garbage_bytes == len(data)
+
+
+def test_a_frame_split_over_datagrams_is_found_after_garbage():
+    receiver, peer = Receiver(), Address("127.0.0.1", 14550)
+    parts = BEGINNINGS[1] * 4 + SOUND[:9], SOUND[9:] + SOUND
+    assert receiver.first(Datagram(0, peer, parts[0])) is None
+    found = receiver.first(Datagram(0, peer, parts[1]))
+    assert found is not None
+    assert [found.raw, found.following and found.following.raw] == [SOUND, SOUND]

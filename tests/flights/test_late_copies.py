@@ -97,6 +97,9 @@ def alone() -> World:
         (2.0, False, False),
         (2.0, True, False),
         (3.0, False, False),
+        (3.0, True, False),
+        (2.0, False, True),
+        (2.0, True, True),
     ],
 )
 def test_a_flight_with_late_copies_is_as_one_without(

@@ -6,6 +6,7 @@ import itertools
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -50,8 +51,8 @@ def test_a_pipe_that_trickles_is_given_up(tmp_path: Path, monkeypatch: pytest.Mo
         return read(opened, most)
 
     os.write(handle, b"x")
-    monkeypatch.setattr(bounded_read.time, "monotonic", lambda: next(passed_s))
-    monkeypatch.setattr(bounded_read.os, "read", trickle)
+    monkeypatch.setattr(time, "monotonic", lambda: next(passed_s))
+    monkeypatch.setattr(os, "read", trickle)
     with pytest.raises(OSError, match="bytes and no end for 8 s"):
         read_bounded(tmp_path / "pipe", 1000)
     os.close(handle)

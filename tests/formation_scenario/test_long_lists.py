@@ -40,7 +40,7 @@ def test_a_list_too_long_is_refused_by_its_length(keys: dict[str, Any], message:
 
 
 def test_vehicles_with_the_same_changes_share_their_links_states() -> None:
-    changes = [{"at_s": 1 + i, "delay_ms": 50 + i} for i in range(20)]
+    changes = list[dict[str, Any]]({"at_s": 1 + i, "delay_ms": 50 + i} for i in range(20))
     changes.append({"at_s": 40, "vehicles": [3], "loss": 0.1})
     scenario = load_scenario({"vehicles": {"count": 4}, "path": PATH, "links": {"changes": changes}})
     one, two, three, four = (scenario.link_steps(each) for each in scenario.vehicles)
