@@ -68,6 +68,8 @@ class FrameHistory:
         """Whether the frame judged last is news."""
         self.was_copy = False
         """Whether it had been received before."""
+        self.may_be_copy = False
+        """Whether the frame taken last, without a time, had been received before: its number proves no loss."""
         self._clock = clock
         self._newest_s = vec[float]([math.nan] * len(KINDS))
         """Newest stamp of each kind of message."""
@@ -125,9 +127,10 @@ class FrameHistory:
 
         `awaited`: it is the answer to a request, which no other frame can be.
         """
-        self._remember(_mark(frame), now)
-        message = frame.message
+        mark, message = _mark(frame), frame.message
         stamp_s = math.nan if message is None else message.boot_s()
+        self.may_be_copy = math.isnan(stamp_s) and self._knows(mark)
+        self._remember(mark, now)
         self.was_copy = False
         if message is None or math.isnan(stamp_s):
             self.is_news = follows or awaited or not self.copies_come(now)

@@ -161,6 +161,10 @@ class SequenceTracker:
         gap = (sequence - self._newest - 1) % MODULUS
         return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
 
+    def is_next(self, sequence: i64) -> bool:
+        """Return whether a number follows the newest."""
+        return sequence == (self._newest + 1) % MODULUS
+
     def is_near(self, sequence: i64) -> bool:
         """Return whether a number is shortly before or after the newest: copies may have shown others between."""
         return (self._newest - sequence + NEAR) % MODULUS < 2 * NEAR
