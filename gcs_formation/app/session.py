@@ -17,11 +17,18 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import column_ids
-from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected, planned_end_s
+from gcs_formation.app.link_injection import (
+    InjectedDelays,
+    InjectedFaults,
+    impair,
+    injected,
+    planned_end_s,
+)
 from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
+from gcs_formation.app.script import Script
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
@@ -138,7 +145,8 @@ class Session:
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
-        self._links = impair(scenario, self.station)
+        self.script = Script(scenario, self.station, self.recorder, repeats=resumed is None, stepped=options.stepped)
+        self._links = impair(scenario, self.station, self.script.links)
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
@@ -169,6 +177,8 @@ class Session:
             self.recorder.replace_earlier()
         if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
+        if self.script.pending:
+            self.script.attend(self.clock.now())
         if self._orders is not None:
             self._orders.poll()
         if self._confirmation is not None:
@@ -213,6 +223,8 @@ class Session:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
         wall_s, course = self._spent.wall_s, self.station.course
+        if self.script.has_new:
+            self.recorder.record_scenario(self.script.recorded())
         self.recorder.close()
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
@@ -246,9 +258,9 @@ class Session:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
-        spool = self.recorder.path / SPOOL
+        spool, self.scenario = self.recorder.path / SPOOL, self.script.as_planned()
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
-        injected_s = self._injected.series_s(rows.ticks)
+        injected_s = self._injected.series_s(rows.ticks, clear=self.script.links_clear)
         passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
@@ -323,7 +335,9 @@ class Session:
             frames_implausible=vehicle.telemetry.implausible,
             frames_duplicate=vehicle.history.copies,
             frames_late=vehicle.history.late,
-            injected=injected(self._links.statistics(identity)) if self._links else uninjected,
+            injected=injected(self._links.statistics(identity))
+            if self._links and not self.script.links_clear
+            else uninjected,
             due_to_s=due_to_s,
             heard_to_s=self._heard_to_s(identity),
         )
