@@ -26,7 +26,7 @@ class LeaderSpeed(gymnasium.Env):
         self.action_space = gymnasium.spaces.Discrete(len(SPEEDS_MPS))
         self.observation_space = gymnasium.spaces.Box(-math.inf, math.inf, (len(self.followers), 2), np.float32)
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed=None, options=None):  # noqa: ARG002 - as gymnasium calls it
         super().reset(seed=seed)
         self.close()
         out = Path(tempfile.mkdtemp()) / "run"

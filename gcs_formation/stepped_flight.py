@@ -165,7 +165,8 @@ class Flight:
         self._refs = [None if each is None else _ref(str(each)) for each in column_ids(self._scenario)]
         self._steps: Stepped | None = None
         self._number = 0
-        self._over = False
+        self._last: Stop | None = None
+        """The tick with which the flight along the path ended."""
         self._summary: Summary | None = None
 
     @property
@@ -226,11 +227,24 @@ class Flight:
         return self
 
     def __next__(self) -> FlightTick:
-        """Fly to the next control tick; a flight that couldn't go on stops, and the end of `with` raises why."""
+        """Fly to the next control tick, until the flight is at its end, where no more orders are taken.
+
+        A flight that couldn't go on stops, and the end of `with` raises why.
+        """
         tick = self._next()
         if tick is None:
             raise StopIteration
         return tick
+
+    def ending(self) -> Iterator[FlightTick]:
+        """Yield the control ticks from the flight's end on, while vehicles are brought to circle, home or down.
+
+        Without it the end of `with` flies them.
+        """
+        stop, self._last = self._last, None
+        while stop is not None:
+            yield self._given(stop)
+            stop = self._flying.next()
 
     def __aiter__(self) -> AsyncIterator[FlightTick]:
         """Return the same for `async for`: other tasks go on while the flight flies to its next tick."""
@@ -244,10 +258,15 @@ class Flight:
         return tick
 
     def _next(self) -> FlightTick | None:
-        stop = None if self._over else self._flying.next()
-        if stop is None:
-            self._over = True
+        if self._last is not None:
             return None
+        stop = self._flying.next()
+        if stop is None or stop.ends:
+            self._last = stop
+            return None
+        return self._given(stop)
+
+    def _given(self, stop: Stop) -> FlightTick:
         skipped, self._number = stop.number - self._number - 1, stop.number
         return FlightTick(stop, self._refs, skipped)
 
@@ -343,7 +362,7 @@ class Flight:
         """End a flight that goes on by the order that a program could have given."""
         session = self._flying.session
         flight = session.station.flight
-        if not flight.ended and flight.phase not in OVER and not self._over:
+        if not flight.ended and flight.phase not in OVER:
             session.script.do(ScriptedOrder(at_tick=session.station.recorded_ticks, order=END), now)
 
 

@@ -93,8 +93,10 @@ class LinkSchedule:
         mission_s = self._flight.mission_time_s(now)
         return links[0 if math.isnan(mission_s) else bisect_right(self._times_s[vehicle], mission_s)]
 
-    def change(self, change: ScriptedLink) -> None:
+    def change(self, change: ScriptedLink) -> bool:
         """Change links from now on; the keys that change stay so, whatever the scenario plans for later.
+
+        Return whether any is not as it was.
 
         Raises:
             ScenarioError: losses come in bursts that are too short for their share.
@@ -113,10 +115,12 @@ class LinkSchedule:
             for step in steps:
                 _require_burst(vehicle, step.uplink)
                 _require_burst(vehicle, step.downlink)
-            changed[vehicle] = steps
+            if steps != self._steps[vehicle]:
+                changed[vehicle] = steps
         self._steps.update(changed)
         for vehicle in changed:
             self._translate(vehicle)
+        return bool(changed)
 
     def _translate(self, vehicle: VehicleId) -> None:
         links = [(_impairment(step.uplink), _impairment(step.downlink)) for step in self._steps[vehicle]]

@@ -23,6 +23,9 @@ Moment = tuple[Instant, VehicleId, str, bool]
 """When a fault begins or ends, of which vehicle, its kind, and whether it ends."""
 
 
+UNCHANGED = Answer(True, "it is so already")
+
+
 class Script:
     """Carries out what a program does, and what the scenario says that one did, each after its control tick."""
 
@@ -40,6 +43,8 @@ class Script:
         self._moments: list[Moment] = []
         self._done: list[tuple[Instant, ScriptedOrder]] = []
         self._new: list[ScriptedOrder] = []
+        self._lasting = set[tuple[str, str | None, VehicleId]]()
+        """Faults that were injected for good, of each vehicle."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
 
@@ -63,13 +68,14 @@ class Script:
             self._recorder.event(Event(now, "fault", text, vehicle, {"fault": kind, "ends": ends}))
 
     def do(self, act: ScriptedOrder, now: Instant) -> Answer:
-        """Carry out what a program does now, and keep it for run.yaml.
+        """Carry out what a program does now, and keep it for run.yaml unless everything is so already.
 
         Raises:
             ScenarioError: links can't be changed like that.
         """
         answer = self._carry_out(act, now)
-        self._new.append(act)
+        if answer is not UNCHANGED:
+            self._new.append(act)
         return answer
 
     @property
@@ -106,11 +112,14 @@ class Script:
         if act.order is not None:
             return self._station.orders.take(act.order, now)
         if act.link is not None and self.links.schedule is not None:
-            self.links.schedule.change(act.link)
+            if not self.links.schedule.change(act.link):
+                return UNCHANGED
             self._note("link of", act.link.vehicles, dict(_given(act)), now)
         hit = act.fault or act.disturbance
         if hit is not None and self.emulators is not None:
             identities = frozenset(each.vehicle_id for each in self._scenario.selected(hit.vehicles))
+            if act.fault is not None and self._lasts_already(act.fault, identities):
+                return UNCHANGED
             self.emulators(act, identities, now)
             if act.fault is not None:
                 self._moments += _moments(act.fault, identities, now)
@@ -119,6 +128,17 @@ class Script:
                 self._note("disturbance of", hit.vehicles, dict(_given(act)), now)
         self._done.append((now, act))
         return Answer(True, "done")
+
+    def _lasts_already(self, fault: ScriptedFault, hit: frozenset[VehicleId]) -> bool:
+        """Return whether the vehicles have this fault for good; a restart ends what they have."""
+        if fault.kind == "restart":
+            self._lasting.clear()
+        if fault.kind == "restart" or fault.at_s > 0.0 or fault.until_s is not None:
+            return False
+        lasting = {(fault.kind, fault.mode, vehicle) for vehicle in hit}
+        known = lasting <= self._lasting
+        self._lasting |= lasting
+        return known
 
     def _note(self, what: str, whose: object, keys: dict[str, object], now: Instant) -> None:
         names = "all" if whose == "all" else ", ".join(map(str, whose if isinstance(whose, tuple) else (whose,)))

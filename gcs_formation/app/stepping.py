@@ -16,8 +16,10 @@ from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import conclude, in_memory, over_udp
 from gcs_formation.app.session import Session
+from gcs_formation.phases import OVER
 from gcs_formation.record.summary import Summary
 from gcs_formation.recorder import Event, Tick
+from gcs_formation.station import Station
 
 Result = TypeVar("Result")
 WAIT_S = 0.5
@@ -30,6 +32,8 @@ class Stop(NamedTuple):
     tick: Tick
     number: int
     events: list[Event]
+    ends: bool
+    """Whether the flight along the path is over, so that vehicles are brought to their end."""
 
 
 class Stepped(Protocol):
@@ -95,7 +99,7 @@ class VirtualSteps:
             raise KeyboardInterrupt
         if station.recorded_ticks == last or station.newest is None:
             return None
-        return Stop(station.newest, station.recorded_ticks, self._heard.taken())
+        return Stop(station.newest, station.recorded_ticks, self._heard.taken(), _ends(station))
 
     def do(self, what: Callable[[Instant], Result]) -> Result:
         """Call a function with the present instant."""
@@ -111,6 +115,10 @@ class VirtualSteps:
         if self._interrupts.count > stopped:
             raise KeyboardInterrupt
         return summary
+
+
+def _ends(station: Station) -> bool:
+    return station.flight.phase in OVER or station.flight.ended
 
 
 class _Call:
@@ -197,7 +205,7 @@ class RealSteps:
             self._given = station.recorded_ticks
             with self._changed:
                 earlier = [] if self._stop is None else self._stop.events
-                self._stop = Stop(station.newest, self._given, [*earlier, *self._heard.taken()])
+                self._stop = Stop(station.newest, self._given, [*earlier, *self._heard.taken()], _ends(station))
                 self._changed.notify_all()
         return over
 

@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -24,6 +25,12 @@ def same(one: Path, other: Path) -> bool:
     return all((one / name).read_bytes() == (other / name).read_bytes() for name in RECORD)
 
 
+def flight_orders(run: Path) -> list[dict[str, Any]]:
+    """Return what run.yaml records of a program."""
+    found: list[dict[str, Any]] = yaml.safe_load((run / "run.yaml").read_text())["orders"]
+    return found
+
+
 def figures(summary: gcs_formation.Summary) -> dict[str, Any]:
     """Return the figures that don't depend on the machine."""
     found = summary.to_dict()
@@ -36,7 +43,11 @@ def test_a_stepped_flight_without_orders_has_the_bytes_of_run_and_gives_every_ro
     summary = gcs_formation.run(scenario(seed=3), out=tmp_path / "run", **keys)
     with Flight(scenario(), seed=3, out=tmp_path / "stepped", **keys) as flight:
         ticks = list(flight)
+        assert {tick.phase for tick in ticks} == {"connecting", "assembling", "flying"}
+        ticks += flight.ending()
+        assert ticks[-1].phase == "loitering"
     assert same(tmp_path / "run", tmp_path / "stepped")
+    assert len(ticks) == pq.read_table(tmp_path / "run" / "timeseries.parquet").num_rows / 3
     assert figures(flight.summary) == figures(summary)
     assert [tick.number for tick in ticks] == list(range(1, len(ticks) + 1))
     assert {tick.skipped for tick in ticks} == {0}
@@ -59,7 +70,7 @@ def test_what_a_program_does_is_in_run_yaml_which_repeats_the_flight_byte_for_by
                     flight.tell("speed 100")
             if tick.number == 70:
                 break
-    orders = yaml.safe_load((tmp_path / "first" / "run.yaml").read_text())["orders"]
+    orders = flight_orders(tmp_path / "first")
     assert [each["at_tick"] for each in orders] == [0, 3, 3, 3, 3, 60, 60, 70]
     assert [each["order"] for each in orders if "order" in each] == ["shape line 40", "speed 100", "loiter"]
     again = gcs_formation.run(tmp_path / "first" / "run.yaml", clock="virtual", out=tmp_path / "again")
@@ -69,16 +80,19 @@ def test_what_a_program_does_is_in_run_yaml_which_repeats_the_flight_byte_for_by
     assert faults == ["freeze", "freeze is over"]
 
 
-def test_links_change_at_once_and_their_delay_is_measured(tmp_path: Path) -> None:
+def test_links_change_at_once_and_once_and_their_delay_is_measured(tmp_path: Path) -> None:
     with Flight(scenario(), out=tmp_path / "run", until=9) as flight:
         for tick in flight:
-            if tick.number == 1:
-                flight.link([2], delay_ms=150)
+            flight.link([2], delay_ms=150)
+            if tick.number > 70:
+                flight.inject("freeze", vehicle=3)
             if tick.number == 60:
                 assert tick.vehicles[2].delay_s == pytest.approx(0.15, abs=0.02)
                 assert tick.vehicles[3].delay_s < 0.02
     assert flight.summary.to_dict()["links"]["2"]["injected_delay_ms"] == pytest.approx(150.0, abs=15.0)
     assert flight.summary.to_dict()["links"]["3"]["injected_delay_ms"] == 0.0
+    orders = flight_orders(tmp_path / "run")
+    assert [each["at_tick"] for each in orders] == [1, 71], "what is so already isn't done again"
 
 
 def test_a_tick_shows_every_vehicle_and_the_events_since_the_last(tmp_path: Path) -> None:
@@ -112,6 +126,7 @@ def test_leaving_early_ends_the_flight_in_order(tmp_path: Path, leaves: str) -> 
     texts = [(each["kind"], each["text"]) for each in events_of(tmp_path / "run")]
     assert ("order", "loiter: accepted") in texts
     assert texts[-1] == ("phase", "done")
+    assert flight_orders(tmp_path / "run") == [{"at_tick": 50, "order": "loiter"}]
     assert (tmp_path / "run" / "summary.json").is_file()
     assert flight.summary.run_dir == tmp_path / "run"
 
@@ -135,7 +150,7 @@ def test_what_cannot_be_done_is_refused_as_elsewhere_and_isnt_recorded(tmp_path:
             flight.inject("crash", vehicle=3, for_s=3)
         with pytest.raises(ScenarioError, match=r"disturbance: found neither"):
             flight.disturb("dryden")
-    orders = yaml.safe_load((tmp_path / "run" / "run.yaml").read_text())["orders"]
+    orders = flight_orders(tmp_path / "run")
     assert orders == [{"at_tick": 1, "order": "loiter"}]
 
 
