@@ -160,7 +160,7 @@ class Flight:
             ValueError: `clock`, `speedup`, `until` or `out` is wrong.
         """
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
-        given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite, "stepped": True}
+        given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
         self._scenario, self._options = flown_by(scenario, keys, out, given)
         self._refs = [None if each is None else _ref(str(each)) for each in column_ids(self._scenario)]
         self._steps: Stepped | None = None

@@ -74,7 +74,7 @@ class LinkSchedule:
 
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
-        self._scenario, self._flight = scenario, flight
+        self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
         self._steps: dict[VehicleId, list[LinkStep]] = {
             vehicle.vehicle_id: list(scenario.link_steps(vehicle)) for vehicle in scenario.vehicles
         }
@@ -135,26 +135,20 @@ def _require_burst(vehicle: VehicleId, link: PlannedImpairment) -> None:
         raise refused("mean_burst", found, f"{least:g} or more with that loss")
 
 
-class LinkChanges:
-    """Changes of links by a program, which only a station that is wrapped in its links from the start can have."""
-
-    def __init__(self, expected: bool) -> None:
-        """`expected`: whether there may be any."""
-        self.expected = expected
-        self.schedule: LinkSchedule | None = None
+def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
+    """Return the station wrapped in the scenario's links; None if these never impair anything."""
+    return wrapped(station, LinkSchedule(scenario, station.flight))
 
 
-def impair(scenario: Scenario, station: Station, changes: LinkChanges | None = None) -> ImpairedEngine | None:
-    """Return the station wrapped in the scenario's links; None if these never impair anything.
-
-    `changes` gets the schedule that a program may change.
-    """
-    schedule = LinkSchedule(scenario, station.flight)
-    if changes is not None:
-        changes.schedule = schedule
-    if schedule.clear and (changes is None or not changes.expected):
+def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
+    """Return the station wrapped in links, which know whom it talks to; None if nothing impairs them."""
+    if schedule.clear:
         return None
-    return ImpairedEngine(station, station.networks, schedule.both_ways, scenario.seed)
+    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed)
+    for identity, vehicle in station.vehicles.items():
+        if vehicle.connection.peer is not None:
+            links.expect(vehicle.connection.socket, vehicle.connection.peer, identity)
+    return links
 
 
 def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float, float]:
@@ -171,8 +165,12 @@ class InjectedDelays:
         """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known."""
         self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s = {vehicle: array("d") for vehicle in (self._sums if links else ())}
+        self._series_s = {vehicle: array("d") for vehicle in self._sums}
         self._ticks = 0
+
+    def begin(self, links: ImpairedEngine) -> None:
+        """Read the statistics of links that are impaired from now on."""
+        self._links = links
 
     def note(self, ticks: int) -> None:
         """Record what was injected since the previous tick, once for every new tick."""
@@ -183,17 +181,16 @@ class InjectedDelays:
                 series_s.extend(self._since_last_s(vehicle, self._links) * (ticks - self._ticks))
         self._ticks = ticks
 
-    def series_s(self, ticks: int, *, clear: bool) -> Mapping[VehicleId, Array]:
+    def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
         """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
 
-        Args:
-            ticks: T, including those before a resumption.
-            clear: whether no link was ever impaired, as without `links`.
+        `ticks`: T, including those before a resumption.
         """
         series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
         for vehicle, each_s in series_s.items():
-            known_s = None if clear else self._series_s.get(vehicle)
-            each_s[ticks - self._ticks :] = self._otherwise_s if known_s is None else np.array(known_s).reshape(-1, 2)
+            known_s = np.array(self._series_s[vehicle]).reshape(-1, 2)
+            each_s[ticks - self._ticks : ticks - len(known_s)] = self._otherwise_s
+            each_s[ticks - len(known_s) :] = known_s
         return series_s
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:

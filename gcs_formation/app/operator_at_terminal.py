@@ -56,8 +56,6 @@ class RunOptions:
     """`fly` only: whether the run ends before the first command."""
     resume: bool = False
     """`fly` only: whether the unfinished run in `out` is continued."""
-    stepped: bool = False
-    """Whether a program steps the flight, and may change its links."""
     retake: bool = False
     """With `resume`: whether vehicles that are returning home are taken over too."""
 

@@ -100,7 +100,7 @@ def in_memory(
             if act.disturbance is not None:
                 fleet.environment.disturb(act.disturbance, hit, zero)
 
-        session.script.emulators = strike
+        session.script.emulators, session.replace = strike, partial(network.replace, session.engine)
         try:
             network.attach(fleet)
             network.attach(session.engine)
@@ -130,7 +130,7 @@ def over_udp(
     session = _open(scenario, options, clock, progress, interrupts)
     try:
         with UdpDriver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
-            session.script.emulators = partial(_strike, emulators)
+            session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
             yield session, driver.run, partial(over, session, emulators)
     except PortError as error:
         raise session.port_failed(error) from error

@@ -13,7 +13,7 @@ from formation_scenario.links import LinkChange
 from formation_scenario.orders import Answer
 from formation_scenario.scripted import ScriptedFault, ScriptedOrder
 from formation_scenario.surroundings import Disturbance, Fault
-from gcs_formation.app.link_injection import LinkChanges
+from gcs_formation.app.link_injection import LinkSchedule
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
@@ -30,14 +30,20 @@ class Script:
     """Carries out what a program does, and what the scenario says that one did, each after its control tick."""
 
     def __init__(
-        self, scenario: Scenario, station: Station, recorder: Recorder, *, repeats: bool, stepped: bool
+        self,
+        scenario: Scenario,
+        station: Station,
+        recorder: Recorder,
+        links: tuple[LinkSchedule, Callable[[LinkSchedule], None]],
+        *,
+        repeats: bool,
     ) -> None:
         """Begin before the first tick.
 
-        `repeats`: whether what the scenario records is done again; `stepped`: whether a program may do more.
+        `links`: their schedule, and what is called after it has changed; `repeats`: whether what the scenario records
+        is done again.
         """
-        self._scenario, self._station, self._recorder = scenario, station, recorder
-        self.links = LinkChanges(stepped or any(act.link is not None for _, act in scenario.scripted))
+        self._scenario, self._station, self._recorder, self._links = scenario, station, recorder, links
         recorded = (act for _, act in scenario.scripted if repeats)
         self._recorded = deque(sorted(recorded, key=attrgetter("at_tick")))
         self._moments: list[Moment] = []
@@ -52,11 +58,6 @@ class Script:
     def pending(self) -> bool:
         """Whether anything that was recorded, or a moment of a fault, is still to come."""
         return bool(self._recorded or self._moments)
-
-    @property
-    def links_clear(self) -> bool:
-        """Whether no link was ever impaired."""
-        return self.links.schedule is None or self.links.schedule.clear
 
     def attend(self, now: Instant) -> None:
         """Carry out what was recorded up to this tick, and report faults that are due."""
@@ -111,9 +112,11 @@ class Script:
     def _carry_out(self, act: ScriptedOrder, now: Instant) -> Answer:
         if act.order is not None:
             return self._station.orders.take(act.order, now)
-        if act.link is not None and self.links.schedule is not None:
-            if not self.links.schedule.change(act.link):
+        if act.link is not None:
+            schedule, changed = self._links
+            if not schedule.change(act.link):
                 return UNCHANGED
+            changed(schedule)
             self._note("link of", act.link.vehicles, dict(_given(act)), now)
         hit = act.fault or act.disturbance
         if hit is not None and self.emulators is not None:

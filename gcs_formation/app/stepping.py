@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from types import FrameType
 from typing import NamedTuple, Protocol, TypeVar
 
 from airlink.cli import rare_garbage_collection
@@ -76,26 +78,47 @@ class _Heard(Progress):
         return taken
 
 
+class _Signals(Interrupts):
+    """Counts signals while the flight flies; while the program has the word they do what they did before."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.flies = False
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        before = None if self.flies else self._before.get(signal.Signals(number))
+        if callable(before):
+            before(number, frame)
+        else:
+            super()._note(number, frame)
+
+
 class VirtualSteps:
     """Under the virtual clock the flight waits for the program, whose orders come between the same events each time."""
 
     def __init__(self, scenario: Scenario, options: RunOptions) -> None:
         """Begin the flight; nothing happens before the first step."""
-        self._heard, self._interrupts, self._open = _Heard(), Interrupts(), ExitStack()
-        opened = in_memory(scenario, options, self._heard, self._interrupts)
+        self._heard, self._signals, self._open = _Heard(), _Signals(), ExitStack()
+        opened = in_memory(scenario, options, self._heard, self._signals)
         self.session, self._run_until = self._open.enter_context(opened)
+        self._signals.__enter__()
+        station = self.session.station
+        self._last = 0
+
+        def stops() -> bool:
+            return self.session.attend() or station.recorded_ticks > self._last
+
+        self._stops = stops
 
     def next(self) -> Stop | None:
         """Fly to the next control tick; return None when the flight is over."""
-        session, station = self.session, self.session.station
-        last = station.recorded_ticks
-
-        def stops() -> bool:
-            return session.attend() or station.recorded_ticks > last
-
-        with self._interrupts, rare_garbage_collection():
-            self._run_until(stops)
-        if self._interrupts.count:
+        station = self.session.station
+        last = self._last = station.recorded_ticks
+        self._signals.flies = True
+        with rare_garbage_collection():
+            self._run_until(self._stops)
+        self._signals.flies = False
+        if self._signals.count:
             raise KeyboardInterrupt
         if station.recorded_ticks == last or station.newest is None:
             return None
@@ -107,12 +130,15 @@ class VirtualSteps:
 
     def finish(self) -> Summary:
         """Fly on to the flight's end, and return the summary."""
-        stopped = self._interrupts.count
-        with self._interrupts, rare_garbage_collection():
-            self._run_until(self.session.attend)
-            self._open.close()
-            summary = conclude(self.session)
-        if self._interrupts.count > stopped:
+        stopped, self._signals.flies = self._signals.count, True
+        try:
+            with rare_garbage_collection():
+                self._run_until(self.session.attend)
+                self._open.close()
+                summary = conclude(self.session)
+        finally:
+            self._signals.__exit__()
+        if self._signals.count > stopped:
             raise KeyboardInterrupt
         return summary
 
