@@ -150,6 +150,10 @@ class ImpairedEngine(Engine):
         self._outbox: list[Datagram] = []
         self._now = Instant(0)
 
+    def expect(self, socket: int, peer: Address, vehicle: VehicleId) -> None:
+        """Take a vehicle to be at an address from which it was heard before."""
+        self._vehicle_at[socket, peer] = vehicle
+
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return the engine's sockets."""
         return self._engine.endpoints()

@@ -240,6 +240,10 @@ class UdpDriver:
             opened.close()
         self._selector.close()
 
+    def replace(self, engine: Engine) -> None:
+        """Let an engine that wraps this driver's, with its sockets, take its place; between two events."""
+        self._engine = engine
+
     def run(self, until: Callable[[], bool]) -> None:
         """Run until `until` holds; it is checked after every timer, and ten times a second at least."""
         self._send()

@@ -84,7 +84,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
     """
     path, flown, at_m, since_s = scenario.leader_path, _Flown(scenario, first_arrangement(scenario)), 0.0, 0.0
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
-    orders = [(order.at_s, index, parse_order(order.order)) for index, order in enumerate(scenario.orders)]
+    orders = [(order.at_s, index, parse_order(order.order)) for index, order in scenario.timed_orders]
     for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
         at_m, since_s = at_m + (at_s - since_s) * flown.scenario.path.speed_mps, at_s
         lands_not = why_not_land if order.end == "land" else None

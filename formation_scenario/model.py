@@ -39,6 +39,7 @@ from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.path_of_legs import path_of_legs
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
@@ -200,9 +201,9 @@ class Scenario(Keys):
             {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
         ],
     )
-    orders: AtMost[PlannedOrder] = key(
+    orders: AtMost[AnyOrder] = key(
         (),
-        "orders that are given at a mission time, as by `gcs-formation tell`",
+        "orders that are given at a mission time, as by `gcs-formation tell`; and what a program did at a control tick",
         [{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}],
     )
     faults: AtMost[Fault] = key(
@@ -321,6 +322,16 @@ class Scenario(Keys):
     def in_wind(self, north_mps: float, east_mps: float) -> Scenario:
         """Return the scenario in another constant wind."""
         return self.model_copy(update={"wind": Wind(velocity_mps=(north_mps, east_mps, 0.0))})
+
+    @property
+    def timed_orders(self) -> list[tuple[int, PlannedOrder]]:
+        """The orders that are given at a mission time, each with its index in `orders`."""
+        return [(index, each) for index, each in enumerate(self.orders) if isinstance(each, PlannedOrder)]
+
+    @property
+    def scripted(self) -> list[tuple[int, ScriptedOrder]]:
+        """What a program did at control ticks, each with its index in `orders`."""
+        return [(index, each) for index, each in enumerate(self.orders) if isinstance(each, ScriptedOrder)]
 
     def selected(self, selection: VehicleSelection) -> tuple[Vehicle, ...]:
         """Return the vehicles that a key such as `vehicles: [2, 3]` selects, in the scenario's order."""

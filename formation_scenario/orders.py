@@ -116,7 +116,8 @@ def _vehicle(ref: str) -> VehicleRef:
     return int(ref) if len(parts) == 1 else ref
 
 
-def _known_order(value: object) -> object:
+def known_order(value: object) -> object:
+    """Return a text that is an order; the validator of keys that hold one."""
     try:
         parse_order(value if isinstance(value, str) else "")
     except OrderError as error:
@@ -129,7 +130,7 @@ class PlannedOrder(Keys):
 
     at_s: NonNegative = key(..., "when, s", 40)
     order: Annotated[
-        str, BeforeValidator(_known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
+        str, BeforeValidator(known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)
     ] = key(..., "the order", "shape line 40")
 
 

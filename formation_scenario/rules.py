@@ -32,9 +32,10 @@ from formation_scenario.links import (
 )
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import WAYPOINTS
+from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
-from formation_scenario.surroundings import PASSING, DrydenTurbulence
+from formation_scenario.surroundings import PASSING, Disturbance, DrydenTurbulence, Fault
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
@@ -196,6 +197,11 @@ def references(scenario: Scenario) -> Iterator[Finding]:
     for path, entries in groups:
         for index, entry in enumerate(entries):
             yield from _unknown(entry.vehicles, scenario.vehicles, (*path, index, "vehicles"))
+    for index, act in scenario.scripted:
+        parts = {"link": act.link, "fault": act.fault, "disturbance": act.disturbance}
+        for name, part in parts.items():
+            if part is not None:
+                yield from _unknown(part.vehicles, scenario.vehicles, ("orders", index, name, "vehicles"))
     for index, bound in enumerate(scenario.expect):
         chosen = scenario.vehicles if bound.metric in LINK_METRICS else scenario.followers
         yield from _unknown(bound.followers, chosen, ("expect", index, "followers"))
@@ -208,8 +214,12 @@ def _unknown(selection: VehicleSelection, vehicles: tuple[Vehicle, ...], path: K
 
 def disturbances(scenario: Scenario) -> Iterator[Finding]:
     """Yield disturbances that end before they begin, and turbulence without its intensity."""
-    for index, entry in enumerate(scenario.disturbances):
-        path: KeyPath = ("disturbances", index)
+    planned: list[tuple[KeyPath, Disturbance]] = [
+        (("disturbances", i), each) for i, each in enumerate(scenario.disturbances)
+    ]
+    scripted = ((i, act.disturbance) for i, act in scenario.scripted)
+    planned += [(("orders", i, "disturbance"), each) for i, each in scripted if each is not None]
+    for path, entry in planned:
         if entry.end_s <= entry.at_s:
             yield (*path, "until_s"), f"found {entry.end_s:g}", f"more than at_s, {entry.at_s:g}"
         if isinstance(entry, DrydenTurbulence):
@@ -221,14 +231,33 @@ def disturbances(scenario: Scenario) -> Iterator[Finding]:
 
 def faults(scenario: Scenario) -> Iterator[Finding]:
     """Yield faults with an end or a mode that their kind doesn't have."""
-    for index, fault in enumerate(scenario.faults):
-        path: KeyPath = ("faults", index)
+    planned: list[tuple[KeyPath, Fault]] = [(("faults", i), each) for i, each in enumerate(scenario.faults)]
+    scripted = ((i, act.fault) for i, act in scenario.scripted)
+    planned += [(("orders", i, "fault"), each) for i, each in scripted if each is not None]
+    for path, fault in planned:
         if fault.until_s is not None and fault.kind not in PASSING:
             yield (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
         elif fault.until_s is not None and fault.until_s <= fault.at_s:
             yield (*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}"
         if fault.mode is not None and fault.kind != "pilot":
             yield (*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot"
+
+
+def acts(scenario: Scenario) -> Iterator[Finding]:
+    """Yield entries of what a program did that aren't one thing, and changes of links that change nothing."""
+    for index, act in scenario.scripted:
+        if len(act.given) != 1:
+            yield ("orders", index), f"found {' and '.join(act.given) or 'nothing to do'}", f"one of {', '.join(ACTS)}"
+        if act.link is not None and act.link.changes_nothing:
+            keys = ", ".join(key for key in ScriptedLink.model_fields if key != "vehicles")
+            yield ("orders", index, "link"), "found a change of nothing", f"one or more of {keys}"
+
+
+def refused_act(scenario: Scenario, act: ScriptedOrder) -> list[Finding]:
+    """Return what is wrong with something that a program does to a scenario's flight; the index in its places is 0."""
+    alone = scenario.model_copy(update={"orders": (act,)})
+    rules = (references, disturbances, faults, acts)
+    return [found for rule in rules for found in rule(alone) if found[0][0] == "orders"]
 
 
 def measurable(scenario: Scenario) -> Iterator[Finding]:
@@ -309,6 +338,7 @@ RULES = (
     vehicle_rules.slots,
     vehicle_rules.changes,
     vehicle_rules.orders,
+    acts,
     vehicle_rules.consensus,
     row,
     path,

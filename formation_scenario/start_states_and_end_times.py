@@ -129,7 +129,7 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
 
 def planned_end_s(scenario: Scenario) -> float:
     """Return the planned mission time of the flight's end, s; with orders that may slow it, `duration_s`."""
-    slowed = any(_may_slow(parse_order(each.order)) for each in scenario.orders)
+    slowed = any(_may_slow(parse_order(each.order)) for _, each in scenario.timed_orders)
     return scenario.duration_s if slowed else min(scenario.duration_s, path_end_s(scenario))
 
 
@@ -145,7 +145,7 @@ def planned_times_s(scenario: Scenario) -> dict[str, list[float]]:
         "path.steps": [each.at_s for each in scenario.path.steps],
         "links.changes": [each.at_s for each in scenario.links.changes],
         "disturbances": [each.at_s for each in scenario.disturbances],
-        "orders": [each.at_s for each in scenario.orders],
+        "orders": [each.at_s for _, each in scenario.timed_orders],
         "faults": [each.at_s for each in scenario.faults],
     }
 

@@ -178,7 +178,7 @@ def changes(scenario: Scenario) -> Iterator[Finding]:
 
 def orders(scenario: Scenario) -> Iterator[Finding]:
     """Yield planned orders that name vehicles which don't exist, or a turn on the spot of vehicles that can't hover."""
-    for index, planned in enumerate(scenario.orders):
+    for index, planned in scenario.timed_orders:
         order, path = parse_order(planned.order), ("orders", index, "order")
         if order.heading_rad is not None and not scenario.hovers:
             yield path, f"found '{planned.order}'", "only of vehicles that hover"

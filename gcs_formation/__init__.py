@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from formation_scenario import Scenario, ScenarioError, load_scenario
+    from formation_scenario.orders import OrderError
     from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError, StationError
     from gcs_formation.python_api import Answer, Summary, run, study, tell
+    from gcs_formation.stepped_flight import Flight
 
 _HOME = {
     "Answer": "gcs_formation.python_api",
+    "Flight": "gcs_formation.stepped_flight",
     "NothingRunningError": "gcs_formation.errors",
+    "OrderError": "formation_scenario.orders",
     "RecordError": "gcs_formation.errors",
     "RunAbortedError": "gcs_formation.errors",
     "Scenario": "formation_scenario",
@@ -40,7 +44,9 @@ def __dir__() -> list[str]:
 
 __all__ = [
     "Answer",
+    "Flight",
     "NothingRunningError",
+    "OrderError",
     "RecordError",
     "RunAbortedError",
     "Scenario",

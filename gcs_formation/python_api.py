@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,9 @@ from gcs_formation.app.result_text import held_text
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
+from gcs_formation.station import Station
 
-OPTIONS = ("clock", "speedup", "until", "out", "overwrite")
+OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress")
 """Options of `run` besides scenario keys."""
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]
@@ -47,6 +49,20 @@ class Summary(RecordedSummary):
 
         return write_report(self.run_dir)
 
+    def table(self) -> str:
+        """Return a row of text for each follower: its errors' RMS and maximum, m, when it settled, s, its delay, ms."""
+        found = self.to_dict()
+        head = ["follower", *(f"{axis} {what}" for axis in "xyz" for what in ("RMS", "max")), "settled", "delay"]
+        rows = [head]
+        for follower, each in found["followers"].items():
+            errors = [each[f"error_{axis}_m"].get(what) for axis in "xyz" for what in ("rms", "max")]
+            link = found.get("links", {}).get(follower, {})
+            late = each.get("settled_at_s"), link.get("measured_delay_ms", {}).get("p50")
+            numbers = [*(_number(error, 2) for error in errors), *(_number(value, 0) for value in late)]
+            rows.append([follower, *numbers])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join("  ".join(map(str.rjust, row, widths)) for row in rows)
+
     def __repr__(self) -> str:
         """Return the run's result in a line; `to_dict()` has the figures."""
         found, parts = self.to_dict(), [str(self.run_dir), held_text(self)]
@@ -58,6 +74,10 @@ class Summary(RecordedSummary):
         return f"Summary({', '.join(parts)})"
 
 
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     *,
@@ -66,7 +86,9 @@ def run(
     until: float | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
-    **overrides: Any,
+    overrides: Mapping[str, Any] | None = None,
+    progress: Callable[[float, float], None] | None = None,
+    **keys: Any,
 ) -> Summary:
     """Fly a scenario with emulated vehicles and return its summary.
 
@@ -77,7 +99,9 @@ def run(
         until: mission time in seconds at which to end early.
         out: the run directory, new or empty; default: runs/NAME-TIME.
         overwrite: replace an earlier run in `out` when this one begins.
-        **overrides: scenario keys instead of the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
+        overrides: scenario keys instead of the scenario's own, by their dotted names: {"law.rate_hz": 5}.
+        progress: called a few times a second with the mission time, s (NaN before the path), and when it ends, s.
+        **keys: the same as `overrides`; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
         ScenarioError: the scenario or an override is wrong; nothing was started.
@@ -85,16 +109,50 @@ def run(
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory holds other files or an earlier run, or it can't be written.
     """
+    given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
+    loaded, options = flown_by(scenario, dict(overrides or {}) | keys, out, given)
+    with Interrupts() as interrupts:
+        summary = run_scenario(loaded, options, Progress() if progress is None else _Told(progress), interrupts)
+    if interrupts.count:
+        raise KeyboardInterrupt
+    return summary_of(summary, options.out)
+
+
+class _Told(Progress):
+    """Passes the progress on to a function."""
+
+    def __init__(self, tell: Callable[[float, float], None]) -> None:
+        super().__init__()
+        self._tell = tell
+
+    def show(self, station: Station) -> None:
+        """Pass on the mission time, and when it ends."""
+        tick = station.newest
+        self._tell(math.nan if tick is None else tick.mission_time_s, station.scenario.duration_s)
+
+
+def flown_by(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    overrides: Mapping[str, Any],
+    out: str | Path | None,
+    options: Mapping[str, Any],
+) -> tuple[Scenario, RunOptions]:
+    """Return the scenario and the options of a flight, as `run` and `Flight` are given them.
+
+    Raises:
+        ScenarioError: the scenario or an override is wrong.
+        ValueError: an option is wrong.
+    """
     if out == "":
         raise ValueError("out: found ''; allowed: a directory")
     _require_known(overrides)
     loaded = load_scenario(scenario, settings(overrides), option="")
     directory = default_directory(loaded.name) if out is None else Path(out)
-    options = RunOptions(directory, clock, speedup, until, overwrite)
-    with Interrupts() as interrupts:
-        summary = run_scenario(loaded, options, Progress(), interrupts)
-    if interrupts.count:
-        raise KeyboardInterrupt
+    return loaded, RunOptions(directory, **options)
+
+
+def summary_of(summary: RecordedSummary, directory: Path) -> Summary:
+    """Return a summary with where its run is recorded."""
     return Summary(summary.figures, summary.verdicts, summary.breaches, recorded_in(directory))
 
 
@@ -118,6 +176,7 @@ def study(
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> pa.Table:
     """Fly a study and return its flights, a row each, as `gcs-formation study` does.
 
@@ -131,6 +190,7 @@ def study(
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
         quiet: show no progress on standard error.
+        progress: called after every flight with how many are done, and how many there are at most.
 
     Raises:
         ScenarioError: the study is wrong; nothing was started.
@@ -143,8 +203,8 @@ def study(
 
     planned, base = prepare(Path(source) if isinstance(source, str) else source)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
-    with StudyProgress(quiet=quiet) as progress:
-        return fly_study(planned, base, Path(out), chosen, progress, resume=resume, overwrite=overwrite).table
+    with StudyProgress(quiet=quiet, tell=progress) as shown:
+        return fly_study(planned, base, Path(out), chosen, shown, resume=resume, overwrite=overwrite).table
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:

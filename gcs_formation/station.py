@@ -45,6 +45,9 @@ ALONE_S: Final = 1.0
 class Station(Engine):
     """Flies one scenario. It reads no clock and opens no socket; its record goes to the recorder."""
 
+    newest: Tick | None = None
+    """The last tick that was recorded."""
+
     def __init__(
         self,
         scenario: Scenario,
@@ -363,6 +366,7 @@ class Station(Engine):
 
     def _record(self, tick: Tick) -> None:
         self._recorder.tick(tick)
+        self.newest = tick
         self.recorded_ticks += 1
 
     # Events and messages.

@@ -63,7 +63,7 @@ def little_left(scenario: Scenario) -> Iterator[str]:
         return
     points, steps = SampledPath.along(scenario.leader_path).points, slot_schedule(scenario)
     wanted_mps = gusts_mps(scenario)
-    orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in enumerate(scenario.orders)}
+    orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in scenario.timed_orders}
     for key, speed in {"path.speed_mps": scenario.path.speed_mps, **orders}.items():
         if speed is None or not all(low <= speed <= high for low, high in map(scenario.speeds_mps, scenario.vehicles)):
             continue
@@ -83,7 +83,7 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     least_m, kept = scenario.safety.separation_m, scenario.safety.avoidance.enabled
     if not scenario.hovers or not kept:
         return
-    told_mps = [parse_order(each.order).speed_mps or 0.0 for each in scenario.orders]
+    told_mps = [parse_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
     speed_mps, first = max(scenario.path.speed_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
     round_trips_s = (sum(ways_s(step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
     enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)

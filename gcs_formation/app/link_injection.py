@@ -17,8 +17,10 @@ from airlink.impaired_link import ChannelStatistics, ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Impairment
 from flight_model.arrays import Array
 from formation_scenario import Scenario
+from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
-from formation_scenario.links import read_trace_ms
+from formation_scenario.links import LinkStep, least_mean_burst, read_trace_ms
+from formation_scenario.scripted import ScriptedLink, impaired
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
@@ -67,25 +69,86 @@ def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> flo
     return ends_s
 
 
-def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
-    """Return the station wrapped in the scenario's links; None if these never impair anything.
+class LinkSchedule:
+    """The impairments of every link: as the scenario plans them, with what a program has changed since."""
 
-    Links change with mission time; before t = 0 they are as at t = 0.
-    """
-    times_s, links = dict[VehicleId, list[float]](), dict[VehicleId, list[Both]]()
-    for vehicle in scenario.vehicles:
-        steps = scenario.link_steps(vehicle)
-        times_s[vehicle.vehicle_id] = [step.at_s for step in steps[1:]]
-        links[vehicle.vehicle_id] = [(_impairment(step.uplink), _impairment(step.downlink)) for step in steps]
+    def __init__(self, scenario: Scenario, flight: Flight) -> None:
+        """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
+        self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
+        self._steps: dict[VehicleId, list[LinkStep]] = {
+            vehicle.vehicle_id: list(scenario.link_steps(vehicle)) for vehicle in scenario.vehicles
+        }
+        self._times_s = {vehicle: [step.at_s for step in steps[1:]] for vehicle, steps in self._steps.items()}
+        self._links = dict[VehicleId, list[Both]]()
+        self.clear = True
+        """Whether no link has been, is or will be impaired."""
+        for vehicle in self._steps:
+            self._translate(vehicle)
 
-    def both_ways(vehicle: VehicleId, now: Instant) -> Both:
-        if vehicle not in links:
+    def both_ways(self, vehicle: VehicleId, now: Instant) -> Both:
+        """Return the impairments of a vehicle's uplink and downlink."""
+        links = self._links.get(vehicle)
+        if links is None:
             return UNIMPAIRED, UNIMPAIRED
-        mission_s = station.flight.mission_time_s(now)
-        return links[vehicle][0 if math.isnan(mission_s) else bisect_right(times_s[vehicle], mission_s)]
+        mission_s = self._flight.mission_time_s(now)
+        return links[0 if math.isnan(mission_s) else bisect_right(self._times_s[vehicle], mission_s)]
 
-    clear = all(one.transparent for each in links.values() for both in each for one in both)
-    return None if clear else ImpairedEngine(station, station.networks, both_ways, scenario.seed)
+    def change(self, change: ScriptedLink) -> bool:
+        """Change links from now on; the keys that change stay so, whatever the scenario plans for later.
+
+        Return whether any is not as it was.
+
+        Raises:
+            ScenarioError: losses come in bursts that are too short for their share.
+        """
+        changed = dict[VehicleId, list[LinkStep]]()
+        for each in self._scenario.selected(change.vehicles):
+            vehicle = each.vehicle_id
+            steps = [
+                LinkStep(
+                    step.at_s,
+                    impaired(step.uplink, change, change.uplink),
+                    impaired(step.downlink, change, change.downlink),
+                )
+                for step in self._steps[vehicle]
+            ]
+            for step in steps:
+                _require_burst(vehicle, step.uplink)
+                _require_burst(vehicle, step.downlink)
+            if steps != self._steps[vehicle]:
+                changed[vehicle] = steps
+        self._steps.update(changed)
+        for vehicle in changed:
+            self._translate(vehicle)
+        return bool(changed)
+
+    def _translate(self, vehicle: VehicleId) -> None:
+        links = [(_impairment(step.uplink), _impairment(step.downlink)) for step in self._steps[vehicle]]
+        self._links[vehicle] = links
+        self.clear = self.clear and all(one.transparent for both in links for one in both)
+
+
+def _require_burst(vehicle: VehicleId, link: PlannedImpairment) -> None:
+    least = least_mean_burst(link.loss)
+    if link.mean_burst is not None and link.mean_burst < least:
+        found = f"found {link.mean_burst:g} with a loss of {link.loss:g} (vehicle {vehicle})"
+        raise refused("mean_burst", found, f"{least:g} or more with that loss")
+
+
+def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
+    """Return the station wrapped in the scenario's links; None if these never impair anything."""
+    return wrapped(station, LinkSchedule(scenario, station.flight))
+
+
+def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
+    """Return the station wrapped in links, which know whom it talks to; None if nothing impairs them."""
+    if schedule.clear:
+        return None
+    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed)
+    for identity, vehicle in station.vehicles.items():
+        if vehicle.connection.peer is not None:
+            links.expect(vehicle.connection.socket, vehicle.connection.peer, identity)
+    return links
 
 
 def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float, float]:
@@ -102,8 +165,12 @@ class InjectedDelays:
         """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known."""
         self._links, self._otherwise_s = links, otherwise_s
         self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s = {vehicle: array("d") for vehicle in (self._sums if links else ())}
+        self._series_s = {vehicle: array("d") for vehicle in self._sums}
         self._ticks = 0
+
+    def begin(self, links: ImpairedEngine) -> None:
+        """Read the statistics of links that are impaired from now on."""
+        self._links = links
 
     def note(self, ticks: int) -> None:
         """Record what was injected since the previous tick, once for every new tick."""
@@ -121,8 +188,9 @@ class InjectedDelays:
         """
         series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
         for vehicle, each_s in series_s.items():
-            known_s = self._series_s.get(vehicle)
-            each_s[ticks - self._ticks :] = self._otherwise_s if known_s is None else np.array(known_s).reshape(-1, 2)
+            known_s = np.array(self._series_s[vehicle]).reshape(-1, 2)
+            each_s[ticks - self._ticks : ticks - len(known_s)] = self._otherwise_s
+            each_s[ticks - len(known_s) :] = known_s
         return series_s
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:

@@ -6,12 +6,13 @@ the record.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +29,7 @@ from airlink.udp import UdpDriver, resolved
 from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
+from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.slot_assignment import columns, slot_schedule
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -66,33 +68,83 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
         return flown(scenario, options, progress, interrupts)
 
 
+Run = Callable[[Callable[[], bool]], None]
+"""Runs a flight until a function, called after every event, returns True; it goes on with the next call."""
+
+
 def _run_virtual(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly in one process, as fast as the processor allows: the same engines on an in-memory network."""
+    with in_memory(scenario, options, progress, interrupts) as (session, run_until):
+        run_until(session.attend)
+    return conclude(session)
+
+
+@contextmanager
+def in_memory(
+    scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts
+) -> Generator[tuple[Session, Run]]:
+    """Yield a flight in one process, as fast as the processor allows: the same engines on an in-memory network.
+
+    Raises:
+        RunAbortedError: two vehicles have the same address.
+        RecordError: the run directory can't be written.
+    """
     clock = VirtualClock()
     session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
     with TruthWriter(session.recorder.path / TRUTH, len(scenario.vehicles)) as writer:
         fleet = Fleet(fleet_config(scenario), truth=writer)
+
+        def strike(act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
+            if act.fault is not None:
+                fleet.environment.strike(act.fault, hit, zero)
+            if act.disturbance is not None:
+                fleet.environment.disturb(act.disturbance, hit, zero)
+
+        session.script.emulators, session.replace = strike, partial(network.replace, session.engine)
         try:
             network.attach(fleet)
             network.attach(session.engine)
         except PortError as error:
             raise session.port_failed(error) from error
-        network.run(session.attend)
-    return _conclude(session)
+        yield session, network.run
 
 
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly over UDP, the vehicles in a process of their own."""
+    with over_udp(scenario, options, progress, interrupts) as (session, run_until, is_over):
+        run_until(is_over)
+    return conclude(session)
+
+
+@contextmanager
+def over_udp(
+    scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts
+) -> Generator[tuple[Session, Run, Callable[[], bool]]]:
+    """Yield a flight over UDP, the vehicles in a process of their own, and what tells whether it is over.
+
+    Raises:
+        RunAbortedError: a port is taken.
+        RecordError: the run directory can't be written.
+    """
     import_ahead()
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
         with UdpDriver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
-            driver.run(partial(over, session, emulators))
+            session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
+            yield session, driver.run, partial(over, session, emulators)
     except PortError as error:
         raise session.port_failed(error) from error
-    return _conclude(session)
+
+
+def _strike(emulators: subprocess.Popen[bytes], act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
+    """Send a fault or a disturbance to the emulators' process, as a line of JSON."""
+    struck = act.fault or act.disturbance
+    if struck is not None and emulators.stdin is not None:
+        keys = struck.model_dump(exclude={"vehicles"}, exclude_none=True)
+        line = {"zero": zero, "vehicles": sorted(hit), "fault" if act.fault else "disturbance": keys}
+        with suppress(BrokenPipeError):  # they have ended, which `over` notices
+            emulators.stdin.write(json.dumps(line).encode() + b"\n")
+            emulators.stdin.flush()
 
 
 def import_ahead() -> None:
@@ -150,7 +202,7 @@ def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
     return session.attend()
 
 
-def _conclude(session: Session) -> Summary:
+def conclude(session: Session) -> Summary:
     """Return the summary. If there is none, the ground truth stays in the directory for `report`."""
     directory = session.recorder.path
     truth = recorded_truth(directory)

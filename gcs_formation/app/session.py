@@ -17,11 +17,19 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Answer
 from formation_scenario.slot_assignment import column_ids
-from gcs_formation.app.link_injection import InjectedDelays, InjectedFaults, impair, injected, planned_end_s
+from gcs_formation.app.link_injection import (
+    InjectedDelays,
+    InjectedFaults,
+    LinkSchedule,
+    injected,
+    planned_end_s,
+    wrapped,
+)
 from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
+from gcs_formation.app.script import Script
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
@@ -87,6 +95,10 @@ class Session:
 
     lying: Callable[[], Collection[VehicleId]] | None = None
     """Returns which vehicles lie on the ground by ground truth, where there is any."""
+    replace: Callable[[Engine], None] | None = None
+    """Lets an engine that wraps the flight's take its place on the network."""
+    _left_at: Instant | None = None
+    """When the flight ended, or the operator left it."""
 
     def __init__(
         self,
@@ -138,13 +150,14 @@ class Session:
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
-        self._links = impair(scenario, self.station)
+        schedule = LinkSchedule(scenario, self.station.flight)
+        script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
+        self._links, self.script = wrapped(self.station, schedule), script
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at = Stopwatch(), self.station.flight.since
         self._shown_s, self._next_look = 0.0, Instant(0)
-        self._left_at: Instant | None = None
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
@@ -155,6 +168,14 @@ class Session:
         """Return the socket that takes orders for this flight, as a context manager."""
         self._orders = OrderSocket(self.options.out, self._answer)
         return self._orders
+
+    def _impair(self, schedule: LinkSchedule) -> None:
+        """Put links that a program has changed around the station, unless they are there."""
+        links = wrapped(self.station, schedule)
+        if self._links is None and links is not None and self.replace is not None:
+            self._links = self.engine = links
+            self._injected.begin(links)
+            self.replace(links)
 
     def attend(self) -> bool:
         """Serve the operator and show progress, after every event; return whether the flight has ended."""
@@ -169,6 +190,8 @@ class Session:
             self.recorder.replace_earlier()
         if self._faults is not None and self._faults.pending:
             self._faults.note(self.station.flight, self.clock.now())
+        if self.script.pending:
+            self.script.attend(self.clock.now())
         if self._orders is not None:
             self._orders.poll()
         if self._confirmation is not None:
@@ -213,6 +236,8 @@ class Session:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
         wall_s, course = self._spent.wall_s, self.station.course
+        if self.script.has_new:
+            self.recorder.record_scenario(self.script.recorded())
         self.recorder.close()
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
@@ -246,7 +271,7 @@ class Session:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
-        spool = self.recorder.path / SPOOL
+        spool, self.scenario = self.recorder.path / SPOOL, self.script.as_planned()
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))

@@ -43,7 +43,7 @@ class Orders:
         self._note = note
         self._duration_s = scenario.duration_s
         self._latest_s = scenario.duration_s + LATE_PERIODS / scenario.law.rate_hz
-        self._planned = deque(sorted(scenario.orders, key=lambda each: each.at_s))
+        self._planned = deque(sorted((each for _, each in scenario.timed_orders), key=lambda each: each.at_s))
         self._refused: list[str] = []
         self._ended = False
         """Whether a planned order has ended the flight."""

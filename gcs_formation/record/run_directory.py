@@ -187,6 +187,15 @@ class RunDirectory:
             except OSError as error:
                 self._give_up(error)
 
+    def record_scenario(self, scenario: Scenario) -> None:
+        """Replace run.yaml: a program has added to what was flown."""
+        part = self.path / f"{SCENARIO}.part"
+        try:
+            part.write_text(dump_scenario(scenario), encoding="utf-8")
+            part.replace(self.path / SCENARIO)
+        except OSError as error:
+            self._give_up(error)
+
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json atomically: its existence means that the record is complete."""
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)

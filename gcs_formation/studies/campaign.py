@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,8 +49,9 @@ TABLE_EVERY_S = 10.0
 class StudyProgress:
     """Shows flights done, their rate, the remaining time, and failures."""
 
-    def __init__(self, *, quiet: bool) -> None:
-        self._quiet = quiet
+    def __init__(self, *, quiet: bool, tell: Callable[[int, int], None] | None = None) -> None:
+        """Show them on standard error unless `quiet`; `tell` is called with flights done, and at most to be done."""
+        self._quiet, self._tell = quiet, tell
         self._live: Live | None = None
         if sys.stderr.isatty() and not quiet:
             self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
@@ -73,6 +74,8 @@ class StudyProgress:
 
     def show(self, done: int, total: int, failed: int) -> None:
         """Show the progress; `total` is the largest possible number of flights."""
+        if self._tell is not None:
+            self._tell(done, total)
         spent_s = self._spent.wall_s
         self._first = done - 1 if self._first is None else self._first
         text = progress_text(done, total, failed, (done - self._first) / max(spent_s, 1e-6))

@@ -16,7 +16,14 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
-from formation_scenario.surroundings import DrydenTurbulence, Fault, RampDisturbance, SineDisturbance, StepDisturbance
+from formation_scenario.surroundings import (
+    Disturbance,
+    DrydenTurbulence,
+    Fault,
+    RampDisturbance,
+    SineDisturbance,
+    StepDisturbance,
+)
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
@@ -41,9 +48,14 @@ class Environment:
         self.mission_zero: Instant | None = None
         self._bodies = bodies
         self._wind_mps = config.wind_mps
-        self._disturbances = [_acting(config, index, bodies) for index in range(len(config.disturbances))]
+        self._config = config
+        self._disturbances = [
+            _acting(config, index, keys, hit, bodies) for index, (keys, hit) in enumerate(config.disturbances)
+        ]
         due = [(at_s, ends, fault, hit) for fault, hit in config.faults for at_s, ends in fault.moments()]
         self._faults: list[Due] = sorted(due, key=itemgetter(0))
+        self._scheduled: list[tuple[Instant, Due]] = []
+        """Faults that are due at an instant instead of a mission time."""
         self._acting: list[tuple[_Steady | DrydenGusts, float]] = []
         """The disturbances active at present, with their shares."""
 
@@ -52,20 +64,41 @@ class Environment:
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
 
+    def strike(self, fault: Fault, hit: frozenset[VehicleId], zero: Instant) -> None:
+        """Add a fault of some vehicles, whose times count from `zero`."""
+        for at_s, ends in fault.moments():
+            self._scheduled.append((after(zero, at_s), (at_s, ends, fault, hit)))
+        self._scheduled.sort(key=itemgetter(0))
+
+    def disturb(self, keys: Disturbance, hit: frozenset[VehicleId], zero: Instant) -> None:
+        """Add a disturbance of some vehicles, whose times count from `zero`."""
+        added = _acting(self._config, len(self._disturbances), keys, hit, self._bodies)
+        added.zero = zero
+        self._disturbances.append(added)
+
     def advance(self, now: Instant) -> list[Due]:
         """Update the air at every vehicle for `now`; return the faults that have become due."""
-        if self.mission_zero is None or not (self._disturbances or self._faults):
+        if not (self._disturbances or self._faults or self._scheduled):
             return []
-        mission_s = seconds_between(self.mission_zero, now)
         if self._disturbances:
-            self._disturb(mission_s)
+            self._disturb(now)
         struck: list[Due] = []
-        while self._faults and self._faults[0][0] <= mission_s:
-            struck.append(self._faults.pop(0))
+        while self._scheduled and self._scheduled[0][0] <= now:
+            struck.append(self._scheduled.pop(0)[1])
+        mission_zero = self.mission_zero
+        if mission_zero is not None:
+            mission_s = seconds_between(mission_zero, now)
+            while self._faults and self._faults[0][0] <= mission_s:
+                struck.append(self._faults.pop(0))
         return struck
 
-    def _disturb(self, mission_s: float) -> None:
-        acting = [(each, each.share(mission_s)) for each in self._disturbances if each.keys.acts(mission_s)]
+    def _disturb(self, now: Instant) -> None:
+        acting = list[tuple[_Steady | DrydenGusts, float]]()
+        for each in self._disturbances:
+            zero = self.mission_zero if each.zero is None else each.zero
+            since_s = math.nan if zero is None else seconds_between(zero, now)
+            if each.keys.acts(since_s):
+                acting.append((each, each.share(since_s)))
         if acting == self._acting:
             return
         self._acting = acting
@@ -85,6 +118,8 @@ class _Steady:
 
     def __init__(self, keys: StepDisturbance | RampDisturbance | SineDisturbance, hit: list[Body]) -> None:
         self.keys, self._hit = keys, hit
+        self.zero: Instant | None = None
+        """From when times count; None: from mission time 0."""
 
     def share(self, mission_s: float) -> float:
         """Return the share of the velocity that acts, -1 to 1."""
@@ -143,6 +178,8 @@ class DrydenGusts:
         course is arbitrary when it hardly moves.
         """
         self.keys, self._hit = keys, hit
+        self.zero: Instant | None = None
+        """From when times count; None: from mission time 0."""
         self._along_wind_rad = math.atan2(wind_mps[1], wind_mps[0])
         self._random = streams
         self._drawn: Array = np.zeros((0, DRAWS_EACH, len(streams)))
@@ -193,9 +230,10 @@ def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None
     body.disturbance_mps = (north + north_mps, east + east_mps, down + down_mps)
 
 
-def _acting(config: FleetConfig, index: int, bodies: Sequence[Body]) -> _Steady | DrydenGusts:
-    """Return the disturbance of the entry at `index`; each vehicle's gusts in each entry are independent."""
-    keys, vehicles = config.disturbances[index]
+def _acting(
+    config: FleetConfig, index: int, keys: Disturbance, vehicles: frozenset[VehicleId], bodies: Sequence[Body]
+) -> _Steady | DrydenGusts:
+    """Return the disturbance that is the `index`-th; each vehicle's gusts in each are independent."""
     met_by = [
         (vehicle.identity, body)
         for vehicle, body in zip(config.vehicles, bodies, strict=True)

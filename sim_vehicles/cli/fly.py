@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import signal
@@ -12,22 +13,26 @@ from pathlib import Path
 from typing import Any
 
 import click
+from pydantic import TypeAdapter
 
 from airlink.cli import SECONDS, Number, Status, WholeNumber, drop, fail
-from airlink.clock import NANOSECONDS, RealClock
+from airlink.clock import NANOSECONDS, Instant, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver, resolved
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import BASE_PORT
+from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.cli import EXAMPLES
 from sim_vehicles.config import FleetConfig, VehicleConfig, fleet_config
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 
 APART_M = 20.0
+MOST_BYTES = 65536
 PREPARED = {
     "FS_GCS_ENABL": 1.0,
     "FS_LONG_ACTN": 1.0,
@@ -108,9 +113,13 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
         for vehicle in fleet.vehicles if prepared else ():
             vehicle.parameters.prepare(PREPARED)
 
+        orders = None if parent_pid is None else ParentsOrders(fleet.environment)
+
         def over() -> bool:
             late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
             closed = terminal is not None and terminal.closed
+            if orders is not None:
+                orders.poll()
             return bool(signals) or late or closed or parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
@@ -120,6 +129,36 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
                 _greet("ready")
             driver.run(over)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
+
+
+class ParentsOrders:
+    """Faults and disturbances from the parent process, lines of JSON on standard input."""
+
+    def __init__(self, environment: Environment) -> None:
+        """Pass them on to `environment`."""
+        self._environment, self._read, self._open = environment, b"", sys.stdin is not None
+        if self._open:
+            os.set_blocking(sys.stdin.fileno(), False)
+
+    def poll(self) -> None:
+        """Take what has arrived."""
+        while self._open:
+            try:
+                read = os.read(sys.stdin.fileno(), MOST_BYTES)
+            except BlockingIOError:
+                break
+            self._open, self._read = bool(read), self._read + read
+        *lines, self._read = self._read.split(b"\n")
+        for line in lines:
+            self._take(json.loads(line))
+
+    def _take(self, order: dict[str, Any]) -> None:
+        hit, zero = frozenset(VehicleId(*each) for each in order["vehicles"]), Instant(order["zero"])
+        if "fault" in order:
+            self._environment.strike(Fault(**order["fault"]), hit, zero)
+        else:
+            keys: Disturbance = TypeAdapter[Disturbance](Disturbance).validate_python(order["disturbance"])
+            self._environment.disturb(keys, hit, zero)
 
 
 class Terminal:

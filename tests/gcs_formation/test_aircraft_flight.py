@@ -10,7 +10,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation import run
 from gcs_formation.app import session
-from gcs_formation.app.link_injection import impair
+from gcs_formation.app.link_injection import LinkSchedule
 
 SCENARIO: dict[str, Any] = {
     "name": "aircraft",
@@ -75,7 +75,9 @@ def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_
     slow = {"default": {"delay_ms": 300}}
     with monkeypatch.context() as changed:
         changed.setattr(
-            session, "impair", lambda named, *rest: impair(load_scenario(named, ["links.default.delay_ms=300"]), *rest)
+            session,
+            "LinkSchedule",
+            lambda named, *rest: LinkSchedule(load_scenario(named, ["links.default.delay_ms=300"]), *rest),
         )
         unnamed, _ = flown(tmp_path / "unnamed", vehicles={"count": 2, "model": "arduplane"}, duration_s=8)
     named, _ = flown(tmp_path / "named", vehicles={"count": 2, "model": "arduplane"}, links=slow, duration_s=8)

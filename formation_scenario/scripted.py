@@ -1,0 +1,85 @@
+"""What a program did to a flight that it stepped, by control tick: written to run.yaml, so that the flight repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, TypeAlias, cast
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
+
+from formation_scenario.fields import WHOLE, Allowed, Keys, NonNegative, VehicleSelection, key
+from formation_scenario.links import Impairment, ImpairmentPatch
+from formation_scenario.orders import ALLOWED, EXAMPLES, PlannedOrder, known_order
+from formation_scenario.surroundings import Disturbance, Fault
+
+TickNumber = Annotated[int, Field(strict=True, ge=0, le=2**31), WHOLE, Allowed("a whole number from 0")]
+ACTS = ("order", "link", "fault", "disturbance")
+
+
+class ScriptedLink(ImpairmentPatch):
+    """A change of some vehicles' links: keys for both directions, then those for each direction."""
+
+    vehicles: VehicleSelection = key("all", "whose: all, or a list of ids", [2])
+    uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
+    downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether no key is given."""
+        given = self.model_dump(exclude={"vehicles"}, exclude_none=True)
+        return all(value == {} for value in given.values())
+
+
+class ScriptedFault(Fault):
+    """A fault; its times are since the tick."""
+
+    at_s: NonNegative = key(0.0, "when it happens, since the tick, s")
+
+
+class ScriptedOrder(Keys):
+    """What a program did at a control tick, one of the four; `gcs_formation.Flight` records it.
+
+    Ticks are rows of the time series, from 1; those of 0 were before the first. Times of faults and disturbances count
+    from the tick, so that they may begin before t = 0.
+    """
+
+    at_tick: TickNumber = key(..., "after which control tick", 512)
+    order: (
+        Annotated[str, BeforeValidator(known_order), WithJsonSchema({"type": "string"}), Allowed(ALLOWED, EXAMPLES)]
+        | None
+    ) = key(None, "an order, as by `gcs-formation tell`", "speed 24", derived="none")
+    link: ScriptedLink | None = key(None, "a change of links")
+    fault: ScriptedFault | None = key(None, "a fault")
+    disturbance: Disturbance | None = key(None, "a velocity that the air adds")
+
+    @property
+    def given(self) -> list[str]:
+        """The names of what is given, of which there is one."""
+        return [name for name in ACTS if getattr(self, name) is not None]
+
+
+def _word(value: object) -> str:
+    given = isinstance(value, ScriptedOrder) or (
+        isinstance(value, Mapping) and "at_tick" in cast("Mapping[str, Any]", value)
+    )
+    return "at a tick" if given else "at a time"
+
+
+AnyOrder: TypeAlias = Annotated[
+    Annotated[PlannedOrder, Tag("at a time")] | Annotated[ScriptedOrder, Tag("at a tick")], Discriminator(_word)
+]
+
+
+def impaired(link: Impairment, change: ScriptedLink, direction: ImpairmentPatch | None) -> Impairment:
+    """Return a direction of a link after a change."""
+    update = dict[str, Any]()
+    for patch in (change, direction):
+        update |= dict(_given(patch))
+    return link.model_copy(update=update)
+
+
+def _given(patch: ImpairmentPatch | None) -> Iterator[tuple[str, Any]]:
+    for name in Impairment.model_fields if patch is not None else ():
+        value = getattr(patch, name)
+        if value is not None:
+            yield name, value

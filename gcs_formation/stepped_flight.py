@@ -1,0 +1,396 @@
+"""`gcs_formation.Flight`: a flight that a program steps, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from airlink.clock import NANOSECONDS, Instant
+from flight_model.autopilot_model import FlightState
+from formation_scenario import Scenario, ScenarioError
+from formation_scenario.error_messages import problems_of
+from formation_scenario.fields import refused
+from formation_scenario.orders import Answer, OrderError, parse_order
+from formation_scenario.rules import refused_act
+from formation_scenario.scripted import ScriptedOrder
+from formation_scenario.slot_assignment import column_ids
+from formation_scenario.source import Source, plain_mapping
+from gcs_formation.app.operator_at_terminal import ClockName
+from gcs_formation.app.stepping import Stepped, Stop, asynchronously, stepped
+from gcs_formation.phases import OVER
+from gcs_formation.python_api import Summary, flown_by, summary_of
+from gcs_formation.recorder import Event, Tick
+
+Vehicles = int | str | list[int | str] | tuple[int | str, ...]
+"""A vehicle's id, "network:id", a list of these, or "all"."""
+END = "loiter"
+"""The order that ends a flight whose program has left it."""
+
+__all__ = ["Flight", "FlightEvent", "FlightTick", "FlightVehicle"]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightVehicle:
+    """One vehicle at a control tick, as the ground station knows it."""
+
+    id: int | str
+    """System id, or "network:id" beyond the first network."""
+    state: FlightState
+    """North, east and height above the origin in m (`north_m`, `east_m`, `height_m`), `airspeed_mps`, `heading_rad` and
+    more, predicted to when a setpoint sent now takes effect; all NaN of one that was never heard."""
+    error_m: tuple[float, float, float]
+    """Formation error forward, right and up, m; NaN of the leader, and while it isn't commanded."""
+    setpoint: tuple[float, float, float]
+    """What it is sent: airspeed in m/s, heading in rad and height in m; NaN if nothing."""
+    slot_m: tuple[float, float, float]
+    """Its slot forward, right and up of the leader, m; NaN of the leader."""
+    delay_s: float
+    """Measured one-way delay, half the round trip, s."""
+    margin_used: float
+    """Share of the delay margin that its loops use; NaN of the leader."""
+    age_s: float
+    """Age of the newest state, s; NaN if there is none."""
+    active: bool
+    """Whether it is commanded in the formation."""
+    yielding: bool
+    """Whether the separation rule replaces its setpoint."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightEvent:
+    """An event, as a line of events.jsonl."""
+
+    time_s: float
+    """Since the run's clock began, s."""
+    kind: str
+    text: str
+    vehicle: int | str | None
+    details: Mapping[str, str | int | float | bool | None]
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        whose = "" if self.vehicle is None else f"vehicle {self.vehicle}, "
+        return f"{whose}{self.kind}: {self.text}"
+
+
+class FlightTick:
+    """A control tick: what the ground station knows and commands."""
+
+    def __init__(self, stop: Stop, refs: list[int | str | None], skipped: int) -> None:
+        self._tick, self._refs = stop.tick, refs
+        self.number = stop.number
+        """Its row of the time series, from 1: the first tick after a vehicle has taken off."""
+        self.skipped = skipped
+        """Ticks since the last that was given; 0 under the virtual clock, which waits."""
+        self.events = tuple(_event(each) for each in stop.events)
+        """What has happened since the last tick that was given."""
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since the run's clock began."""
+        return self._tick.now / NANOSECONDS
+
+    @property
+    def mission_time_s(self) -> float:
+        """Seconds since the leader began its path, NaN before."""
+        return self._tick.mission_time_s
+
+    @property
+    def phase(self) -> str:
+        """The run's phase: connecting, assembling, flying, ending, loitering."""
+        return self._tick.phase
+
+    @property
+    def leader(self) -> int | str | None:
+        """The leader's id, None for a virtual leader."""
+        return self._refs[self._tick.leader]
+
+    @cached_property
+    def vehicles(self) -> dict[int | str, FlightVehicle]:
+        """Every vehicle by its id."""
+        return {ref: _vehicle(self._tick, column, ref) for column, ref in enumerate(self._refs) if ref is not None}
+
+    def __repr__(self) -> str:
+        """Return number, time and phase."""
+        return f"FlightTick({self.number}, {self.time_s:.1f} s, {self.phase})"
+
+
+class Flight:
+    """A flight of emulated vehicles that a program steps: a context manager, and an iterator over its control ticks.
+
+    Under the virtual clock the flight waits for the loop, and the program is part of the flight: the same program and
+    seed give the same bytes. What it does is written to run.yaml, which repeats the flight without the program. Under
+    the real clock the flight goes on, and the loop is given the newest tick.
+
+    Leaving the loop early, also by an exception, ends the flight in order: vehicles loiter, and the record is complete.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario,
+        *,
+        clock: ClockName = "virtual",
+        seed: int | None = None,
+        speedup: float = 1.0,
+        until: float | None = None,
+        overrides: Mapping[str, Any] | None = None,
+        out: str | Path | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Prepare a flight, which begins with the `with` statement.
+
+        Args:
+            scenario: a path, a mapping with the scenario's keys, or a Scenario.
+            clock: "virtual" or "real".
+            seed: instead of the scenario's.
+            speedup: under the real clock, how many times faster.
+            until: mission time in seconds at which to end early.
+            overrides: scenario keys by their dotted names: {"law.rate_hz": 5}.
+            out: the run directory, new or empty; default: runs/NAME-TIME.
+            overwrite: replace an earlier run in `out` when this one begins.
+
+        Raises:
+            ScenarioError: the scenario or an override is wrong.
+            ValueError: `clock`, `speedup`, `until` or `out` is wrong.
+        """
+        keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
+        given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
+        self._scenario, self._options = flown_by(scenario, keys, out, given)
+        self._refs = [None if each is None else _ref(str(each)) for each in column_ids(self._scenario)]
+        self._steps: Stepped | None = None
+        self._number = 0
+        self._last: Stop | None = None
+        """The tick with which the flight along the path ended."""
+        self._summary: Summary | None = None
+
+    @property
+    def scenario(self) -> Scenario:
+        """What is flown."""
+        return self._scenario
+
+    @property
+    def run_dir(self) -> Path:
+        """Where it is recorded."""
+        return self._options.out
+
+    @property
+    def summary(self) -> Summary:
+        """The figures of the finished flight, as `run` returns them.
+
+        Raises:
+            RuntimeError: the flight hasn't ended.
+        """
+        if self._summary is None:
+            raise RuntimeError("the flight has no summary before it has ended")
+        return self._summary
+
+    def __enter__(self) -> Self:
+        """Begin the flight.
+
+        Raises:
+            RunAbortedError: a port is taken.
+            RecordError: the run directory holds other files or an earlier run, or it can't be written.
+        """
+        if self._steps is not None or self._summary is not None:
+            raise RuntimeError("a flight is entered once; make another Flight")
+        self._steps = stepped(self._scenario, self._options)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End the flight in order, if it hasn't ended, and close the record.
+
+        Raises:
+            RunAbortedError: the flight couldn't go on, and no exception is under way.
+        """
+        steps = self._flying
+        try:
+            steps.do(self._leave)
+            self._summary = summary_of(steps.finish(), self._options.out)
+        except Exception as failed:
+            if error is None:
+                raise
+            if failed is not error:
+                error.add_note(f"the flight ended with: {failed}")
+        finally:
+            self._steps = None
+
+    def __iter__(self) -> Iterator[FlightTick]:
+        """Return the iterator over control ticks, from where it is."""
+        return self
+
+    def __next__(self) -> FlightTick:
+        """Fly to the next control tick, until the flight is at its end, where no more orders are taken.
+
+        A flight that couldn't go on stops, and the end of `with` raises why.
+        """
+        tick = self._next()
+        if tick is None:
+            raise StopIteration
+        return tick
+
+    def ending(self) -> Iterator[FlightTick]:
+        """Yield the control ticks from the flight's end on, while vehicles are brought to circle, home or down.
+
+        Without it the end of `with` flies them.
+        """
+        stop, self._last = self._last, None
+        while stop is not None:
+            yield self._given(stop)
+            stop = self._flying.next()
+
+    def __aiter__(self) -> AsyncIterator[FlightTick]:
+        """Return the same for `async for`: other tasks go on while the flight flies to its next tick."""
+        return self
+
+    async def __anext__(self) -> FlightTick:
+        """Fly to the next control tick in a thread."""
+        tick = await asynchronously(self._next)
+        if tick is None:
+            raise StopAsyncIteration
+        return tick
+
+    def _next(self) -> FlightTick | None:
+        if self._last is not None:
+            return None
+        stop = self._flying.next()
+        if stop is None or stop.ends:
+            self._last = stop
+            return None
+        return self._given(stop)
+
+    def _given(self, stop: Stop) -> FlightTick:
+        skipped, self._number = stop.number - self._number - 1, stop.number
+        return FlightTick(stop, self._refs, skipped)
+
+    def tell(self, order: str) -> Answer:
+        """Give the formation an order, as `gcs-formation tell` does: `shape line`, `speed 24`, `loiter`, ….
+
+        Raises:
+            OrderError: the text isn't an order, or it is refused; the message says why.
+        """
+        parse_order(order)
+        answer = self._do({"order": order})
+        if not answer.accepted:
+            raise OrderError(answer.text)
+        return answer
+
+    def link(self, vehicles: Vehicles = "all", **keys: Any) -> None:
+        """Change links from now on: `delay_ms`, `jitter_ms`, `loss`, `outage` and all keys of `links.changes`.
+
+        Args:
+            vehicles: whose: an id, a list of ids, or "all".
+            **keys: for both directions; `uplink` and `downlink` are mappings of the same keys for one.
+
+        Raises:
+            ScenarioError: no such vehicle or key, or a value that isn't allowed.
+        """
+        self._do({"link": {"vehicles": _selection(vehicles), **keys}})
+
+    def inject(self, kind: str, vehicle: Vehicles = "all", *, for_s: float | None = None, **keys: Any) -> None:
+        """Inject a fault into emulated vehicles now: `freeze`, `crash` and all kinds of `faults`.
+
+        Args:
+            kind: the kind of fault.
+            vehicle: whose: an id, a list of ids, or "all".
+            for_s: how long it lasts, s; default: for good, if its kind may last.
+            **keys: further keys of `faults`.
+
+        Raises:
+            ScenarioError: no such vehicle, kind or key, or a value that isn't allowed.
+        """
+        lasts = {} if for_s is None else {"until_s": for_s}
+        self._do({"fault": {"kind": kind, "vehicles": _selection(vehicle), **lasts, **keys}})
+
+    def disturb(
+        self, kind: str = "step", vehicle: Vehicles = "all", *, for_s: float | None = None, **keys: Any
+    ) -> None:
+        """Add a velocity to the air at emulated vehicles from now on, by the keys of `disturbances`.
+
+        Args:
+            kind: `step`, `ramp`, `sine` or `dryden`.
+            vehicle: whose: an id, a list of ids, or "all".
+            for_s: how long it acts, s; default: to the end.
+            **keys: `velocity_mps` and the kind's further keys.
+
+        Raises:
+            ScenarioError: no such vehicle, kind or key, or a value that isn't allowed.
+        """
+        lasts = {} if for_s is None else {"until_s": for_s}
+        added = {"kind": kind, "at_s": 0.0, "vehicles": _selection(vehicle), **lasts, **keys}
+        self._do({"disturbance": added})
+
+    @property
+    def _flying(self) -> Stepped:
+        if self._steps is None:
+            raise RuntimeError("the flight isn't flying; it does inside `with Flight(...) as flight:`")
+        return self._steps
+
+    def _do(self, keys: dict[str, Any]) -> Answer:
+        steps = self._flying
+        if steps.session.station.flight.ended:
+            raise OrderError("found a flight that is over; allowed: one that is flying")
+        act = self._act(keys)
+
+        def do(now: Instant) -> Answer:
+            ticks = steps.session.station.recorded_ticks
+            return steps.session.script.do(act.model_copy(update={"at_tick": ticks}), now)
+
+        return steps.do(do)
+
+    def _act(self, keys: dict[str, Any]) -> ScriptedOrder:
+        """Return what the program does, checked as the scenario's keys are."""
+        data = plain_mapping({"at_tick": 0} | keys)
+        try:
+            act = ScriptedOrder.model_validate(data)
+        except ValidationError as error:
+            raise ScenarioError(problems_of(error, ScriptedOrder, Source(None, data))) from error
+        wrong = refused_act(self._scenario, act)
+        if wrong:
+            path, found, allowed = wrong[0]
+            raise refused(".".join(map(str, path[2:])), found, allowed)
+        return act
+
+    def _leave(self, now: Instant) -> None:
+        """End a flight that goes on by the order that a program could have given."""
+        session = self._flying.session
+        flight = session.station.flight
+        if not flight.ended and flight.phase not in OVER:
+            session.script.do(ScriptedOrder(at_tick=session.station.recorded_ticks, order=END), now)
+
+
+def _selection(vehicles: Vehicles) -> Any:  # noqa: ANN401 - as a scenario's keys are typed
+    if vehicles == "all":
+        return "all"
+    return list(vehicles) if isinstance(vehicles, list | tuple) else [vehicles]
+
+
+def _ref(identity: str) -> int | str:
+    return int(identity) if identity.isdecimal() else identity
+
+
+def _event(event: Event) -> FlightEvent:
+    whose = None if event.vehicle is None else _ref(str(event.vehicle))
+    return FlightEvent(event.now / NANOSECONDS, event.kind, event.text, whose, event.details)
+
+
+def _vehicle(tick: Tick, column: int, ref: int | str) -> FlightVehicle:
+    return FlightVehicle(
+        id=ref,
+        state=tick.state[column],
+        error_m=tick.error_of(column),
+        setpoint=tick.setpoints[column],
+        slot_m=tick.slots_m[column],
+        delay_s=tick.links[column].delay_s,
+        margin_used=tick.margin_used[column],
+        age_s=tick.age_s[column],
+        active=tick.active[column],
+        yielding=tick.yielding[column],
+    )
