@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -11,13 +11,23 @@ from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
 """Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
+Speeds: TypeAlias = Annotated[
+    Speed | Annotated[tuple[Speed, ...], Field(min_length=1)],
+    Allowed("a number from 0.001 to 1000, or a list of them, one a leg"),
+]
 Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
 
 
 class PathPlan(Keys):
     """The leader's path."""
 
-    speed_mps: Speed = key(22.0, "the leader's speed, m/s", 20)
+    speed_mps: Speeds = key(
+        22.0,
+        "the leader's airspeed, m/s; with `kind: legs` also a list, one a leg: it changes where a leg begins, after "
+        "the turn onto it",
+        20,
+        [20, 25],
+    )
     waypoints_m: Waypoints = key(
         ...,
         "north, east and height above the origin, m; `kind` says what leads through them",
@@ -68,3 +78,22 @@ class PathPlan(Keys):
     steps: tuple[Step, ...] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )
+
+    @property
+    def legs_mps(self) -> tuple[float, ...]:
+        """The airspeed of each leg, m/s; the last one's of a list that is too short, which is refused."""
+        given, legs = (
+            self.speed_mps if isinstance(self.speed_mps, tuple) else (self.speed_mps,),
+            len(self.waypoints_m) - 1,
+        )
+        return (*given, *(given[-1] for _ in range(legs)))[:legs]
+
+    @property
+    def begin_mps(self) -> float:
+        """The airspeed at which the path is begun, m/s."""
+        return self.speed_mps[0] if isinstance(self.speed_mps, tuple) else self.speed_mps
+
+    @property
+    def fastest_mps(self) -> float:
+        """The highest airspeed of all legs, m/s."""
+        return max(self.speed_mps) if isinstance(self.speed_mps, tuple) else self.speed_mps

@@ -89,6 +89,15 @@ def wind(scenario: Scenario) -> Iterator[Finding]:
         yield ("wind", "velocity_mps"), f"found a wind of {speed_mps:.3g} m/s", allowed
 
 
+def leg_speeds(scenario: Scenario) -> Iterator[Finding]:
+    """Yield a list of speeds for a path without legs, or with another number of legs."""
+    given, legs = scenario.path.speed_mps, len(scenario.path.waypoints_m) - 1
+    if isinstance(given, tuple) and scenario.path.kind != "legs":
+        yield ("path", "speed_mps"), "found a list, one a leg", "a number, or kind: legs"
+    elif isinstance(given, tuple) and len(given) != legs:
+        yield ("path", "speed_mps"), f"found {len(given)} speeds", f"{legs}, one a leg, or a number"
+
+
 def path(scenario: Scenario) -> Iterator[Finding]:
     """Yield waypoints without a flyable spline, and paths that are too long."""
     try:
@@ -294,6 +303,7 @@ RULES = (
     vehicle_rules.changes,
     vehicle_rules.orders,
     vehicle_rules.consensus,
+    leg_speeds,
     row,
     path,
     places,

@@ -78,6 +78,13 @@ class LegsPath(FlightPath):
         self.tightest_m = 1.0 / curvature_1pm if curvature_1pm else math.inf
         super().__init__(nodes_m, np.array(line.waypoints_at_m), coefficients)
 
+    @property
+    def straights_m(self) -> list[tuple[int, float, float]]:
+        """The legs that are flown straight: index, and the distances between the turns at their ends, m."""
+        begins = [(0, 0.0), *((each.last, each.begin_m + each.length_m) for each in self.passed)]
+        ends_m = [*(each.begin_m for each in self.passed), self.length_m]
+        return [(leg, begin_m, end_m) for (leg, begin_m), end_m in zip(begins, ends_m, strict=True)]
+
 
 class _Line:
     """The stretches of a path as they are laid out, and the distances at which waypoints' heights are due."""

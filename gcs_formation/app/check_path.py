@@ -52,6 +52,13 @@ def not_flown(scenario: Scenario) -> Iterator[str]:
         yield f"path: {text}"
 
 
+def short_legs(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of each leg that is too short for its planned speed."""
+    for leg, reached_mps in scenario.short_legs.items():
+        planned = f"path.speed_mps.{leg}: {scenario.path.legs_mps[leg]:g} m/s"
+        yield f"{planned} isn't reached on so short a leg; at its end {reached_mps:.3g} m/s is flown"
+
+
 def far_from_legs(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of a spline that is farther than `FAR_M` from its legs, or outside its waypoints' heights."""
     if scenario.path.kind != "spline":
