@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Final, TypeGuard
 
@@ -22,9 +21,9 @@ from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.fields import FileError, ScenarioError
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
-from formation_scenario.mission_files.export import thinned
 from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
-from formation_scenario.path_plan import TOLERANCE_M, PathPlan
+from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, thinned_with_keys
+from formation_scenario.path_plan import TOLERANCE_M
 from formation_scenario.source import Key, Plain, Source, kind, plain_mapping
 from formation_scenario.surroundings import Terrain
 from formation_scenario.terrain import ground_of
@@ -100,15 +99,17 @@ class _FromFile:
         places = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
         heights = self._heights(points, places, origin)
         waypoints = np.column_stack((places, heights))
-        speed = self._speed()
+        path = self._speed()
+        if self._path.get("kind", "legs") == "legs":
+            path |= self._circles(path)
+        elif circling := [each.where for each in points if each.circles is not None]:
+            self._not_flown.append(f"{_listed(circling)}: circles aren't flown along a spline")
         if tolerance_m := self._tolerance_m():
-            waypoints, speed = _thinned(waypoints, speed, tolerance_m)
-        if circles := [each.where for each in points if each.circles is not None]:
-            self._not_flown.append(f"{_listed(circles)}: circles aren't flown; the path goes through their centre")
+            waypoints, path = thinned_with_keys(waypoints, path, tolerance_m)
         more: dict[Key, Plain] = {"origin": origin}
         if fence := self._fence(geodetic):
             more["safety"] = _group(self._source, "safety") | {"fence": fence}
-        path = self._path | speed
+        path = path | self._path
         path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
         return _changed(self._source, path, "file", waypoints.tolist(), more)
 
@@ -179,7 +180,7 @@ class _FromFile:
         speeds = [each.speed_mps for each in self._route.points[:-1]]
         if self._path.get("speed_mps") is not None or all(each is None for each in speeds):
             return {}
-        each_mps = [self._default_mps if speed is None else speed for speed in speeds]
+        each_mps = [DEFAULT_MPS if speed is None else speed for speed in speeds]
         if len(set(each_mps)) == 1:
             return {"speed_mps": each_mps[0]}
         if self._path.get("kind", "legs") == "legs":
@@ -187,9 +188,13 @@ class _FromFile:
         self._not_flown.append("speeds that differ from leg to leg: a spline is flown at one, `path.speed_mps`")
         return {}
 
-    @property
-    def _default_mps(self) -> float:
-        return float(PathPlan.model_fields["speed_mps"].default)
+    def _circles(self, path: dict[Key, Plain]) -> dict[Key, Plain]:
+        """Return the keys of the file's circles, at a path's speed, unless the scenario has some."""
+        if self._path.get("circles") is not None:
+            return {}
+        found, remarks = circles_of(self._route.points, self._path.get("speed_mps", path.get("speed_mps")))
+        self._not_flown += remarks
+        return {"circles": found} if found else {}
 
     def _tolerance_m(self) -> float:
         tolerance = self._path.get("tolerance_m")
@@ -207,20 +212,6 @@ class _FromFile:
 
     def _refused(self, found: str, allowed: str) -> ScenarioError:
         return ScenarioError([self._source.problem(("path", "file"), found, allowed)])
-
-
-def _thinned(waypoints: Array, speed: dict[Key, Plain], tolerance_m: float) -> tuple[Array, dict[Key, Plain]]:
-    """Return waypoints (K, 3) of (N, 3) without those within a tolerance, and their legs' speeds."""
-    legs = speed.get("speed_mps")
-    if not isinstance(legs, list):
-        return thinned(waypoints, tolerance_m), speed
-    begins = [0, *(leg for leg in range(1, len(legs)) if legs[leg] != legs[leg - 1]), len(legs)]
-    kept, speeds = [waypoints[:1]], list[Plain]()
-    for begin, end in pairwise(begins):
-        part = thinned(waypoints[begin : end + 1], tolerance_m)[1:]
-        kept.append(part)
-        speeds += [legs[begin]] * len(part)
-    return np.concatenate(kept), {"speed_mps": speeds}
 
 
 def _corners(area: FenceCircle | FencePolygon, origin: GeodeticOrigin) -> Iterator[tuple[float, float]]:

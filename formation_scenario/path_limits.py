@@ -95,7 +95,11 @@ def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ..
     speed = [found for flown, part in parts for found in list(_speed(flown)) or list(_into_wind(flown, part))]
     if speed:
         return speed
-    places = [*climbs(scenario, sampled), *(found for flown, part in parts for found in _bends(flown, part, steps))]
+    places = [
+        *_crowded(scenario),
+        *climbs(scenario, sampled),
+        *(found for flown, part in parts for found in _bends(flown, part, steps)),
+    ]
     rest = len(places) - MOST_PLACES
     return [*places[:MOST_PLACES], *([(WAYPOINTS, f"found {rest} more places like these", "")] if rest > 0 else [])]
 
@@ -128,6 +132,14 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {figure} m/s"
         allowed = f"up to {most} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         yield sampled.finding(index, found, allowed)
+
+
+def _crowded(scenario: Scenario) -> Iterator[Finding]:
+    """Yield circles without room on the leg before their waypoint."""
+    written = scenario.written_path
+    for waypoint, short_m in written.crowded_m.items() if isinstance(written, LegsPath) else ():
+        found = f"found no room for circles on the leg to it, beside its turns, {short_m:.0f} m are missing"
+        yield (*WAYPOINTS, waypoint), found, "a longer leg, a smaller radius_m, or none in path.circles"
 
 
 def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from flight_model.arrays import Array, Complex
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, room_along_m
 from flight_model.legs.joining import Lack, TurnRules
-from flight_model.legs.path import LegPlan, LegsPath
+from flight_model.legs.path import Circles, LegPlan, LegsPath
 from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
@@ -42,13 +42,14 @@ def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float
     steps, wind_mps = slot_schedule(members), math.hypot(*drift_mps)
     climbs = {each: climb_limits(members, each, wind_mps) for each in set(path.legs_mps)}
     lack = _lack(members, steps, path.fastest_mps, drift_mps, fence)
+    circles = {each.waypoint: Circles(each.turns, each.radius_m) for each in path.circles}
     turns, flown_mps = dict[float, TurnLimits](), [{each} for each in path.legs_mps]
     for _ in range(MOST_ROUNDS):
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
         rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack)
-        plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle")
+        plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle", circles)
         found = LegsPath(path.waypoints_m, plan)
         # On a leg too short for its speed, another one is flown in the turn at its end.
         speeds, _ = planned_speeds(members, path, found, wind_mps)

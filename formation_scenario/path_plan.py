@@ -6,7 +6,19 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from formation_scenario.fields import Allowed, Keys, NonNegative, Number, Positive, Speed, Text, Vector, key
+from formation_scenario.fields import (
+    MAX_NEAR_M,
+    WHOLE,
+    Allowed,
+    Keys,
+    NonNegative,
+    Number,
+    Positive,
+    Speed,
+    Text,
+    Vector,
+    key,
+)
 from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
@@ -16,6 +28,21 @@ Speeds: TypeAlias = Annotated[
     Allowed("a number from 0.001 to 1000, or a list of them, one a leg"),
 ]
 Waypoints = Annotated[tuple[Vector, ...], Field(min_length=2), Allowed("a list of 2 or more [north, east, height]")]
+
+
+class CirclesPlan(Keys):
+    """Circles at a waypoint."""
+
+    waypoint: Annotated[int, Field(strict=True, ge=1), WHOLE] = key(..., "index of the waypoint, the first one is 0", 3)
+    turns: Annotated[int, Field(strict=True, ge=0, le=1000), WHOLE] = key(
+        1, "number of whole circles, at the waypoint's height; 0: as many as the climb or descent to it takes", 2
+    )
+    radius_m: Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)] = key(
+        0.0,
+        "positive: clockwise, negative: anticlockwise, widened to what every slot can fly; 0: the tightest, to the "
+        "side with more room, m",
+        -90,
+    )
 
 
 class PathPlan(Keys):
@@ -74,6 +101,9 @@ class PathPlan(Keys):
     )
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
+    )
+    circles: tuple[CirclesPlan, ...] = key(
+        (), "legs: circles that end at a waypoint, which they touch", [{"waypoint": 3, "turns": 2, "radius_m": 90}]
     )
     steps: tuple[Step, ...] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"

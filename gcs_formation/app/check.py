@@ -155,6 +155,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_links.narrow_links(scenario)
     yield from check_path.not_flown(scenario)
     yield from check_path.short_legs(scenario)
+    yield from check_path.widened_circles(scenario)
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)

@@ -212,3 +212,17 @@ def test_what_cannot_be_a_path_is_refused_at_its_key(tmp_path: Path, path: dict[
         load_scenario(scenario)
     assert words in str(refused.value)
     assert "scenario.yaml:1" in str(refused.value)
+
+
+def test_loiter_turns_time_and_height_of_a_file_are_circles_of_its_path(tmp_path: Path) -> None:
+    commands = (16, [0.0] * 4), (18, [2.0, 0.0, -90.0, 0.0]), (19, [60.0, 0.0, 100.0, 0.0]), (31, [0.0, 80.0, 0.0, 0.0])
+    places = [*PLACES_M[:3], [PLACES_M[2][0] + 3000.0, PLACES_M[2][1], PLACES_M[2][2]]]
+    items = [item(number, place) for number, place in enumerate(places, 1)]
+    for each, (command, params) in zip(items, commands, strict=True):
+        each["command"], each["params"] = command, [*params, *each["params"][4:]]
+    mission = {"items": items, "plannedHomePosition": list(HOME)}
+    (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
+    plan_ = load(tmp_path).path
+    found = [(each.waypoint, each.turns, each.radius_m) for each in plan_.circles]
+    assert found == [(1, 2, -90.0), (2, math.ceil(60.0 * 22.0 / (math.tau * 100.0)), 100.0), (3, 0, 80.0)]
+    assert plan_.not_flown == ()

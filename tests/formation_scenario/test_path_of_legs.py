@@ -12,7 +12,7 @@ from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from formation_scenario.turn_limits import SPEED_SHARE, TURN_SHARE, turn_limits
-from gcs_formation.app.check_path import far_from_legs, path_figures, path_text, short_legs
+from gcs_formation.app.check_path import far_from_legs, path_figures, path_text, short_legs, widened_circles
 
 CORNER = "path.waypoints_m=[[0, 0, 100], [3000, 0, 100], [3000, 3000, 130]]"
 STEEP = "path.waypoints_m=[[0, 0, 100], [3000, 0, 100], [3500, 0, 200], [6000, 0, 200]]"
@@ -160,3 +160,41 @@ def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
         }
     )
     assert 4.0 < scenario.short_legs[1] < 8.0
+
+
+LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"
+
+
+@pytest.mark.parametrize(("radius_m", "side"), [(400, 1.0), (-400, -1.0)])
+def test_circles_end_at_their_waypoint_with_their_radius_and_to_their_side(load, radius_m, side):
+    circles = f"path.circles=[{{waypoint: 1, turns: 2, radius_m: {radius_m}}}]"
+    plain, circling = load(LOITER, LEGS).leader_path, load(LOITER, LEGS, circles).leader_path
+    assert circling.length_m - plain.length_m == pytest.approx(2 * math.tau * 400.0, rel=0.1)
+    points = circling.at(np.linspace(0.0, circling.length_m, 5000))
+    assert np.abs(points.curvature_1pm[points.north_m < 1900.0]).max() <= 1.0 / 400.0 + 1e-9
+    aside_m = side * points.east_m[np.abs(points.course_rad) > 1.7]
+    assert aside_m.max() == pytest.approx(800.0, abs=60.0)
+    assert points.height_m == pytest.approx(100.0)
+
+
+def test_circles_too_tight_for_the_slots_are_widened_which_is_said(load):
+    scenario = load(LOITER, LEGS, "path.circles=[{waypoint: 1, turns: 1, radius_m: 50}]")
+    (said,) = widened_circles(scenario)
+    radius_m = 1.0 / limits_of(scenario).curvature_1pm
+    assert said.startswith(f"path: circles at waypoint 1 have a radius of {radius_m:.0f} m, not 50")
+
+
+def test_circles_climb_to_their_waypoint_where_no_turns_are_asked_for(load):
+    steep = "path.waypoints_m=[[0, 0, 100], [2500, 0, 500], [2500, 2500, 500]]"
+    assert load(steep, LEGS, "path.circles=[{waypoint: 1, turns: 0}]").leader_path.length_m > 5000.0
+
+
+def test_circles_without_legs_waypoint_or_room_are_refused(refusal):
+    one = "path.circles=[{waypoint: 1}]"
+    assert refusal(LOITER, one) == ["path.circles.0: found circles; with path.kind: legs"]
+    assert refusal(LOITER, LEGS, "path.circles=[{waypoint: 3}]") == [
+        "path.circles.0.waypoint: found 3; 1 to 2, once each"
+    ]
+    short = "path.waypoints_m=[[0, 0, 100], [300, 0, 100], [300, 2500, 100]]"
+    (found,) = refusal(short, LEGS, "path.circles=[{waypoint: 1, radius_m: 2000}]")
+    assert "found no room for circles on the leg to it" in found
