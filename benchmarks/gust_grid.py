@@ -43,7 +43,7 @@ class Case(NamedTuple):
 def steps(frame: str) -> Iterator[dict[str, Any]]:
     """Yield the steps of the followers' disturbance, each lasting until the next."""
     scenario = load_scenario(PAPER)
-    path, speed_mps = scenario.leader_path, scenario.path.speed_mps
+    path, speed_mps = scenario.leader_path, scenario.path.begin_mps
     count, apart_s = STEPS[frame]
     for step in range(count):
         at_s = round(FIRST_S + apart_s * step + TICK_S * (step * PHASES // count) / PHASES, 3)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol, cast, overload
 
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Mask
 from flight_model.curve import Curve, PathPoint
 
 # Rows: position, first and second derivative at the piece's start, then at its end, over a piece of length 1.
@@ -45,6 +45,10 @@ class PathPoints(NamedTuple):
     curvature_rate_1pm2: Array
     slope: Array
     slope_rate_1pm: Array
+
+    def only(self, which: Mask) -> PathPoints:
+        """Return the points in a mask of their shape."""
+        return PathPoints(*(each[which] for each in self))
 
 
 class Route(Protocol):

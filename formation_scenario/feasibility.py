@@ -86,7 +86,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
     orders = [(order.at_s, index, parse_order(order.order)) for index, order in scenario.timed_orders]
     for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
-        at_m, since_s = at_m + (at_s - since_s) * flown.scenario.path.speed_mps, at_s
+        at_m, since_s = flown.scenario.speeds.later_m(at_m, at_s - since_s), at_s
         lands_not = why_not_land if order.end == "land" else None
         if (order.end is not None and lands_not is None) or at_m > path.length_m:
             return
@@ -100,7 +100,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
 def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_m: float) -> str | None:
     """Return why an order will be refused at a time and a place of the path; None if it won't."""
     if order.heading_rad is not None:
-        speed_mps = flown.scenario.path.speed_mps
+        speed_mps, _ = flown.scenario.speeds.at(at_m)
         return not_standing(speed_mps) if speed_mps > 0.0 else None
     if order.speed_mps and flown.facing_rad is not None:
         reason = why_not_set_out(flown.facing_rad, path.at(at_m).course_rad)
@@ -133,7 +133,7 @@ def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ..
     """Return the first change that can't be flown; those after it would start from an unknown formation."""
     for key, at_m, way in _ways(scenario, path, steps):
         if isinstance(way, NotFlyableError):
-            missed_m = at_m + way.elapsed_s * scenario.path.speed_mps
+            missed_m = scenario.speeds.later_m(at_m, way.elapsed_s)
             place = path.at(missed_m)
             where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
             return [(key, f"path at {missed_m:.0f} m ({where}): {way.found}", way.allowed)]
@@ -157,20 +157,22 @@ def _ways(
 
     A change that begins during another one starts from there.
     """
-    speed, way, leader = scenario.path.speed_mps, Transition.standing(steps[0].places_m), 0
+    way, leader = Transition.standing(steps[0].places_m), 0
     for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
-        at_m = step.at_s * speed
+        at_m = scenario.speeds.later_m(0.0, step.at_s)
         if at_m > path.length_m or step.at_s > scenario.duration_s:
             return
         slots = way.at(step.at_s)
         flown: Route = path
+        speed, _ = scenario.speeds.at(at_m)
+        now = scenario.at_speed(speed)
         if step.arrangement.leader != leader:
             leader = step.arrangement.leader
             forward_m, right_m, up_m = slots.position_m[leader].tolist()
             at_m, slots = at_m + forward_m, slots.seen_from(leader)
-            flown = take_over(scenario, path, at_m, right_m, Rise(up_m), slots.reach_m)
+            flown = take_over(now, path, at_m, right_m, Rise(up_m), slots.reach_m)
         try:
-            way = plan_change(scenario, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
+            way = plan_change(now, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
         except NotFlyableError as error:
             yield key, at_m, error
             return

@@ -129,7 +129,7 @@ def _conditions(scenario: Scenario, leader: int, flight: Callable[[Array], Leade
     return Conditions(
         flight=flight,
         frame=scenario.formation.frame,
-        limits=Limits.of(column_models(scenario), scenario.path.speed_mps),
+        limits=Limits.of(column_models(scenario), scenario.path.begin_mps),
         separation_m=scenario.safety.separation_m,
         leader=leader,
         present=present,
@@ -153,7 +153,7 @@ def take_over(
     Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its
     lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
     """
-    speed, models = max(scenario.path.speed_mps, LEAST_MPS), column_models(scenario)
+    speed, models = max(scenario.path.begin_mps, LEAST_MPS), column_models(scenario)
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
@@ -179,7 +179,7 @@ def take_over(
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
     """Return the highest turn rate of a leader at which slots `reach_m` away keep up, outside and inside the turn."""
-    speed, models = scenario.path.speed_mps, column_models(scenario)
+    speed, models = scenario.path.begin_mps, column_models(scenario)
     spare_mps = min(abs(bound - speed) for model in models for bound in model.soon_mps(speed))
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
 

@@ -95,7 +95,7 @@ def designed(scenario: Scenario, given: Plain) -> Scenario:
 
 def _protocol_gains(scenario: Scenario) -> dict[str, float]:
     """Return k1, k2 and k3 of protocol (3) for the vehicles' responses and the graph."""
-    vehicles, speed_mps = list[tuple[Axis, Axis]](), scenario.path.speed_mps
+    vehicles, speed_mps = list[tuple[Axis, Axis]](), scenario.path.begin_mps
     for model in dict.fromkeys(each.model for each in scenario.vehicles):
         found = _responses(model, speed_mps)
         along = Axis.along(model.tau_v_s, found.speed)
@@ -142,7 +142,7 @@ def by_design(scenario: Scenario) -> bool:
 
 def _known(scenario: Scenario) -> tuple[list[Responses], float]:
     """Return each kind of vehicle's responses, and the speed along the path."""
-    speed_mps, kinds = scenario.path.speed_mps, list(dict.fromkeys(each.model for each in scenario.vehicles))
+    speed_mps, kinds = scenario.path.begin_mps, list(dict.fromkeys(each.model for each in scenario.vehicles))
     return [_responses(each, speed_mps) for each in kinds], speed_mps
 
 
@@ -160,7 +160,7 @@ def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
     noise = [SENSORS]
     for model, keys in kinds:
         if isinstance(keys, NoisyNavigation):
-            noise.append(_filtered_noise(keys, model, scenario.path.speed_mps, sample_s))
+            noise.append(_filtered_noise(keys, model, scenario.path.begin_mps, sample_s))
     return DelayAndNoise(dt_s, delay_s, *(max(each) for each in zip(*noise, strict=True)))
 
 

@@ -331,5 +331,5 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
 
 def drift(scenario: Scenario) -> Drift:
     """Return the drift of a formation at its path's speed in the scenario's wind; multirotors don't drift."""
-    speed_mps = scenario.path.speed_mps
+    speed_mps = scenario.path.fastest_mps
     return Drift(speed_mps, *scenario.drift_mps, speed_mps + scenario.wind.speed_mps)

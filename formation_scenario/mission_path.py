@@ -21,8 +21,8 @@ from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.fields import FileError, ScenarioError
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
-from formation_scenario.mission_files.export import thinned
 from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
+from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, thinned_with_keys
 from formation_scenario.path_plan import TOLERANCE_M
 from formation_scenario.source import Key, Plain, Source, kind, plain_mapping
 from formation_scenario.surroundings import Terrain
@@ -99,14 +99,17 @@ class _FromFile:
         places = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
         heights = self._heights(points, places, origin)
         waypoints = np.column_stack((places, heights))
+        path = self._speed()
+        if self._path.get("kind", "legs") == "legs":
+            path |= self._circles(path)
+        elif circling := [each.where for each in points if each.circles is not None]:
+            self._not_flown.append(f"{_listed(circling)}: circles aren't flown along a spline")
         if tolerance_m := self._tolerance_m():
-            waypoints = thinned(waypoints, tolerance_m)
-        if circles := [each.where for each in points if each.circles is not None]:
-            self._not_flown.append(f"{_listed(circles)}: circles aren't flown; the path goes through their centre")
+            waypoints, path = thinned_with_keys(waypoints, path, tolerance_m)
         more: dict[Key, Plain] = {"origin": origin}
         if fence := self._fence(geodetic):
             more["safety"] = _group(self._source, "safety") | {"fence": fence}
-        path = self._path | self._speed()
+        path = path | self._path
         path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
         return _changed(self._source, path, "file", waypoints.tolist(), more)
 
@@ -170,14 +173,28 @@ class _FromFile:
             raise self._refused(str(error), "a terrain file that can be read") from error
 
     def _speed(self) -> dict[Key, Plain]:
-        """Return the path's speed by the file, if the scenario has none and the file's is the same on all legs."""
+        """Return the path's speed by the file, one a leg where they differ, if the scenario has none.
+
+        Legs before the file's first speed are flown at the key's default.
+        """
         speeds = [each.speed_mps for each in self._route.points[:-1]]
         if self._path.get("speed_mps") is not None or all(each is None for each in speeds):
             return {}
-        if len(set(speeds)) == 1:
-            return {"speed_mps": speeds[0]}
-        self._not_flown.append("speeds that differ from leg to leg: the path is flown at `path.speed_mps`")
+        each_mps = [DEFAULT_MPS if speed is None else speed for speed in speeds]
+        if len(set(each_mps)) == 1:
+            return {"speed_mps": each_mps[0]}
+        if self._path.get("kind", "legs") == "legs":
+            return {"speed_mps": list[Plain](each_mps)}
+        self._not_flown.append("speeds that differ from leg to leg: a spline is flown at one, `path.speed_mps`")
         return {}
+
+    def _circles(self, path: dict[Key, Plain]) -> dict[Key, Plain]:
+        """Return the keys of the file's circles, at a path's speed, unless the scenario has some."""
+        if self._path.get("circles") is not None:
+            return {}
+        found, remarks = circles_of(self._route.points, self._path.get("speed_mps", path.get("speed_mps")))
+        self._not_flown += remarks
+        return {"circles": found} if found else {}
 
     def _tolerance_m(self) -> float:
         tolerance = self._path.get("tolerance_m")

@@ -13,6 +13,7 @@ from pydantic import Field
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
+from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
@@ -37,7 +38,7 @@ from formation_scenario.fields import (
 from formation_scenario.formation import Formation, Law
 from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder
-from formation_scenario.path_of_legs import path_of_legs
+from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
@@ -246,6 +247,26 @@ class Scenario(Keys):
             return path_of_legs(self, self.path, self.drift_mps, self.safety.fence)
         return SplinePath(self.path.waypoints_m)
 
+    @property
+    def speeds(self) -> SpeedProfile:
+        """The leader's planned airspeed along its path.
+
+        Raises:
+            PathError: no path leads through the waypoints.
+        """
+        return self._planned_speeds[0]
+
+    @cached_property
+    def _planned_speeds(self) -> tuple[SpeedProfile, dict[int, float]]:
+        if not isinstance(self.path.speed_mps, tuple):
+            return SpeedProfile(self.path.speed_mps), {}
+        return planned_speeds(self, self.path, self.written_path, float(np.hypot(*self.drift_mps)))
+
+    @property
+    def short_legs(self) -> dict[int, float]:
+        """Legs that are too short for their planned speed, by their index, and the speed that is reached on each."""
+        return self._planned_speeds[1]
+
     @cached_property
     def leader_path(self) -> FlightPath:
         """The path that the leader flies: lifted if the scenario has terrain, as written otherwise.
@@ -266,7 +287,7 @@ class Scenario(Keys):
         models = [vehicle.model for vehicle in self.vehicles]
         climb_mps = min(model.climb_max_mps for model in models)
         lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
-        speed_mps = self.path.speed_mps
+        speed_mps = self.path.fastest_mps
         return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
 
     def speeds_mps(self, vehicle: Vehicle) -> tuple[float, float]:
@@ -307,7 +328,7 @@ class Scenario(Keys):
     @property
     def run_in_m(self) -> float:
         """Length of the straight run-in before the path's start."""
-        return self.start.run_in_s * self.path.speed_mps
+        return self.start.run_in_s * self.path.begin_mps
 
     def at_speed(self, speed_mps: float) -> Scenario:
         """Return the scenario with another speed along the path, which stays where it was planned."""
@@ -315,13 +336,14 @@ class Scenario(Keys):
 
     def on_same_path(self, update: Mapping[str, Any]) -> Scenario:
         """Return a copy with some keys changed, on the path through the waypoints that this one has found."""
-        copied, name = self.model_copy(update=update), "written_path"
-        vars(copied).update({name: vars(self)[name]} if name in vars(self) else {})
+        copied, found = self.model_copy(update=update), {"written_path"}
+        found |= set() if "path" in update else {"_planned_speeds"}
+        vars(copied).update({name: vars(self)[name] for name in found & vars(self).keys()})
         return copied
 
     def in_wind(self, north_mps: float, east_mps: float) -> Scenario:
-        """Return the scenario in another constant wind."""
-        return self.model_copy(update={"wind": Wind(velocity_mps=(north_mps, east_mps, 0.0))})
+        """Return the scenario in another constant wind, on the path that was planned."""
+        return self.on_same_path({"wind": Wind(velocity_mps=(north_mps, east_mps, 0.0))})
 
     @property
     def timed_orders(self) -> list[tuple[int, PlannedOrder]]:

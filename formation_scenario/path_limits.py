@@ -50,6 +50,10 @@ class SampledPath(NamedTuple):
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
         return cls(places, path.at(places), np.searchsorted(middles, places).astype(np.float64))
 
+    def only(self, which: Mask) -> SampledPath:
+        """Return the samples in a mask (K,)."""
+        return SampledPath(self.places_m[which], self.points.only(which), self.waypoints[which])
+
     def stretches(self, over: Mask) -> Iterator[slice]:
         """Yield the stretches of the path where `over` (K,) holds, with gaps of up to `SAME_PLACE_M`."""
         indices = np.flatnonzero(over)
@@ -87,12 +91,29 @@ class _Demand(NamedTuple):
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
     """Return violations of vehicles' limits: the path's speed, also in the wind, or else up to `MOST_PLACES` places."""
-    speed = list(_speed(scenario)) or list(_into_wind(scenario, sampled))
+    parts = list(_by_speed(scenario, sampled))
+    speed = [found for flown, part in parts for found in list(_speed(flown)) or list(_into_wind(flown, part))]
     if speed:
         return speed
-    places = [*climbs(scenario, sampled), *_bends(scenario, sampled, steps)]
+    places = [
+        *_crowded(scenario),
+        *climbs(scenario, sampled),
+        *(found for flown, part in parts for found in _bends(flown, part, steps)),
+    ]
     rest = len(places) - MOST_PLACES
     return [*places[:MOST_PLACES], *([(WAYPOINTS, f"found {rest} more places like these", "")] if rest > 0 else [])]
+
+
+def _by_speed(scenario: Scenario, sampled: SampledPath) -> Iterator[tuple[Scenario, SampledPath]]:
+    """Yield the scenario at each planned speed, with the samples at which that is flown; a change counts for both."""
+    speeds = scenario.speeds
+    if not speeds.changes:
+        yield scenario, sampled
+        return
+    for speed_mps in speeds.speeds_mps:
+        flown = speeds.near(sampled.places_m, speed_mps)
+        if flown.any():
+            yield scenario.at_speed(speed_mps), sampled.only(flown)
 
 
 def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
@@ -103,7 +124,8 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
         return
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
-    climb_mps = over_ground_mps(scenario, sampled.points.course_rad) * sampled.points.slope
+    climb_mps = over_ground_mps(scenario, sampled.points.course_rad, scenario.speeds.at_each(sampled.places_m))
+    climb_mps = climb_mps * sampled.points.slope
     for stretch in sampled.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
         figure, most = distinct_texts(abs(float(climb_mps[index])), most_mps)
@@ -112,16 +134,25 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
         yield sampled.finding(index, found, allowed)
 
 
+def _crowded(scenario: Scenario) -> Iterator[Finding]:
+    """Yield circles without room on the leg before their waypoint."""
+    written = scenario.written_path
+    for waypoint, short_m in written.crowded_m.items() if isinstance(written, LegsPath) else ():
+        found = f"found no room for circles on the leg to it, beside its turns, {short_m:.0f} m are missing"
+        yield (*WAYPOINTS, waypoint), found, "a longer leg, a smaller radius_m, or none in path.circles"
+
+
 def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Finding]:
     """Yield the legs that are too steep for some vehicle, and the length that each would need."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
-    limits = climb_limits(scenario, scenario.path.speed_mps, math.hypot(*scenario.drift_mps))
     for waypoint, each in steep.items():
+        speed_mps = scenario.path.legs_mps[waypoint - 1]
+        limits = climb_limits(scenario, speed_mps, math.hypot(*scenario.drift_mps))
         (north_m, east_m, from_m), to = scenario.path.waypoints_m[waypoint - 1 : waypoint + 1]
         rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
         needed_m = abs(rise_m) / limits.slope + limits.shortest_rounding_m
         found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
-        flown = f"{abs(each.slope) * scenario.path.speed_mps:.3g} m/s of climb with its rounding"
+        flown = f"{abs(each.slope) * speed_mps:.3g} m/s of climb with its rounding"
         most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         allowed = f"up to {most}: {needed_m:.0f} m or more for that height, or path.climb: circle"
         yield (*WAYPOINTS, waypoint), f"{found}, {flown}", allowed
@@ -129,7 +160,7 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Find
 
 def _speed(scenario: Scenario) -> Iterator[Finding]:
     """Yield the path's speed if some vehicle can't fly it, the leader first."""
-    speed = scenario.path.speed_mps
+    speed = scenario.path.begin_mps
     for vehicle in (each for each in columns(scenario) if each is not None):
         slowest, fastest = scenario.speeds_mps(vehicle)
         if not slowest <= speed <= fastest:
@@ -146,9 +177,9 @@ def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
     """Yield the place where the wind leaves a leading fixed wing too little ground speed along the path."""
     if scenario.hovers:
         return
-    speed, course_rad = scenario.path.speed_mps, sampled.points.course_rad
+    speed, course_rad = scenario.path.begin_mps, sampled.points.course_rad
     flown = f"at {speed:g} m/s of airspeed in a wind of {scenario.wind.speed_mps:.3g} m/s"
-    across_mps, over_mps = np.abs(wind_mps(scenario, course_rad)[1]), over_ground_mps(scenario, course_rad)
+    across_mps, over_mps = np.abs(wind_mps(scenario, course_rad)[1]), over_ground_mps(scenario, course_rad, speed)
     if across_mps.max() >= speed:
         index = int(np.argmax(across_mps >= across_mps.max() * (1.0 - EQUAL)))
         found = f"the wind blows {across_mps[index]:.3g} m/s across it"
@@ -181,7 +212,7 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
         more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
         figure, bound = float(worst.figure[index, column]), float(worst.bound[column])
         found = f"{whose} would need {distinct_texts(figure, bound)[0]} {worst.unit}{more}"
-        yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.speed_mps))
+        yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.begin_mps))
 
 
 def _leaders(
@@ -191,7 +222,7 @@ def _leaders(
     leads = {step.arrangement.leader for step in steps}
     models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
     most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
-    turn = np.abs(scenario.path.speed_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
+    turn = np.abs(scenario.path.begin_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
     return _Demand("turn", "rad/s of turn", turn, most, None)
 
 
@@ -199,10 +230,10 @@ def _followers(
     scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], step: SlotStep
 ) -> Iterator[_Demand]:
     """Yield a formation's demand on each limit."""
-    flight = LeaderFlight.along(sampled.points, scenario.path.speed_mps)
+    flight = LeaderFlight.along(sampled.points, scenario.path.begin_mps)
     needs = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
-    leader, at_mps = step.arrangement.leader, scenario.path.speed_mps
+    leader, at_mps = step.arrangement.leader, scenario.path.begin_mps
     models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]
     slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
     turn_most = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from flight_model.arrays import Array, Complex
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, room_along_m
 from flight_model.legs.joining import Lack, TurnRules
-from flight_model.legs.path import LegPlan, LegsPath
+from flight_model.legs.path import Circles, LegPlan, LegsPath
+from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
+from flight_model.legs.turn import TurnLimits
+from flight_model.path import FlightPath
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
 from formation_scenario.surroundings import Fence
 from formation_scenario.turn_limits import climb_limits, turn_limits
+
+MOST_ROUNDS = 5
+"""How often turns are planned again because legs between them became too short for their speeds."""
+CHANGE_SHARE = 0.3
+"""Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
+CHANGE_LAGS = 2.0
+"""Shortest duration of a change of speed, in time constants of the slowest vehicle's airspeed."""
 
 
 def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float], fence: Fence | None) -> LegsPath:
@@ -28,12 +39,54 @@ def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float
     Raises:
         PathError: two successive waypoints less than 1 m apart horizontally.
     """
-    steps, wind_mps, legs = slot_schedule(members), math.hypot(*drift_mps), len(path.waypoints_m) - 1
-    turns = [turn_limits(members, steps, path.speed_mps, wind_mps)] * legs
-    climbs = [climb_limits(members, path.speed_mps, wind_mps)] * legs
-    lack = _lack(members, steps, path.speed_mps, drift_mps, fence)
-    rules = TurnRules(turns, path.turn_distance_max_m, path.turn == "fly_over", lack)
-    return LegsPath(path.waypoints_m, LegPlan(rules, climbs, path.climb == "circle"))
+    steps, wind_mps = slot_schedule(members), math.hypot(*drift_mps)
+    climbs = {each: climb_limits(members, each, wind_mps) for each in set(path.legs_mps)}
+    lack = _lack(members, steps, path.fastest_mps, drift_mps, fence)
+    circles = {each.waypoint: Circles(each.turns, each.radius_m) for each in path.circles}
+    turns, flown_mps = dict[float, TurnLimits](), [{each} for each in path.legs_mps]
+    for _ in range(MOST_ROUNDS):
+        for speed_mps in set().union(*flown_mps) - turns.keys():
+            turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
+        limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
+        rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack)
+        plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle", circles)
+        found = LegsPath(path.waypoints_m, plan)
+        # On a leg too short for its speed, another one is flown in the turn at its end.
+        speeds, _ = planned_speeds(members, path, found, wind_mps)
+        others = [(each.first - 1, speeds.at(each.begin_m)[0]) for each in found.passed]
+        if all(speed_mps in flown_mps[leg] for leg, speed_mps in others):
+            break
+        for leg, speed_mps in others:
+            flown_mps[leg].add(speed_mps)
+    return found
+
+
+def planned_speeds(
+    members: Members, path: PathPlan, written: FlightPath, wind_mps: float
+) -> tuple[SpeedProfile, dict[int, float]]:
+    """Return the airspeed along a scenario's path, and what is reached on legs that are too short for theirs.
+
+    Args:
+        members: vehicles, whose acceleration and time constants limit the changes.
+        path: the keys of the path.
+        written: the path through the waypoints.
+        wind_mps: of the wind that drifts the vehicles.
+    """
+    if not isinstance(written, LegsPath):
+        return SpeedProfile(path.begin_mps), {}
+    return speed_profile(written.straights_m, path.legs_mps, _changes(members, wind_mps))
+
+
+def _changes(members: Members, wind_mps: float) -> SpeedChanges:
+    models = [each.model for each in members.vehicles]
+    accel_mps2 = CHANGE_SHARE * min(each.accel_max_mps2 for each in models)
+    return SpeedChanges(accel_mps2, wind_mps, CHANGE_LAGS * max(each.tau_v_s for each in models))
+
+
+def _tightest(limits: Iterable[TurnLimits]) -> TurnLimits:
+    """Return limits that keep to all of some others."""
+    curvatures_1pm, rates_1pm2 = zip(*limits, strict=True)
+    return TurnLimits(min(curvatures_1pm), min(rates_1pm2))
 
 
 def _lack(

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from formation_scenario.fields import Allowed, AtMost, Keys, NonNegative, Number, Positive, Speed, Text, Vector, key
+from formation_scenario.fields import (
+    MAX_NEAR_M,
+    WHOLE,
+    Allowed,
+    AtMost,
+    Keys,
+    NonNegative,
+    Number,
+    Positive,
+    Speed,
+    Text,
+    Vector,
+    key,
+)
 from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
 """Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
 MOST_WAYPOINTS: Final = 5000
+Speeds: TypeAlias = Annotated[
+    Speed | Annotated[tuple[Speed, ...], Field(min_length=1)],
+    Allowed("a number from 0.001 to 1000, or a list of them, one a leg"),
+]
 Waypoints = Annotated[
     tuple[Vector, ...],
     Field(min_length=2, max_length=MOST_WAYPOINTS),
@@ -19,10 +36,31 @@ Waypoints = Annotated[
 ]
 
 
+class CirclesPlan(Keys):
+    """Circles at a waypoint."""
+
+    waypoint: Annotated[int, Field(strict=True, ge=1), WHOLE] = key(..., "index of the waypoint, the first one is 0", 3)
+    turns: Annotated[int, Field(strict=True, ge=0, le=1000), WHOLE] = key(
+        1, "number of whole circles, at the waypoint's height; 0: as many as the climb or descent to it takes", 2
+    )
+    radius_m: Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)] = key(
+        0.0,
+        "positive: clockwise, negative: anticlockwise, widened to what every slot can fly; 0: the tightest, to the "
+        "side with more room, m",
+        -90,
+    )
+
+
 class PathPlan(Keys):
     """The leader's path."""
 
-    speed_mps: Speed = key(22.0, "the leader's speed, m/s", 20)
+    speed_mps: Speeds = key(
+        22.0,
+        "the leader's airspeed, m/s; with `kind: legs` also a list, one a leg: it changes where a leg begins, after "
+        "the turn onto it",
+        20,
+        [20, 25],
+    )
     waypoints_m: Waypoints = key(
         ...,
         "north, east and height above the origin, m; `kind` says what leads through them",
@@ -70,6 +108,28 @@ class PathPlan(Keys):
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
+    circles: AtMost[CirclesPlan] = key(
+        (), "legs: circles that end at a waypoint, which they touch", [{"waypoint": 3, "turns": 2, "radius_m": 90}]
+    )
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )
+
+    @property
+    def legs_mps(self) -> tuple[float, ...]:
+        """The airspeed of each leg, m/s; the last one's of a list that is too short, which is refused."""
+        given, legs = (
+            self.speed_mps if isinstance(self.speed_mps, tuple) else (self.speed_mps,),
+            len(self.waypoints_m) - 1,
+        )
+        return (*given, *(given[-1] for _ in range(legs)))[:legs]
+
+    @property
+    def begin_mps(self) -> float:
+        """The airspeed at which the path is begun, m/s."""
+        return self.speed_mps[0] if isinstance(self.speed_mps, tuple) else self.speed_mps
+
+    @property
+    def fastest_mps(self) -> float:
+        """The highest airspeed of all legs, m/s."""
+        return max(self.speed_mps) if isinstance(self.speed_mps, tuple) else self.speed_mps

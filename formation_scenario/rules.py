@@ -94,6 +94,28 @@ def wind(scenario: Scenario) -> Iterator[Finding]:
         yield ("wind", "velocity_mps"), f"found a wind of {speed_mps:.3g} m/s", allowed
 
 
+def leg_speeds(scenario: Scenario) -> Iterator[Finding]:
+    """Yield a list of speeds for a path without legs, or with another number of legs."""
+    given, legs = scenario.path.speed_mps, len(scenario.path.waypoints_m) - 1
+    if isinstance(given, tuple) and scenario.path.kind != "legs":
+        yield ("path", "speed_mps"), "found a list, one a leg", "a number, or kind: legs"
+    elif isinstance(given, tuple) and len(given) != legs:
+        yield ("path", "speed_mps"), f"found {len(given)} speeds", f"{legs}, one a leg, or a number"
+
+
+def circles(scenario: Scenario) -> Iterator[Finding]:
+    """Yield circles without legs, beyond the last waypoint, or twice at one; and legs without room for theirs."""
+    plan, seen = scenario.path, set[int]()
+    for index, each in enumerate(plan.circles):
+        key = ("path", "circles", index)
+        if plan.kind != "legs":
+            yield key, "found circles", "with path.kind: legs"
+        elif each.waypoint >= len(plan.waypoints_m) or each.waypoint in seen:
+            again = " again" if each.waypoint in seen else ""
+            yield (*key, "waypoint"), f"found {each.waypoint}{again}", f"1 to {len(plan.waypoints_m) - 1}, once each"
+        seen.add(each.waypoint)
+
+
 def path(scenario: Scenario) -> Iterator[Finding]:
     """Yield waypoints without a flyable spline, and paths that are too long."""
     try:
@@ -340,6 +362,8 @@ RULES = (
     vehicle_rules.orders,
     acts,
     vehicle_rules.consensus,
+    leg_speeds,
+    circles,
     row,
     path,
     places,

@@ -47,7 +47,7 @@ def start_states(scenario: Scenario) -> list[StartState]:
     height_m = leader.height_m + places[:, 2] if in_air else np.zeros_like(north_m)
     if in_air and scenario.terrain is not None:
         height_m = np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)
-    speed_mps = scenario.path.speed_mps if in_air else 0.0
+    speed_mps = scenario.path.begin_mps if in_air else 0.0
     each = zip(north_m.tolist(), east_m.tolist(), height_m.tolist(), strict=True)
     return [StartState(*place, leader.course_rad, speed_mps, in_air) for place in each]
 
@@ -81,10 +81,10 @@ def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
     return north_mps * cos + east_mps * sin, east_mps * cos - north_mps * sin
 
 
-def over_ground_mps(scenario: Scenario, course_rad: Array) -> Array:
-    """Return the leader's ground speed along courses, m/s, with the crab angle that the wind requires."""
+def over_ground_mps(scenario: Scenario, course_rad: Array, airspeed_mps: float | Array) -> Array:
+    """Return the leader's ground speed along courses at airspeeds, m/s, with the crab angle that the wind requires."""
     along_mps, aside_mps = wind_mps(scenario, course_rad)
-    return np.sqrt(np.maximum(scenario.path.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
+    return np.sqrt(np.maximum(airspeed_mps**2 - aside_mps**2, 0.0)) + along_mps
 
 
 def path_end_s(scenario: Scenario) -> float:
@@ -120,7 +120,7 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
     """Return distances along the path, m, and when the leader is there, s; infinite if the wind blows it back."""
     path = scenario.written_path
     at_m = np.linspace(0.0, path.length_m, POINTS)
-    speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad)
+    speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad, scenario.speeds.at_each(at_m))
     if speed_mps.min() <= 0.0:
         return at_m, np.where(at_m > 0.0, math.inf, 0.0)
     took_s = np.diff(at_m) * (1.0 / speed_mps[1:] + 1.0 / speed_mps[:-1]) / 2.0

@@ -136,9 +136,10 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     """Return the leader's guidance along the scenario's path."""
     return LeaderGuidance(
         path=scenario.leader_path,
-        speed_mps=scenario.path.speed_mps,
+        speed_mps=scenario.path.begin_mps,
+        speeds=scenario.speeds if scenario.speeds.changes else None,
         run_in_m=scenario.run_in_m,
-        hold_speed_mps=scenario.path.speed_mps,
+        hold_speed_mps=scenario.path.begin_mps,
         hold_turn_rps=hold_turn_rps(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
@@ -154,7 +155,7 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
     def bounds(over_ground_mps: float) -> Bounds:
         """Return the bounds in the wind that is measured; the leader's own route may have its slope in any."""
         calm = scenario.rise_bounds(FOLLOWER_SHARE)
-        slope = calm.slope * min(1.0, scenario.path.speed_mps / max(over_ground_mps, LEAST_MPS))
+        slope = calm.slope * min(1.0, scenario.path.begin_mps / max(over_ground_mps, LEAST_MPS))
         return Bounds(max(slope, scenario.rise_bounds(LEADER_SHARE).slope), calm.curvature_1pm)
 
     return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
@@ -184,7 +185,7 @@ def _lap_fence(scenario: Scenario) -> LapFence | None:
 
 def hold_turn_rps(scenario: Scenario) -> float:
     """Return the rate of the leader's turns before its path: the fastest in which all slots keep up, either way."""
-    speed = scenario.path.speed_mps
+    speed = scenario.path.begin_mps
     models = column_models(scenario)[1:]
     most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)

@@ -97,7 +97,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
     return FleetConfig(
         origin=scenario.origin.geodetic,
         vehicles=vehicles,
-        cruise_mps=scenario.path.speed_mps,
+        cruise_mps=scenario.path.begin_mps,
         wind_mps=scenario.wind.velocity_mps,
         disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),

@@ -9,11 +9,12 @@ continuous.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Indices, Mask
 from flight_model.legs.turn import STEEPEST
 
 LEVEL = 1e-9
@@ -21,6 +22,10 @@ LEVEL = 1e-9
 LEAST_M = 1e-3
 TIGHTER = (1.0, 2.0, 4.0)
 """Multiples of the preferred change of slope that are tried where there is no room for it."""
+
+LEFT_OUT_M = (0.1, 0.25, 0.5, 0.75)
+KEPT_WITHIN_M = 1.0
+"""Distance from heights that are left out within which the profile stays."""
 
 
 class Climbs(NamedTuple):
@@ -88,11 +93,62 @@ def eased(length_m: float, rise_m: float, slopes: tuple[float, float], climbs: C
 def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[Heights, list[Steep]]:
     """Return the profile through heights (n,) at rising distances (n,), and what of it is too steep.
 
+    Where ways shorter than a slope's changes follow each other, as between points of a digitised line, some is too
+    steep for its rounding although all together aren't. Of such runs those heights are then left out that the line
+    through the others passes within one of `LEFT_OUT_M`: the first one that helps, with all within `KEPT_WITHIN_M`.
+
     Args:
         distance_m: (n,) along the way; two of them at least `LEAST_M` apart.
         height_m: (n,) heights.
         climbs: limits for each of the n - 1 intervals.
     """
+    best, steep = _through(distance_m, height_m, climbs)
+    if not steep:
+        return best, steep
+    fixed = _fixed(distance_m, climbs)
+    for tolerance_m in LEFT_OUT_M:
+        kept = _kept(distance_m, height_m, fixed, tolerance_m)
+        inside = [climbs[begin:end] for begin, end in pairwise(kept.tolist())]
+        tightest = [Climbs(min(each.slope for each in part), min(each.change_1pm for each in part)) for part in inside]
+        found, left = _through(distance_m[kept], height_m[kept], tightest)
+        off_m = np.abs(found.at(distance_m)[0] - height_m).max()
+        if len(left) < len(steep) and off_m <= KEPT_WITHIN_M:
+            best, steep = found, [each._replace(interval=int(kept[each.interval + 1]) - 1) for each in left]
+        if not steep:
+            break
+    return best, steep
+
+
+def _fixed(distance_m: Array, climbs: list[Climbs]) -> Mask:
+    """Return which heights (n,) aren't inside a run of ways shorter than two changes of slope."""
+    changes_m = np.array([2.0 * STEEPEST * each.slope / each.change_1pm for each in climbs])
+    short = np.diff(distance_m) < changes_m
+    return np.concatenate(([True], ~(short[1:] & short[:-1]), [True]))
+
+
+def _kept(distance_m: Array, height_m: Array, fixed: Mask, tolerance_m: float) -> Indices:
+    """Return the indices (k,) of heights without which the line through the others would miss one by more.
+
+    D. H. Douglas, T. K. Peucker, Cartographica 10, 1973.
+    """
+    keep = fixed.copy()
+    spans = list(pairwise(np.flatnonzero(fixed).tolist()))
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        ends = [first, last]
+        line_m = np.interp(distance_m[first : last + 1], distance_m[ends], height_m[ends])
+        off_m = np.abs(height_m[first : last + 1] - line_m)
+        worst = first + int(off_m.argmax())
+        if off_m.max() > tolerance_m:
+            keep[worst] = True
+            spans += [(first, worst), (worst, last)]
+    return np.flatnonzero(keep)
+
+
+def _through(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[Heights, list[Steep]]:
+    """Return the profile through all heights, as `profile`."""
     lengths_m, rises_m = np.diff(distance_m).tolist(), np.diff(height_m).tolist()
     means = np.diff(height_m) / np.diff(distance_m)
     inner = np.where(means[1:] * means[:-1] > 0.0, np.minimum(np.abs(means[1:]), np.abs(means[:-1])), 0.0)

@@ -30,7 +30,7 @@ ENOUGH_M = 1e-6
 class TurnRules:
     """How waypoints are passed: within `most_m` of the turn (fly-by), or over them, in turns within the limits.
 
-    `limits` are those of each leg (n - 1,), which differ with its speed; a joint keeps to the tighter of its legs'.
+    `limits` are those of each leg (n - 1,), which differ with its speed; a joint is flown at that of the leg before.
     """
 
     limits: Sequence[TurnLimits]
@@ -79,7 +79,7 @@ class Joiner:
         return found
 
     def _first_choice(self, index: int) -> Placed:
-        corner, limits = self._corner(index, index), self._limits(index, index)
+        corner, limits = self._corner(index, index), self._limits(index)
         joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.most_m)
         if joint is not None:
             return Placed(index, index, joint)
@@ -114,7 +114,7 @@ class Joiner:
             yield [self._detour(each.first, each.last) for each in crowded]
             return
         one, other = crowded
-        leg_m, limits = self._lengths_m[one.last], self._limits(one.first, other.last)
+        leg_m, limits = self._lengths_m[one.last], self._limits(one.first)
         merged = [self._detour(one.first, other.last)]
         yield merged
         corner = self._corner(one.first, other.last)
@@ -131,7 +131,7 @@ class Joiner:
 
     def _detour(self, first: int, last: int) -> Placed:
         """Return the shortest detour from a waypoint's leg to another's that has room, or lacks the least."""
-        corner, limits = self._corner(first, last), self._limits(first, last)
+        corner, limits = self._corner(first, last), self._limits(first)
         detours = self._detours.setdefault(limits, Detours(limits))
         ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
         best, least_m = None, math.inf
@@ -164,5 +164,5 @@ class Joiner:
         waypoints = tuple(complex(each) for each in self._waypoints[first : last + 1])
         return Corner(self._courses[first - 1], self._courses[last], waypoints)
 
-    def _limits(self, first: int, last: int) -> TurnLimits:
-        return min(self._rules.limits[first - 1 : last + 1])
+    def _limits(self, first: int) -> TurnLimits:
+        return self._rules.limits[first - 1]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,16 @@ MOST_CIRCLES = 200
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
+class Circles(NamedTuple):
+    """Whole circles before a waypoint, which they touch; without turns as many as the leg's climb takes.
+
+    The radius is widened to what all can fly; positive: clockwise, 0: the tightest, to the side with more room.
+    """
+
+    turns: int
+    radius_m: float = 0.0
+
+
 class LegPlan(NamedTuple):
     """Limits of the n - 1 legs, and what becomes of one that is too steep."""
 
@@ -35,6 +46,8 @@ class LegPlan(NamedTuple):
     climbs: Sequence[Climbs]
     circle: bool = False
     """Whether a leg that is too steep ends in circles; else it is too steep."""
+    circles: Mapping[int, Circles] = MappingProxyType({})
+    """Circles at waypoints, by their index."""
 
 
 class Passed(NamedTuple):
@@ -54,6 +67,8 @@ class LegsPath(FlightPath):
         passed: how each waypoint but the first and the last is passed.
         tightest_m: radius of the tightest turn, infinite without turns.
         steep: what is too steep, by the index of the waypoint at which that ends.
+        circle_radii_m: of the circles that are asked for, by their waypoint.
+        crowded_m: waypoints whose leg has no room for their circles, and the straight that they need there.
     """
 
     def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array, plan: LegPlan) -> None:
@@ -70,6 +85,8 @@ class LegsPath(FlightPath):
             raise PathError(found, int(short[0]) + 1)
         line = _Line(flat, waypoints[:, 2], plan)
         line.lay(Joiner(flat, plan.turns).joints())
+        self.crowded_m, self.circle_radii_m = line.crowded_m, line.circle_radii_m
+        self._circled_m = line.circled_m
         self.passed, at_m = line.passed, np.array(line.knots_m)
         heights, steep = profile(at_m, np.array(line.heights_m), line.climbs)
         self.steep = {line.ends_at[each.interval]: each for each in steep}
@@ -77,6 +94,16 @@ class LegsPath(FlightPath):
         curvature_1pm = max(abs(each.to_1pm) for each in line.stretches)
         self.tightest_m = 1.0 / curvature_1pm if curvature_1pm else math.inf
         super().__init__(nodes_m, np.array(line.waypoints_at_m), coefficients)
+
+    @property
+    def straights_m(self) -> list[tuple[int, float, float]]:
+        """The legs that are flown straight: index, and the distances between the turns at their ends, m."""
+        begins = [(0, 0.0), *((each.last, each.begin_m + each.length_m) for each in self.passed)]
+        ends_m = [*(each.begin_m for each in self.passed), self.length_m]
+        ends_m = [
+            min(end_m, self._circled_m.get(leg, math.inf)) for (leg, _), end_m in zip(begins, ends_m, strict=True)
+        ]
+        return [(leg, begin_m, end_m) for (leg, begin_m), end_m in zip(begins, ends_m, strict=True)]
 
 
 class _Line:
@@ -90,6 +117,8 @@ class _Line:
         self.passed = list[Passed]()
         self.waypoints_at_m, self.knots_m, self.heights_m = [0.0], [0.0], [float(heights_m[0])]
         self.climbs, self.ends_at = list[Climbs](), list[int]()
+        self.circled_m, self.crowded_m = dict[int, float](), dict[int, float]()
+        self.circle_radii_m = dict[int, float]()
 
     def lay(self, joints: list[Placed]) -> None:
         """Lay out all legs and joints."""
@@ -99,6 +128,9 @@ class _Line:
             self._straight(first, self._legs_m[leg] - taken_m - joint.before_m, due_m)
             begin_m, self.length_m = self.length_m, self.length_m + joint.length_m
             self.stretches += joint.stretches
+            for inside in range(first + 1, last + 1):
+                if self._plan.circles.get(inside, Circles(0)).turns:
+                    self.crowded_m[inside] = float(turned_m(np.asarray(TURN), self._limits(inside, None)).real)
             self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
             for waypoint, at_m in zip(range(first, last + 1), self._passing(first, last, joint, begin_m), strict=True):
                 self.waypoints_at_m.append(at_m)
@@ -134,30 +166,54 @@ class _Line:
 
     def _straight(self, waypoint: int, length_m: float, due_m: float) -> None:
         """Lay out the rest of the leg to a waypoint, whose height is due `due_m` later; with circles if it is steep."""
-        circles = self._circles(waypoint, length_m, due_m) if self._plan.circle else ()
+        asked = self._plan.circles.get(waypoint, Circles(0) if self._plan.circle else None)
+        limits = self._limits(waypoint, asked)
+        circles = () if asked is None else self._circles(waypoint, length_m, due_m, asked)
         if circles:
-            limits = self._plan.turns.limits[waypoint - 1]
             length_m -= float(turned_m(np.asarray(TURN), limits).real)
         if length_m > NEGLIGIBLE_M:
             self.stretches.append(Stretch(length_m))
             self.length_m += length_m
+        if circles:
+            self.circled_m[waypoint - 1] = self.length_m
+            self.circle_radii_m[waypoint] = 1.0 / limits.curvature_1pm
+            if asked is not None and asked.turns:  # asked for at the waypoint's height
+                self._due(waypoint, self.length_m)
         self.stretches += circles
         self.length_m += sum(each.length_m for each in circles)
 
-    def _circles(self, waypoint: int, length_m: float, due_m: float) -> tuple[Stretch, ...]:
-        """Return the fewest circles at the end of a leg that make it flat enough; none if there is no room for one."""
-        limits, climbs = self._plan.turns.limits[waypoint - 1], self._plan.climbs[waypoint - 1]
+    def _limits(self, waypoint: int, asked: Circles | None) -> TurnLimits:
+        """Return the limits of circles before a waypoint, widened to the radius that is asked for."""
+        limits = self._plan.turns.limits[waypoint - 1]
+        return limits if asked is None else limits.widened(max(1.0, abs(asked.radius_m) * limits.curvature_1pm))
+
+    def _circles(self, waypoint: int, length_m: float, due_m: float, asked: Circles) -> tuple[Stretch, ...]:
+        """Return the circles at the end of a leg: those asked for, or the fewest that make it flat enough.
+
+        None if there is no room for one.
+        """
+        limits, climbs = self._limits(waypoint, asked), self._plan.climbs[waypoint - 1]
         rise_m = self._wanted_m[waypoint] - self.heights_m[-1]
         forward_m = float(turned_m(np.asarray(TURN), limits).real)
-        if rise_m == 0.0 or forward_m > length_m:
+        if asked.turns and forward_m > length_m:
+            self.crowded_m[waypoint] = forward_m - length_m
+        if forward_m > length_m or (not asked.turns and rise_m == 0.0):
             return ()
+        if asked.turns:
+            return self._to_side(waypoint, asked, limits, length_m - forward_m)
         for count in range(MOST_CIRCLES):
             whole_m = self.length_m - self.knots_m[-1] + length_m + due_m
             if count:
                 whole_m += float(turn_length_m(np.asarray(count * TURN), limits)) - forward_m
             if eased(whole_m, rise_m, (0.0, 0.0), climbs) is not None:
                 break
-        return self._to_roomier_side(waypoint, count * TURN, limits, length_m - forward_m)
+        return self._to_side(waypoint, asked._replace(turns=count), limits, length_m - forward_m)
+
+    def _to_side(self, waypoint: int, circles: Circles, limits: TurnLimits, after_m: float) -> tuple[Stretch, ...]:
+        angle_rad = circles.turns * TURN
+        if circles.radius_m:
+            return turn_stretches(math.copysign(angle_rad, circles.radius_m), limits)
+        return self._to_roomier_side(waypoint, angle_rad, limits, after_m)
 
     def _to_roomier_side(
         self, waypoint: int, angle_rad: float, limits: TurnLimits, after_m: float

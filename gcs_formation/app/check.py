@@ -154,6 +154,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_links.split_errors(scenario)
     yield from check_links.narrow_links(scenario)
     yield from check_path.not_flown(scenario)
+    yield from check_path.short_legs(scenario)
+    yield from check_path.widened_circles(scenario)
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
     yield from check_room.final_circles(scenario)
@@ -216,7 +218,7 @@ def steep_turns(scenario: Scenario) -> str | None:
 
     In a coordinated turn the bank is atan(speed * turn rate / g). None if nobody's is too steep.
     """
-    speed_mps = scenario.path.speed_mps
+    speed_mps = scenario.path.fastest_mps
     for vehicle in (each for each in scenario.vehicles if not each.model.hovers):
         turn_rps = vehicle.model.turn_rate_max_rps
         bank = math.degrees(math.atan(speed_mps * turn_rps / GRAVITY_MPS2))
@@ -298,7 +300,7 @@ def _design_text(scenario: Scenario) -> Iterator[str]:
     if not _designed(scenario):
         return
     whose = "by design" if scenario.law.gains == AUTO else "as given"
-    yield f"# gains {whose}, around the vehicles' responses at {scenario.path.speed_mps:g} m/s:"
+    yield f"# gains {whose}, around the vehicles' responses at {scenario.path.begin_mps:g} m/s:"
     for name, each in figures(scenario).items():
         held = f"sensitivity {each.peak:.2f}, delay margin {each.delay_margin_s:.2f} s"
         off = f"sensitivity {each.mismatch_peak:.2f}" if math.isfinite(each.mismatch_peak) else "unstable"

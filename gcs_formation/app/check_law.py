@@ -108,7 +108,7 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
         return None
     steps = [(ways_s(step)[1], step.at_s, each) for each in scenario.followers for step in scenario.link_steps(each)]
     down_s, at_s, vehicle = max(steps, key=lambda step: step[0])
-    speed_mps, between_s = scenario.path.speed_mps, 1.0 / scenario.telemetry.rate_hz
+    speed_mps, between_s = scenario.path.begin_mps, 1.0 / scenario.telemetry.rate_hz
     least_m, most_m = speed_mps * down_s, speed_mps * (down_s + between_s)
     if most_m < LEAST_M:
         return None
@@ -134,7 +134,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
     leads = max(_age_variance(step) for step in scenario.link_steps(scenario.leader))
     each = [(_age_variance(step), vehicle) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
     variance, vehicle = max(each, key=lambda found: found[0], default=(0.0, None))
-    rate_hz, speed_mps, periods = scenario.telemetry.rate_hz, scenario.path.speed_mps, math.sqrt(leads + variance)
+    rate_hz, speed_mps, periods = scenario.telemetry.rate_hz, scenario.path.begin_mps, math.sqrt(leads + variance)
     apart_m = speed_mps * periods / rate_hz
     if vehicle is None or apart_m < UNPAIRED_M:
         return None
@@ -240,7 +240,7 @@ def gust_errors_m(scenario: Scenario, entry: DrydenTurbulence, delay_s: float) -
     for name, loops in {each for axes in law_loops(scenario).values() for each in axes.items()}:
         for axis in "xy" if mutual else name:
             i = AXES.index(axis)
-            spectrum = _dryden(i, sigma_mps[i], scale_m[i] / scenario.path.speed_mps)
+            spectrum = _dryden(i, sigma_mps[i], scale_m[i] / scenario.path.begin_mps)
             for loop in loops:
                 response = _of_mode(scenario, loop, delay_s) if mutual else _of_channel(scenario, loop, delay_s, axis)
                 variance = float(np.trapezoid(spectrum * np.abs(response) ** 2, FREQUENCIES))

@@ -51,7 +51,7 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
     leader_s = _early_s(scenario, scenario.leader, times_s)
     for vehicle in scenario.followers:
         early_s = _early_s(scenario, vehicle, times_s)
-        errors_m = [scenario.path.speed_mps * (own - leads) for own, leads in zip(early_s, leader_s, strict=True)]
+        errors_m = [scenario.path.begin_mps * (own - leads) for own, leads in zip(early_s, leader_s, strict=True)]
         error_m = max(errors_m, key=abs)
         at_s = times_s[errors_m.index(error_m)]
         if abs(error_m) >= LEAST_M:
@@ -105,7 +105,7 @@ def _traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
     """
     autopilot, telemetry = autopilot_for(vehicle, scenario), scenario.telemetry
     rates_hz = autopilot.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc)
-    setpoints = autopilot.setpoint(Setpoint(scenario.path.speed_mps, 0.0, 0.0), FlightState(*[0.0] * 8))
+    setpoints = autopilot.setpoint(Setpoint(scenario.path.begin_mps, 0.0, 0.0), FlightState(*[0.0] * 8))
     asked = _bits(m.MAVLINK_MSG_ID_TIMESYNC) / PROBE_S
     up = asked + scenario.law.rate_hz * sum(_bits(each.kind().message_id) for each in setpoints)
     acks_hz = scenario.law.rate_hz * min(len(setpoints), len(autopilot.setpoint_commands))
@@ -160,7 +160,7 @@ class Assembly(NamedTuple):
 
 def assembly(scenario: Scenario) -> Assembly:
     """Return what a scenario's start needs."""
-    leads, speed_mps = leader_guidance(scenario), scenario.path.speed_mps
+    leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
     least_s = _least_run_in_s(scenario) if scenario.start.in_air else None
     lap, start = _lap(scenario, leads), leads.path.at(0.0)
     end = lap.at(lap.length_m)

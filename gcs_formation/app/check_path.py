@@ -13,6 +13,7 @@ from formation_scenario.ground_and_fence import fence_distances
 
 FAR_M = 20.0
 """Distance of a spline from its legs, and outside its waypoints' heights, beyond which `check` warns."""
+WIDER_M = 0.5
 LISTED = 4
 """Number of slots whose distance to the fence is listed."""
 
@@ -50,6 +51,25 @@ def not_flown(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of each thing in a mission file that isn't flown."""
     for text in scenario.path.not_flown:
         yield f"path: {text}"
+
+
+def widened_circles(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of each waypoint whose circles are wider than asked for."""
+    path = scenario.written_path
+    if not isinstance(path, LegsPath):
+        return
+    for each in scenario.path.circles:
+        flown_m, asked_m = path.circle_radii_m.get(each.waypoint, 0.0), abs(each.radius_m)
+        if asked_m and flown_m > asked_m + WIDER_M:
+            where = f"path: circles at waypoint {each.waypoint}"
+            yield f"{where} have a radius of {flown_m:.0f} m, not {asked_m:.0f}: so all slots can fly them"
+
+
+def short_legs(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of each leg that is too short for its planned speed."""
+    for leg, reached_mps in scenario.short_legs.items():
+        planned = f"path.speed_mps.{leg}: {scenario.path.legs_mps[leg]:g} m/s"
+        yield f"{planned} isn't reached on so short a leg; at its end {reached_mps:.3g} m/s is flown"
 
 
 def far_from_legs(scenario: Scenario) -> Iterator[str]:

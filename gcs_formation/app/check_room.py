@@ -61,13 +61,18 @@ def little_left(scenario: Scenario) -> Iterator[str]:
     """
     if scenario.hovers:
         return
-    points, steps = SampledPath.along(scenario.leader_path).points, slot_schedule(scenario)
+    sampled, steps = SampledPath.along(scenario.leader_path), slot_schedule(scenario)
+    at_m, points = sampled.places_m, sampled.points
     wanted_mps = gusts_mps(scenario)
     orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in scenario.timed_orders}
-    for key, speed in {"path.speed_mps": scenario.path.speed_mps, **orders}.items():
+    speeds = scenario.path.speed_mps
+    legs = {f"path.speed_mps.{speeds.index(each)}": each for each in speeds} if isinstance(speeds, tuple) else {}
+    legs = legs or {"path.speed_mps": scenario.path.begin_mps}
+    for key, speed in {**legs, **orders}.items():
         if speed is None or not all(low <= speed <= high for low, high in map(scenario.speeds_mps, scenario.vehicles)):
             continue
-        sides = zip(*(_left(scenario, points, step, speed) for step in steps), strict=True)
+        flown = points.only(scenario.speeds.near(at_m, speed)) if key in legs else points
+        sides = zip(*(_left(scenario, flown, step, speed) for step in steps), strict=True)
         for left_mps, found in (min((found for each in side for found in each), default=PLENTY) for side in sides):
             if left_mps < wanted_mps:
                 left = f"{left_mps:.2g} m/s is left" if left_mps > 0.0 else "nothing is left"
@@ -84,7 +89,7 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     if not scenario.hovers or not kept:
         return
     told_mps = [parse_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
-    speed_mps, first = max(scenario.path.speed_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
+    speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
     round_trips_s = (sum(ways_s(step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
     enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
@@ -244,7 +249,7 @@ class _Climb:
     """The climb of all vehicles to their circles, straight on from the planned end of the flight."""
 
     def __init__(self, scenario: Scenario, clearance_m: float) -> None:
-        self._path, self._speed_mps = scenario.leader_path, scenario.path.speed_mps
+        self._path, self._speed_mps = scenario.leader_path, scenario.path.begin_mps
         self._end_m = float(planned_m(scenario, np.array(scenario.duration_s)))
         self._where = f"path at {self._end_m:.0f} m, the flight's end"
         self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m

@@ -350,7 +350,7 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
             north_m, east_m = beside(start.north_m, start.east_m, start.course_rad, forward_m, right_m)
-            speed_mps, psi_rad, height_m = scenario.path.speed_mps, start.course_rad, start.height_m + up_m
+            speed_mps, psi_rad, height_m = scenario.path.begin_mps, start.course_rad, start.height_m + up_m
             where = FlightState(float(north_m), float(east_m), height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
             found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where
     return found

@@ -12,6 +12,7 @@ from airlink.clock import Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
+from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.slot import LEADS_FROM_MPS
@@ -216,6 +217,8 @@ class LeaderGuidance:
     """Straight flight between a turn and the path; it is lengthened by as much with each lap."""
     fence: LapFence | None = None
     """Fence that laps are to fit into."""
+    speeds: SpeedProfile | None = None
+    """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
@@ -256,7 +259,12 @@ class LeaderGuidance:
             self.rounds += 1
             self._join(state)
         self._point = self.route.at(self.distance_m)
-        return track(self._point, state, model, self.speed_mps)
+        setpoint = track(self._point, state, model, self.speed_mps)
+        if self.speeds is not None and self.on_path:
+            self.speed_mps, by_way = self.speeds.at(self.distance_m)
+            # By (7) a speed that changes takes a setpoint that leads it by the time constant.
+            setpoint.speed_mps = self.speed_mps + model.tau_v_s * by_way * self.heading(state).along_mps
+        return setpoint
 
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
@@ -266,11 +274,14 @@ class LeaderGuidance:
         self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
     ) -> None:
         """Continue a flight: at its speed, with the heading it held if it stood, within a range along the path."""
-        self.speed_mps, self.amid_m = speed_mps, amid_m
+        if speed_mps != self.speed_mps:
+            self.fly_at(speed_mps)
+        self.amid_m = amid_m
         self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
 
     def fly_at(self, speed_mps: float) -> None:
         """Fly at another speed from now on; a leader that keeps standing holds its heading."""
+        self.speeds = None
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
 
     def heading(self, state: FlightState) -> RouteHeading:

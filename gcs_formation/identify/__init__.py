@@ -70,7 +70,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     path = scenario.leader_path
     begin = path.at(0.0)
     models = [vehicle.model for vehicle in scenario.vehicles]
-    speed = scenario.path.speed_mps
+    speed = scenario.path.begin_mps
     spare = min(min(each.speed_max_mps - speed, speed - each.speed_min_mps) for each in models)
     flown, spacing_m = steps(spare), max(SPACING_S * speed, scenario.formation.spacing_m)
     last_s = flown[-1].at_s + flown[-1].for_s + REST_S

@@ -75,6 +75,12 @@ class Reconfiguration:
         return self._by_column.get(self._controller.plan.leader)
 
     @property
+    def _flown(self) -> Scenario:
+        """The scenario at the speed that is planned where the leader is."""
+        guidance = self._controller.guidance
+        return self._scenario if guidance.speeds is None else self._scenario.at_speed(guidance.speed_mps)
+
+    @property
     def unflown(self) -> list[str]:
         """The planned change that is still postponed, with the reason; empty if there is none."""
         wanted = self._wanted
@@ -107,7 +113,7 @@ class Reconfiguration:
         """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""
         guidance = self._controller.guidance
         self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
-        if resumed.speed_mps != guidance.speed_mps:
+        if resumed.speed_mps != self._scenario.path.begin_mps:
             self._scenario = self._scenario.at_speed(resumed.speed_mps)
         amid_m = None if resumed.path_began is None else resumed.reach_m
         guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, amid_m)
@@ -164,7 +170,7 @@ class Reconfiguration:
         start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
-            way = plan_gathering(self._scenario, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
+            way = plan_gathering(self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
         except NotFlyableError as error:
             self._gathers_late(str(error), now)
             return
@@ -206,7 +212,7 @@ class Reconfiguration:
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
-        way = plan_change(self._scenario, start, wanted, now_s, course, present)
+        way = plan_change(self._flown, start, wanted, now_s, course, present)
         if passes_on:
             self._hand_over(wanted.leader, route, distance_m, swing_rad, now)
         if changes:
@@ -354,7 +360,7 @@ class Reconfiguration:
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
         aside = abreast.slope_aside(place)
-        scenario, path, reach_m = self._scenario, guidance.path, slots.reach_m
+        scenario, path, reach_m = self._flown, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
 

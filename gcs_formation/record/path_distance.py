@@ -67,7 +67,7 @@ def distances(
     if not known.any():
         return found
     path, times_s, (north_m, east_m, height_m) = scenario.leader_path, mission_s[known], place[:, known]
-    along_m = _along_m(path, scenario.path.speed_mps, times_s, north_m, east_m)
+    along_m = _along_m(path, scenario.path.fastest_mps, times_s, north_m, east_m)
     point = path.at(along_m)
     cos, sin = np.cos(point.course_rad), np.sin(point.course_rad)
     found.across_m[known] = cos * (east_m - point.east_m) - sin * (north_m - point.north_m)

@@ -122,7 +122,7 @@ def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: I
         mission_s=math.nan,
         path_began=None,
         distance_m=0.0,
-        speed_mps=scenario.path.speed_mps,
+        speed_mps=scenario.path.begin_mps,
         heading_rad=None,
         arrangement=arrangement,
         slots_m=np.zeros((1 + len(scenario.followers), 3)),
@@ -183,7 +183,7 @@ def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[
         for event in events
         if event["kind"] == "order" and event.get("accepted")
     ]
-    arrangement, speed_mps, heading_rad = first_arrangement(scenario), scenario.path.speed_mps, None
+    arrangement, speed_mps, heading_rad = first_arrangement(scenario), scenario.path.begin_mps, None
     for _, order in sorted([*planned, *given], key=lambda each: each[0]):
         if order.change is not None:
             arrangement = arrangement.changed(order.change, scenario)
@@ -200,7 +200,7 @@ def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
     for t_s, north_m, east_m in places:
         unseen_s = t_s - last_s
         if unseen_s > GAP_S:  # an earlier interruption
-            reach_m = REACH * scenario.path.speed_mps * unseen_s
+            reach_m = REACH * scenario.path.begin_mps * unseen_s
             distance_m = nearest(path, north_m, east_m, distance_m, distance_m + reach_m)
         elif not 0.0 <= unseen_s < EVERY_S:
             distance_m = project(path, north_m, east_m, distance_m)

@@ -128,7 +128,7 @@ def _errors(
     along_mps = np.array(((np.cos(psi), np.sin(psi)), (-np.sin(psi), np.cos(psi)))) @ gust_mps
     round_trip_s = _response_s(run, identity, at_s, tick)
     model = vehicle.model
-    limits_mps2 = model.accel_max_mps2, scenario.path.speed_mps * model.turn_rate_max_rps
+    limits_mps2 = model.accel_max_mps2, scenario.path.begin_mps * model.turn_rate_max_rps
     sizes = np.abs(run.flown.error(identity)[run.flown.window(float(run.time_s[tick]), to_s)])
     for i, axis in enumerate("xy"):
         found_m, gust = float(np.fmax.reduce(sizes[:, i], initial=np.nan)), (along_mps[i], round_trip_s, limits_mps2[i])

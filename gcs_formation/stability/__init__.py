@@ -73,7 +73,7 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
         return least_s, worst_loop_margin(gains, plant, gains_range, aircraft)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
-        plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.speed_mps)
+        plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.begin_mps)
         axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, aircraft, strict=True)}
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
@@ -99,7 +99,7 @@ def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -
     """Return the loops x, y and z around a follower, with small-signal gains, for each of its planned slots."""
     gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
-    aircraft = aircraft_responses(model, scenario.path.speed_mps)
+    aircraft = aircraft_responses(model, scenario.path.begin_mps)
     return {
         axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i]) for of_slot in plants))
         for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
@@ -115,7 +115,7 @@ def _least(margins: Collection[LawMargins]) -> LawMargins:
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
     mixer = Mixer(**scenario.law.mixer.model_dump())
-    speed_mps, towed = scenario.path.speed_mps, scenario.formation.frame == "follower_heading"
+    speed_mps, towed = scenario.path.begin_mps, scenario.formation.frame == "follower_heading"
     right = right_plant(mixer, model, speed_mps, max(x_rc_m, TRAIL_S * speed_mps) if towed else 0.0)
     forward = forward_plant(mixer, model)
     return forward, forward if model.hovers else right, height_plant(mixer, model)
@@ -171,7 +171,7 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
 
 def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
     """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
-    keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.speed_mps
+    keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.begin_mps
     kinds = dict.fromkeys(
         (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)])
         for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)

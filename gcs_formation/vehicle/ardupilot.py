@@ -165,7 +165,7 @@ class ArduPlane(ArduPilot):
             *envelope_checks(
                 model,
                 path,
-                self.airspeed_to_tell(path.speed_mps),
+                self.airspeed_to_tell(path.begin_mps),
                 "AIRSPEED_MIN",
                 "AIRSPEED_MAX",
                 "AIRSPEED_CRUISE",
@@ -312,7 +312,7 @@ class ArduCopter(ArduPilot):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafe, limits and the ground station's system id."""
-        fastest, speed = model.speed_max_mps, path.speed_mps
+        fastest, speed = model.speed_max_mps, path.begin_mps
         return (
             OUR_HEARTBEATS,
             Check(

@@ -103,7 +103,7 @@ def envelope_checks(
         bank: for the largest bank angle, degrees.
         beyond: how it treats setpoints below the lowest and above the highest airspeed.
     """
-    slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.speed_mps
+    slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.begin_mps
     cruises = f"{told_mps:.3g} m/s, what a calibrated sensor reads at path.speed_mps in the field's air"
     if abs(told_mps - speed) < SAME_MPS:
         cruises = f"{speed:g} m/s, path.speed_mps"

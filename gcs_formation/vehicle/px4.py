@@ -221,7 +221,7 @@ class Px4Plane(Px4):
             *envelope_checks(
                 model,
                 path,
-                self.airspeed_to_tell(path.speed_mps),
+                self.airspeed_to_tell(path.begin_mps),
                 "FW_AIRSPD_MIN",
                 "FW_AIRSPD_MAX",
                 "FW_AIRSPD_TRIM",
@@ -337,7 +337,7 @@ class Px4Copter(Px4):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes and limits."""
-        fastest, speed = model.speed_max_mps, path.speed_mps
+        fastest, speed = model.speed_max_mps, path.begin_mps
         return (
             heartbeats_lost("flies on as long as setpoints come"),
             Check(

@@ -221,7 +221,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     origin = scenario.origin.geodetic
     sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
     random = random_stream(scenario.seed, "inertial", *vehicle.vehicle_id)
-    path, speed_mps = scenario.leader_path, scenario.path.speed_mps
+    path, speed_mps = scenario.leader_path, scenario.path.begin_mps
     duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
     trajectory = Trajectory.along(path, speed_mps, origin, duration_s)
     fine, heading_rad = FineAlignment(origin, sensors), path.at(0.0).course_rad

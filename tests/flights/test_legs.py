@@ -62,3 +62,26 @@ def test_every_lane_is_flown_straight_level_and_in_shape(
             errors_m = column[f"error_{axis}_m"][in_shape & (column["vehicle"] != 1)]
             assert errors_m.size
             assert np.abs(errors_m).max() < IN_SHAPE_M
+
+
+def test_legs_of_several_speeds_are_flown_at_them_in_shape_and_in_time(fly: Fly, tmp_path: Path) -> None:
+    waypoints = [[0.0, 0.0, 100.0], [500.0, 0.0, 100.0], [1100.0, 0.0, 100.0]]
+    summary = fly(
+        path={"kind": "legs", "speed_mps": [22, 25], "waypoints_m": waypoints},
+        formation={"shape": "diamond", "spacing_m": 30},
+        vehicles={"count": 3},
+        duration_s=2000,
+        links={"default": {"delay_ms": 300}},
+    )
+    table = pq.read_table(tmp_path / "run" / "timeseries.parquet")
+    column = {name: table.column(name).to_numpy() for name in table.column_names if name != "phase"}
+    phase = np.array(table.column("phase").to_pylist())
+    flown = (column["mission_time_s"] >= 0.0) & (phase == "flying")
+    leader = flown & (column["vehicle"] == 1)
+    north_m, speed_mps = column["true_north_m"][leader], column["true_airspeed_mps"][leader]
+    assert np.abs(speed_mps[north_m < 500.0] - 22.0).max() < 0.1
+    assert np.abs(speed_mps[north_m > 900.0] - 25.0).max() < 0.1
+    for axis in "xyz":
+        assert np.abs(column[f"error_{axis}_m"][flown & (column["vehicle"] != 1)]).max() < IN_SHAPE_M
+    along = summary.figures["path"]["leader"]["along_m"]
+    assert along["max"] - along["rms"] < 2.0

@@ -38,7 +38,7 @@ def test_the_quickstart_has_a_port_for_each_vehicle_and_path_for_its_time():
     ports = [vehicle.endpoint for vehicle in scenario.vehicles]
     assert ports == [f"udpin:127.0.0.1:{port}" for port in range(14551, 14555)]
     length_m = SplinePath(scenario.path.waypoints_m).length_m
-    assert length_m > max(3000.0, scenario.duration_s * scenario.path.speed_mps)
+    assert length_m > max(3000.0, scenario.duration_s * scenario.path.begin_mps)
 
 
 @pytest.mark.parametrize("shape", ["arrow", "square", "echelon", "line", "triangle", "plus", "circle", "follower"])

@@ -21,7 +21,7 @@ def with_path(waypoints) -> str:
 
 def test_a_straight_path_is_flown_by_every_shape(load):
     for shape in ("diamond", "circle", "line", "square", "plus"):
-        assert load("vehicles={count: 60}", f"formation.shape={shape}").path.speed_mps == 22.0
+        assert load("vehicles={count: 60}", f"formation.shape={shape}").path.begin_mps == 22.0
 
 
 def test_a_turn_tighter_than_the_leader_can_fly_names_place_figure_and_limit(refusal):
@@ -132,7 +132,7 @@ def test_the_speed_of_the_path_must_suit_the_leader(refusal):
 def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusal, load):
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): a reading of 14 m/s is 16.25 m/s true."""
     planes = ["vehicles={count: 2, model: arduplane}", "path.speed_mps=16"]
-    assert load(*planes).path.speed_mps == 16.0
+    assert load(*planes).path.begin_mps == 16.0
     (line,) = refusal(*planes, "origin.alt_m=3000")
     assert line == (
         "path.speed_mps: found 16 m/s; 16.25 to 29 m/s, leader 1's limits, in air as thin as at origin.alt_m"

@@ -215,7 +215,7 @@ def test_an_empty_key_that_nobody_knows_is_still_unknown(refusal):
 
 def test_a_scenario_cannot_be_changed(load):
     with pytest.raises(ValueError, match="frozen"):
-        load().path.speed_mps = 3.0
+        load().path.begin_mps = 3.0
 
 
 def test_overrides_apply_to_a_scenario_too(load):

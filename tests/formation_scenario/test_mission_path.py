@@ -91,7 +91,7 @@ def test_heights_above_ground_are_above_the_terrain_of_the_scenario(tmp_path: Pa
 def test_what_the_scenario_says_wins(tmp_path: Path) -> None:
     keys = {"origin": {"lat_deg": 47.41, "lon_deg": HOME[1], "alt_m": 488.0}}
     scenario = load(plan(tmp_path), {"kind": "spline", "speed_mps": 20}, **keys)
-    assert (scenario.path.kind, scenario.path.speed_mps) == ("spline", 20.0)
+    assert (scenario.path.kind, scenario.path.begin_mps) == ("spline", 20.0)
     assert scenario.path.waypoints_m[0][0] == pytest.approx(-0.01 * 111_178.0, rel=1e-3)
 
 
@@ -117,19 +117,22 @@ def test_a_round_fence_is_a_polygon_inside_the_circle(tmp_path: Path) -> None:
     assert np.hypot(corners[:, 0] - 1000.0, corners[:, 1] - 500.0) == pytest.approx(6000.0, abs=1e-3)
 
 
-def test_one_speed_of_the_file_is_the_paths_and_others_are_said(tmp_path: Path) -> None:
+def test_speeds_of_the_file_are_the_legs(tmp_path: Path) -> None:
     fast = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [0, 24, -1, 0, 0, 0, 0]}
     first = item(0, PLACES_M[0])
     items = [fast, first, *[item(number, place) for number, place in enumerate(PLACES_M[1:], 2)]]
     mission = {"items": items, "plannedHomePosition": list(HOME)}
     (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
-    assert load(tmp_path).path.speed_mps == 24.0
-    assert load(tmp_path, {"speed_mps": 21}).path.speed_mps == 21.0
+    assert load(tmp_path).path.begin_mps == 24.0
+    assert load(tmp_path, {"speed_mps": 21}).path.begin_mps == 21.0
     mission["items"] = [first, items[2], fast, items[3]]
     (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
     scenario = load(tmp_path)
-    assert scenario.path.speed_mps == 22.0
-    assert any("speeds that differ from leg to leg" in each for each in scenario.path.not_flown)
+    assert scenario.path.speed_mps == (22.0, 24.0)
+    assert scenario.path.not_flown == ()
+    spline = load(tmp_path, {"kind": "spline"})
+    assert spline.path.speed_mps == 22.0
+    assert any("speeds that differ from leg to leg" in each for each in spline.path.not_flown)
 
 
 def table(tmp_path: Path, header: str, rows: list[list[float]]) -> Path:
@@ -209,3 +212,17 @@ def test_what_cannot_be_a_path_is_refused_at_its_key(tmp_path: Path, path: dict[
         load_scenario(scenario)
     assert words in str(refused.value)
     assert "scenario.yaml:1" in str(refused.value)
+
+
+def test_loiter_turns_time_and_height_of_a_file_are_circles_of_its_path(tmp_path: Path) -> None:
+    commands = (16, [0.0] * 4), (18, [2.0, 0.0, -90.0, 0.0]), (19, [60.0, 0.0, 100.0, 0.0]), (31, [0.0, 80.0, 0.0, 0.0])
+    places = [*PLACES_M[:3], [PLACES_M[2][0] + 3000.0, PLACES_M[2][1], PLACES_M[2][2]]]
+    items = [item(number, place) for number, place in enumerate(places, 1)]
+    for each, (command, params) in zip(items, commands, strict=True):
+        each["command"], each["params"] = command, [*params, *each["params"][4:]]
+    mission = {"items": items, "plannedHomePosition": list(HOME)}
+    (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
+    plan_ = load(tmp_path).path
+    found = [(each.waypoint, each.turns, each.radius_m) for each in plan_.circles]
+    assert found == [(1, 2, -90.0), (2, math.ceil(60.0 * 22.0 / (math.tau * 100.0)), 100.0), (3, 0, 80.0)]
+    assert plan_.not_flown == ()

@@ -10,8 +10,9 @@ from formation_scenario.ground_and_fence import fence_distances
 from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
+from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from formation_scenario.turn_limits import SPEED_SHARE, TURN_SHARE, turn_limits
-from gcs_formation.app.check_path import far_from_legs, path_figures, path_text
+from gcs_formation.app.check_path import far_from_legs, path_figures, path_text, short_legs, widened_circles
 
 CORNER = "path.waypoints_m=[[0, 0, 100], [3000, 0, 100], [3000, 3000, 130]]"
 STEEP = "path.waypoints_m=[[0, 0, 100], [3000, 0, 100], [3500, 0, 200], [6000, 0, 200]]"
@@ -19,7 +20,7 @@ LEGS = "path.kind=legs"
 
 
 def limits_of(scenario):
-    return turn_limits(scenario, slot_schedule(scenario), scenario.path.speed_mps, scenario.wind.speed_mps)
+    return turn_limits(scenario, slot_schedule(scenario), scenario.path.begin_mps, scenario.wind.speed_mps)
 
 
 def test_a_leader_alone_turns_at_its_share_of_the_turn_rate_over_ground(load):
@@ -114,3 +115,86 @@ def test_turns_to_the_side_on_which_a_slot_is_slow_decide_as_well():
     # The slot to the left is inside left turns alone, where 2 m/s below the path's 22 are left.
     limits = limits_of(load_scenario({"vehicles": vehicles, "formation": formation, "path": path}))
     assert 22.0 * limits.curvature_1pm == pytest.approx(SPEED_SHARE * 2.0 / 60.0, rel=0.02)
+
+
+@pytest.mark.parametrize("degrees", [10, 20, 40, 60, 90, 150])
+@pytest.mark.parametrize("speed_mps", [18, 22, 26])
+def test_a_corner_of_any_angle_is_flown_at_any_speed(load, degrees, speed_mps):
+    north_m, east_m = 3000.0 * math.cos(math.radians(degrees)), 3000.0 * math.sin(math.radians(degrees))
+    corner = f"path.waypoints_m=[[0, 0, 100], [3000, 0, 100], [{3000.0 + north_m}, {east_m}, 100]]"
+    assert load(corner, LEGS, f"path.speed_mps={speed_mps}").written_path.tightest_m < math.inf
+
+
+def test_the_speed_of_each_leg_makes_the_planned_time_and_the_turns(load):
+    one, other = (load(CORNER, LEGS, f"path.speed_mps={speed}") for speed in ("22", "[22, 18]"))
+    slow_m = other.leader_path.length_m - other.path.waypoints_m[1][0]
+    longer_s = path_end_s(other) - path_end_s(one)
+    assert longer_s == pytest.approx(slow_m / 18.0 - slow_m / 22.0, rel=0.15)
+    assert planned_m(other, np.array([path_end_s(other)])) == pytest.approx(other.leader_path.length_m, abs=0.1)
+    assert other.written_path.tightest_m == one.written_path.tightest_m  # the turn is flown at the speed before it
+
+
+def test_speeds_that_do_not_fit_the_legs_or_the_vehicles_are_refused(refusal):
+    assert refusal(CORNER, LEGS, "path.speed_mps=[22, 20, 18]") == [
+        "path.speed_mps: found 3 speeds; 2, one a leg, or a number"
+    ]
+    (kind,) = refusal(CORNER, "path.speed_mps=[22, 20]")
+    assert kind == "path.speed_mps: found a list, one a leg; a number, or kind: legs"
+    (fast,) = refusal(CORNER, LEGS, "path.speed_mps=[22, 40]")
+    assert "found 40 m/s; 16 to 28 m/s" in fast
+
+
+def test_a_leg_too_short_for_its_speed_is_said(load):
+    short = "path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2200, 0, 100], [4000, 0, 100]]"
+    (said,) = short_legs(load(short, LEGS, "path.speed_mps=[18, 26, 18]"))
+    assert said.startswith("path.speed_mps.1: 26 m/s isn't reached on so short a leg")
+
+
+def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
+    waypoints = [[0, 0, 50], [200, 0, 50], [300, 100, 50], [500, 100, 50]]
+    scenario = load_scenario(
+        {
+            "vehicles": {"count": 4, "model": "arducopter", "autopilot": "arducopter"},
+            "formation": {"shape": "diamond", "spacing_m": 15},
+            "path": {"kind": "legs", "speed_mps": [8, 4, 9], "waypoints_m": waypoints},
+        }
+    )
+    assert 4.0 < scenario.short_legs[1] < 8.0
+
+
+LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"
+
+
+@pytest.mark.parametrize(("radius_m", "side"), [(400, 1.0), (-400, -1.0)])
+def test_circles_end_at_their_waypoint_with_their_radius_and_to_their_side(load, radius_m, side):
+    circles = f"path.circles=[{{waypoint: 1, turns: 2, radius_m: {radius_m}}}]"
+    plain, circling = load(LOITER, LEGS).leader_path, load(LOITER, LEGS, circles).leader_path
+    assert circling.length_m - plain.length_m == pytest.approx(2 * math.tau * 400.0, rel=0.1)
+    points = circling.at(np.linspace(0.0, circling.length_m, 5000))
+    assert np.abs(points.curvature_1pm[points.north_m < 1900.0]).max() <= 1.0 / 400.0 + 1e-9
+    aside_m = side * points.east_m[np.abs(points.course_rad) > 1.7]
+    assert aside_m.max() == pytest.approx(800.0, abs=60.0)
+    assert points.height_m == pytest.approx(100.0)
+
+
+def test_circles_too_tight_for_the_slots_are_widened_which_is_said(load):
+    scenario = load(LOITER, LEGS, "path.circles=[{waypoint: 1, turns: 1, radius_m: 50}]")
+    (said,) = widened_circles(scenario)
+    radius_m = 1.0 / limits_of(scenario).curvature_1pm
+    assert said.startswith(f"path: circles at waypoint 1 have a radius of {radius_m:.0f} m, not 50")
+
+
+def test_circles_climb_to_their_waypoint_where_no_turns_are_asked_for(load):
+    steep = "path.waypoints_m=[[0, 0, 100], [2500, 0, 500], [2500, 2500, 500]]"
+    assert load(steep, LEGS, "path.circles=[{waypoint: 1, turns: 0}]").leader_path.length_m > 5000.0
+
+
+def test_circles_without_legs_waypoint_or_room_are_refused(refusal):
+    one = "path.circles=[{waypoint: 1}]"
+    assert refusal(LOITER, one) == ["path.circles.0: found circles; with path.kind: legs"]
+    assert refusal(LOITER, LEGS, "path.circles=[{waypoint: 3}]") == [
+        "path.circles.0.waypoint: found 3; 1 to 2, once each"
+    ]
+    short = "path.waypoints_m=[[0, 0, 100], [300, 0, 100], [300, 2500, 100]]"
+    (found,) = refusal(short, LEGS, "path.circles=[{waypoint: 1, radius_m: 2000}]")
+    assert "found no room for circles on the leg to it" in found

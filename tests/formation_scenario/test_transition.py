@@ -285,7 +285,7 @@ def test_a_new_leader_turns_onto_the_path_as_gently_as_the_farthest_slot_can_fol
 ):
     """On the inside of a turn a slot slows down with the turn rate, and decelerates with the rate of that."""
     scenario, path = load(), SplinePath([[0, 0, 100], [3000, 0, 100], [6000, 0, 100]])
-    speed, most_mps2 = scenario.path.speed_mps, scenario.vehicles[0].model.accel_max_mps2
+    speed, most_mps2 = scenario.path.begin_mps, scenario.vehicles[0].model.accel_max_mps2
     way = take_over(scenario, path, 1000.0, right_m, Rise(), reach_m, right_slope=right_slope)
     places = 1000.0 + np.arange(1.0, 3000.0, 2.0)
     rates = speed * np.array([way.at(distance).curvature_1pm for distance in places.tolist()])

@@ -107,7 +107,7 @@ def flown_columns(scenario: Scenario, mission_s: np.ndarray, *, truth: bool, cra
     random = np.random.default_rng(1)
     count, ticks = len(scenario.vehicles), mission_s.size
     path = SplinePath(scenario.path.waypoints_m)
-    along = path.at(scenario.path.speed_mps * mission_s)
+    along = path.at(scenario.path.begin_mps * mission_s)
     table = slots_over_time(scenario, mission_s)
     columns: dict[str, list[np.ndarray]] = {}
     follower = 0
@@ -173,7 +173,7 @@ def vehicle_columns(
     east = along.east_m + sin * offset[:, 0] + cos * offset[:, 1]
     height = along.height_m + offset[:, 2]
     ticks = mission_s.size
-    speed = scenario.path.speed_mps + np.gradient(offset[:, 0], mission_s)
+    speed = scenario.path.begin_mps + np.gradient(offset[:, 0], mission_s)
     own = {
         "t_s": mission_s + ASSEMBLY_S + 2.0,
         "mission_time_s": np.where(mission_s < -1e-9, np.nan, mission_s),
