@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 
-OPTIONS = ("clock", "speedup", "until", "out", "overwrite")
+OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "plugins")
 """Options of `run` besides scenario keys."""
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]
@@ -66,6 +66,7 @@ def run(
     until: float | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
+    plugins: Sequence[str | Path] = (),
     **overrides: Any,
 ) -> Summary:
     """Fly a scenario with emulated vehicles and return its summary.
@@ -77,6 +78,7 @@ def run(
         until: mission time in seconds at which to end early.
         out: the run directory, new or empty; default: runs/NAME-TIME.
         overwrite: replace an earlier run in `out` when this one begins.
+        plugins: files of extensions that the scenario names, as `--plugin`.
         **overrides: scenario keys instead of the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
@@ -88,7 +90,7 @@ def run(
     if out == "":
         raise ValueError("out: found ''; allowed: a directory")
     _require_known(overrides)
-    loaded = load_scenario(scenario, settings(overrides), option="")
+    loaded = load_scenario(scenario, settings(overrides), option="", plugins=plugins)
     directory = default_directory(loaded.name) if out is None else Path(out)
     options = RunOptions(directory, clock, speedup, until, overwrite)
     with Interrupts() as interrupts:
@@ -118,6 +120,7 @@ def study(
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
+    plugins: Sequence[str | Path] = (),
 ) -> pa.Table:
     """Fly a study and return its flights, a row each, as `gcs-formation study` does.
 
@@ -131,6 +134,7 @@ def study(
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
         quiet: show no progress on standard error.
+        plugins: files of extensions that the study names, as `--plugin`; workers get them by content.
 
     Raises:
         ScenarioError: the study is wrong; nothing was started.
@@ -141,7 +145,7 @@ def study(
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
     from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
 
-    planned, base = prepare(Path(source) if isinstance(source, str) else source)
+    planned, base = prepare(Path(source) if isinstance(source, str) else source, plugins=plugins)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
     with StudyProgress(quiet=quiet) as progress:
         return fly_study(planned, base, Path(out), chosen, progress, resume=resume, overwrite=overwrite).table

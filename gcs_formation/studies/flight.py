@@ -60,7 +60,7 @@ class Task:
         base = self.base if study.random is None else draw(seed, SEVERITIES[study.random])
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
-        return load_scenario(base, settings({**keys, "seed": seed}), option="")
+        return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
 
 
 def fly(task: Task) -> dict[str, Any]:
