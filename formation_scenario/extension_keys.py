@@ -50,7 +50,7 @@ def _law(law: dict[Key, Plain], source: Source, registry: Registry, problems: li
     if chosen not in LAW_TYPES:
         known = [*LAW_TYPES, *registry.names(*LAW_KINDS)]
         near = did_you_mean(chosen, known) or f"; a law of one's own: {extensions.HOW}"
-        allowed = f"{', '.join(known)}{near}{extensions.missing(_home(source))}"
+        allowed = f"{', '.join(known)}{near}{extensions.missing(chosen, _home(source))}"
         problems.append(source.problem(("law", "type"), f"found {show(chosen)}", allowed))
     elif given not in (None, {}):
         path = ("law", "parameters")
@@ -63,7 +63,7 @@ def _keys_of(name: Key, given: Plain, source: Source, registry: Registry, proble
     if entry is not None:
         return _typed(entry, given, ("extensions", name), source, problems)
     known = registry.names(*SWITCHED, METRIC)
-    allowed = extensions.unknown(str(name), known) + extensions.missing(_home(source))
+    allowed = extensions.unknown(str(name), known) + extensions.missing(str(name), _home(source))
     problems.append(source.problem(("extensions", name), f"found an unknown extension '{name}'", allowed))
     return {}
 
@@ -76,7 +76,7 @@ def _metrics(source: Source, registry: Registry) -> Iterator[Problem]:
         metric = each.get("metric") if isinstance(each, dict) else None
         if isinstance(metric, str) and metric not in known:
             path = ("expect", index, "metric")
-            allowed = f"{', '.join(known)}{did_you_mean(metric, known)}{extensions.missing(_home(source))}"
+            allowed = f"{', '.join(known)}{did_you_mean(metric, known)}{extensions.missing(metric, _home(source))}"
             yield source.problem(path, f"found {show(metric)}", allowed)
 
 

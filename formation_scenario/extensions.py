@@ -146,6 +146,9 @@ class Registry:
         """Return the names of all things of some kinds."""
         return [one.name for one in self._each if one.kind in kinds]
 
+    def __iter__(self) -> Iterator[Registered]:
+        return iter(self._each)
+
     def __bool__(self) -> bool:
         return bool(self._each)
 
@@ -181,20 +184,20 @@ def load_extensions(plugins: Files | Registry = ()) -> Registry:
     return Registry(unique.values())
 
 
-def missing(beside: Path | None) -> str:
-    """Return how the extensions of a recorded run, beside whose run.yaml this is, can be named; "" if it had none."""
+def missing(name: str, beside: Path | None) -> str:
+    """Return how the extension of a recorded run, beside whose run.yaml this is, can be named; "" if it isn't one."""
     try:
         flown: list[dict[str, Any]] = json.loads((beside / RECORD).read_text("utf-8")) if beside is not None else []
-        named = [f"{each['kind']} '{each['name']}' of {_how(each)} (sha256 {each['sha256'][:12]})" for each in flown]
+        found = [_how(each) for each in flown if each["name"] == name]
     except (OSError, ValueError, KeyError, TypeError):
         return ""
-    return f"; it was flown with {', '.join(named)}" if named else ""
+    return f"; it was flown with {found[0]}" if found else ""
 
 
 def _how(recorded: Mapping[str, Any]) -> str:
-    if recorded["package"] is None:
-        return f"{OPTION} {recorded['file']}"
-    return f"the package {recorded['package']} {recorded['version']}"
+    named = f"the package {recorded['package']} {recorded['version']}"
+    where = f"{OPTION} {recorded['file']}" if recorded["package"] is None else named
+    return f"{where} (sha256 {recorded['sha256'][:12]})"
 
 
 def unknown(name: str, known: Sequence[str]) -> str:

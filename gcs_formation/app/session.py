@@ -23,6 +23,7 @@ from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
@@ -148,6 +149,7 @@ class Session:
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
+        self._sinks = self._opened_sinks()
         whom = counted(len(self.station.vehicles), "vehicle")
         self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
@@ -160,6 +162,8 @@ class Session:
         """Serve the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
+        if self._sinks is not None and self._sinks.failure is not None and self.station.course.failure is None:
+            self.station.course.fail(self._sinks.failure, self.clock.now())
         if self.lying is not None and self.station.down.unknown and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.down.lie(self.lying())
@@ -213,6 +217,7 @@ class Session:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
         wall_s, course = self._spent.wall_s, self.station.course
+        self._close_sinks()
         self.recorder.close()
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
@@ -227,6 +232,19 @@ class Session:
         if course.failure is not None:
             raise RunAbortedError(course.failure + self._hurry())
         return summary
+
+    def _opened_sinks(self) -> Sinks | None:
+        """Return the flight's recorders from outside, which are told every tick; None if it has none."""
+        found = sinks(self.scenario, self.station.controller.models, self.recorder.path)
+        if found is not None:
+            self.recorder.tell_ticks_to(found.tick)
+        return found
+
+    def _close_sinks(self) -> None:
+        if self._sinks is not None:
+            self._sinks.close()
+            if self._sinks.failure is not None:
+                self.station.course.failure = self.station.course.failure or self._sinks.failure
 
     def _hurry(self) -> str:
         """Return the note that a high --speedup may have caused a failure; "" at a lower speedup."""
@@ -244,6 +262,8 @@ class Session:
 
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
+        if self._sinks is not None:
+            self._sinks.event(event)
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
         spool = self.recorder.path / SPOOL

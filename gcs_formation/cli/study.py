@@ -224,8 +224,9 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
 def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, **given: Any) -> None:
     """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
 
-    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
-    without prediction over the delay; and those of --plugin. --out gets a run directory for each law, comparison.json, .png and .html.
+    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric, consensus and those of --plugin, each also as
+    NAME_uncompensated, without prediction over the delay. --out gets a run directory for each law, comparison.json,
+    .png and .html.
     """
     from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - only `compare` needs it
 
@@ -233,7 +234,8 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
     between_s = given.pop("from_s"), given.pop("to_s")
     try:
-        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
+        registry = load_extensions(given.pop("plugins"))
+        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, registry=registry, **given)
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:

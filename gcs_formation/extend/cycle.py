@@ -96,9 +96,14 @@ class Cycle:
         models: list[AutopilotModel],
         dt_s: float,
         refuse: Callable[[int, Triple], None],
+        tell: Callable[[Event], None],
     ) -> None:
-        """Look at a tick of columns with `identities`, None for a virtual leader."""
+        """Look at a tick of columns with `identities`, None for a virtual leader.
+
+        `refuse` raises for a replacement that isn't allowed, and `tell` takes events.
+        """
         self._tick, self._identities, self._models, self._refuse = tick, identities, models, refuse
+        self._tell = tell
         self.dt_s = dt_s
         """Time between ticks, s."""
 
@@ -138,7 +143,10 @@ class Cycle:
         return None if placed is None else plain_state(placed)
 
     def event(self, kind: str, text: str, vehicle: Vehicle | None = None, **details: Detail) -> None:
-        """Record an event of the run or of a vehicle, with further figures."""
+        """Record an event of the run or of a vehicle, with further figures.
+
+        An event that is raised again tick after tick is recorded once, when it begins.
+        """
         known = {name: value for name, value in details.items() if not isinstance(value, float) or math.isfinite(value)}
         whose = None if vehicle is None else vehicle.identity
-        self._tick.events.append(Event(self._tick.now, str(kind), str(text), whose, known))
+        self._tell(Event(self._tick.now, str(kind), str(text), whose, known))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.slot import CHANNELS, Triple
@@ -18,6 +19,9 @@ from gcs_formation.control.outside import guarded, made
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.extend.cycle import Cycle
 from gcs_formation.recorder import Event, Tick
+
+AGAIN_S: Final = 2.5
+"""An event that was raised within so many seconds goes on, and isn't recorded again."""
 
 
 def _begun(scenario: Scenario, kind: str) -> list[tuple[Registered, Any]]:
@@ -41,13 +45,15 @@ class OnTicks:
         self._filters, self._monitors = _begun(scenario, FILTER), _begun(scenario, MONITOR)
         self._leads_by: tuple[float | None, ...] = (None,) * len(CHANNELS)
         """What filters commanded the leader last in place of its guidance, by channel."""
+        self._raised = dict[tuple[str, str, str, VehicleId | None], Instant]()
+        """When each event was raised last."""
 
     def filter(self, tick: Tick) -> NotFiniteError | None:
         """Let the filters change a tick's setpoints, in order; return the error of one that fails."""
         try:
             for entry, each in self._filters:
                 refuse = partial(require_setpoint, f"{entry} ({entry.where})")
-                guarded(entry, partial(each.apply, self._cycle(tick, refuse)))
+                guarded(entry, partial(each.apply, self._cycle(entry, tick, refuse)))
         except NotFiniteError as error:
             return error
         told, replaced = tick.setpoints[tick.leader], tick.replaced[tick.leader]
@@ -72,13 +78,22 @@ class OnTicks:
         """Show a tick to the monitors, as it is commanded in the end; return the error of one that fails."""
         try:
             for entry, each in self._monitors:
-                guarded(entry, partial(each.watch, self._cycle(tick, _only_filters)))
+                guarded(entry, partial(each.watch, self._cycle(entry, tick, _only_filters)))
         except NotFiniteError as error:
             return error
         return None
 
-    def _cycle(self, tick: Tick, refuse: Callable[[int, Triple], None]) -> Cycle:
-        return Cycle(tick, self._identities, self._models, self._dt_s, refuse)
+    def _cycle(self, entry: Registered, tick: Tick, refuse: Callable[[int, Triple], None]) -> Cycle:
+        tell = partial(self._tell, entry, tick)
+        return Cycle(tick, self._identities, self._models, self._dt_s, refuse, tell)
+
+    def _tell(self, entry: Registered, tick: Tick, event: Event) -> None:
+        """Record an event, unless the same was raised a moment ago."""
+        what = entry.name, event.kind, event.text, event.vehicle
+        last = self._raised.get(what)
+        self._raised[what] = event.now
+        if last is None or seconds_between(last, event.now) > AGAIN_S:
+            tick.events.append(event)
 
 
 def on_ticks(scenario: Scenario, models: list[AutopilotModel]) -> OnTicks | None:
@@ -105,12 +120,14 @@ class Sinks:
         self._each = _begun(scenario, RECORDER)
         self._tell("open", directory)
 
-    def __bool__(self) -> bool:
-        return bool(self._each)
+    @property
+    def any(self) -> bool:
+        """Whether there is one, or was."""
+        return bool(self._each) or self.failure is not None
 
     def tick(self, tick: Tick) -> None:
         """Show them a tick."""
-        self._tell("tick", Cycle(tick, self._identities, self._models, self._dt_s, _only_filters))
+        self._tell("tick", Cycle(tick, self._identities, self._models, self._dt_s, _only_filters, _no_events))
 
     def event(self, event: Event) -> None:
         """Show them an event."""
@@ -129,6 +146,20 @@ class Sinks:
                 self.failure = self.failure or f"the {error.part} can't record: {error.found}"
 
 
+def sinks(scenario: Scenario, models: list[AutopilotModel], directory: Path) -> Sinks | None:
+    """Return the recorders of a flight into a directory; None if it has none.
+
+    Raises:
+        RunAbortedError: one can't begin.
+    """
+    found = Sinks(scenario, models, directory) if scenario.extensions else None
+    return found if found is not None and found.any else None
+
+
 def _only_filters(column: int, setpoint: Triple) -> None:
     del column, setpoint
     raise PermissionError("replace is for filters alone")
+
+
+def _no_events(event: Event) -> None:
+    raise PermissionError(f"event {event.kind!r} of a recorder; events are for filters and monitors")

@@ -14,7 +14,7 @@ from airlink.cli import Status, interruptible
 from airlink.cli.output_directory import refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
-from formation_scenario.extensions import LAW_KINDS, Files, Registry, load_extensions
+from formation_scenario.extensions import LAW_KINDS, Registry
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
 from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
@@ -61,7 +61,7 @@ there is no figure. `aborted` says why a law has none; `warnings` are those of `
 """
 
 
-def compare_laws(
+def compare_laws(  # noqa: PLR0913 - the command's options
     file: Path,
     overrides: tuple[str, ...],
     out: Path,
@@ -71,19 +71,19 @@ def compare_laws(
     between_s: tuple[float, float | None],
     until_s: float | None,
     overwrite: bool,
-    plugins: Files = (),
+    registry: Registry,
 ) -> tuple[Comparison, list[tuple[str, int, str]], Path, bool]:
     """Fly a scenario by each law on one seed, write the comparison and its page: a study of one parameter, the law.
 
     Errors count between two mission times (None: the end of the flights, `until_s` at the latest). Return the
-    comparison, each law's exit status and words, the page, and whether the flights were interrupted.
+    comparison, each law's exit status and words, the page, and whether the flights were interrupted. `registry`: what
+    extensions register, laws among it.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
         RecordError: the directory holds an earlier comparison or other files, or it can't be written.
         RunAbortedError: no flight can be flown.
     """
-    registry = load_extensions(plugins)
     names = named_laws(laws, registry)
     scenario = load_scenario(file, overrides, plugins=registry)
     window_s = _window(scenario, *between_s, until_s)
