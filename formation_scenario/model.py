@@ -209,7 +209,9 @@ class Scenario(Keys):
     )
     safety: Safety = key(..., "", derived="its keys'")
     finish: Finish = Finish()
-    extensions: Mapping[str, Mapping[str, Any]] = key(
+    extensions: Annotated[
+        Mapping[str, Mapping[str, Any]], Allowed("a mapping of what extensions register to its keys")
+    ] = key(
         {},
         "filters, monitors and recorders that are on, in this order, each with its own keys; metrics' keys",
         {"ceiling": {"top_m": 140}},

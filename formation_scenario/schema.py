@@ -74,9 +74,9 @@ def scenario_schema(registry: Registry | None = None) -> Schema:
     groups = (group for group in generated["$defs"].values() if "properties" in group)
     for group in (generated, *groups):
         _allow_derived(group)
+    _allow_extensions(generated, registry or Registry())
     properties: Schema = generated["properties"]
     properties |= {key: _or(properties[key], NULL) for key in MAY_BE_EMPTY}
-    _allow_extensions(generated, registry or Registry())
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
 
@@ -87,15 +87,18 @@ def _allow_extensions(generated: Schema, registry: Registry) -> None:
     law["type"]["enum"] += registry.names(*LAW_KINDS)
     generated["$defs"]["Expectation"]["properties"]["metric"]["enum"] += registry.names(METRIC)
     laws = [_keys_of(each) for each in registry if each.kind in LAW_KINDS]
-    law["parameters"] = _said(law["parameters"]) | {"type": "object"} | ({"anyOf": laws} if laws else {})
+    parameters: Schema = {"type": "object"} | (
+        {"anyOf": [{"maxProperties": 0}, *laws]} if laws else {"maxProperties": 0}
+    )
+    law["parameters"] = _said(law["parameters"]) | parameters
     known = {each.name: _or(_keys_of(each), NULL) for each in registry if each.kind not in LAW_KINDS}
     allowed: Schema = {"properties": known, "additionalProperties": False}
     generated["properties"]["extensions"] = _said(generated["properties"]["extensions"]) | {"type": "object"} | allowed
 
 
 def _said(value: Schema) -> Schema:
-    """Return a schema's keywords without effect on validation."""
-    return {name: each for name, each in value.items() if name in ANNOTATIONS}
+    """Return a schema's description and default; an example would need an extension."""
+    return {name: value[name] for name in ("description", "default")}
 
 
 def _keys_of(extension: Registered) -> Schema:
@@ -122,7 +125,7 @@ def _allow_derived(group: Schema) -> None:
 
 def _or(value: Schema, other: Schema) -> Schema:
     """Return the schema of a value that may also be another one."""
-    said = _said(value)
+    said = {name: each for name, each in value.items() if name in ANNOTATIONS}
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
     return {"anyOf": [*choices, *([] if other in choices else [other])], **said}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.energy import steepest_climb_mps
 from formation_scenario.fields import VehicleRef
-from formation_scenario.formation import Formation, FormationChange, LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, Formation, FormationChange
 from formation_scenario.model import Scenario
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath
