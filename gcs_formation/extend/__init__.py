@@ -18,9 +18,11 @@ from gcs_formation.extend.register import (
     register_monitor,
     register_recorder,
 )
+from gcs_formation.recorder import Event
 
 __all__ = [
     "Cycle",
+    "Event",
     "Extension",
     "FlightWindow",
     "FollowerLaw",
