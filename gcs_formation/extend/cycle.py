@@ -14,6 +14,9 @@ from gcs_formation.control.plain_values import Setpoint, State, plain_state, veh
 from gcs_formation.control.setpoint import Envelope
 from gcs_formation.recorder import Detail, Event, Tick
 
+READ_BACK = ("design", "failure", "leader", "member", "order", "phase", "port", "recording", "takeover")
+"""Kinds of events from which a record is read back: the ground station's own."""
+
 
 class Vehicle:
     """A vehicle at a tick."""
@@ -147,6 +150,8 @@ class Cycle:
 
         An event that is raised again tick after tick is recorded once, when it begins.
         """
+        if kind in READ_BACK:
+            raise ValueError(f"found an event of kind '{kind}'; allowed: any but {', '.join(READ_BACK)}")
         known = {name: value for name, value in details.items() if not isinstance(value, float) or math.isfinite(value)}
         whose = None if vehicle is None else vehicle.identity
         self._tell(Event(self._tick.now, str(kind), str(text), whose, known))
