@@ -16,7 +16,7 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import UNKNOWN, Slot, Triple, all_finite
 from formation_scenario.formation import Frame
-from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, Gains, Pid
+from gcs_formation.control.fuzzy_pid import NO_GAINS, ChannelConstants, FuzzyGainScheduler, Gains, Pid
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import (
     TRAIL_S,
@@ -49,7 +49,6 @@ FAR_M: Final = 10.0
 SLOW_MPS: Final = 0.5
 SETTLES_S: Final = 5.0
 """The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink."""
-NO_GAINS: Final[Gains] = (math.nan,) * 9
 CLIMBING: Final = 0.35
 """Share of the climb limit: a height error that shrinks faster than this isn't integrated."""
 

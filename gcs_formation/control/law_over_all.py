@@ -10,7 +10,8 @@ from flight_model.slot import UNKNOWN, Triple, all_finite
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
 from formation_scenario.slot_assignment import column_ids
-from gcs_formation.control.follower import NO_GAINS, LawParameters
+from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import FollowerSlot, plain_state, vehicle_name
 from gcs_formation.control.setpoint import Envelope, formation_error
