@@ -182,9 +182,6 @@ class Law(Keys):
     """The control law and its parameters."""
 
     type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
-    parameters: Annotated[Mapping[str, Any], Allowed("a mapping of the law's own keys")] = key(
-        {}, "keys of a law that an extension registers", {"k": 1.2}
-    )
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
@@ -224,3 +221,6 @@ class Law(Keys):
     height: PidGains = key(..., "height channel", derived=OF_THE_SET)
     fuzzy: Fuzzy = Fuzzy()
     consensus: Consensus = key(..., "", derived="its keys'")
+    parameters: Annotated[Mapping[str, Any], Allowed("a mapping of the law's own keys")] = key(
+        {}, "keys of a law that an extension registers", {"k": 1.2}
+    )
