@@ -40,7 +40,18 @@ GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
 BUFFER_M = 5.0
 """Excess of the distance that the separation rule keeps over the least allowed distance."""
-MAY_BE_EMPTY = ("origin", "telemetry", "links", "wind", "disturbances", "orders", "faults", "finish", "expect")
+MAY_BE_EMPTY = (
+    "origin",
+    "telemetry",
+    "links",
+    "wind",
+    "disturbances",
+    "orders",
+    "faults",
+    "finish",
+    "extensions",
+    "expect",
+)
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")

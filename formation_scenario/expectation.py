@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Annotated
 
-from formation_scenario.fields import Keys, NonNegative, Number, OneOf, VehicleSelection, key
+from formation_scenario.fields import Keys, NonNegative, Number, Open, VehicleSelection, key
 
 SETTLED_M = 0.5
 """A vehicle is in its slot if its error is at most this on every axis."""
@@ -123,7 +123,7 @@ RANGES = {
 """Possible values of figures; all others are 0 or more."""
 
 
-Metric = Annotated[str, OneOf(", ".join(METRICS), tuple(METRICS))]
+Metric = Annotated[str, Open(", ".join(METRICS), tuple(METRICS))]
 
 
 def keeps(value: float, below: float | None, above: float | None) -> bool:
@@ -161,7 +161,7 @@ def bounds_text(below: float | None, above: float | None) -> str:
 
 def range_text(metric: str) -> str:
     """Return the possible values of a figure in words."""
-    least, most = RANGES.get(metric, (0.0, math.inf))
+    least, most = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
     if math.isinf(most):
         return "any number" if math.isinf(least) else f"{least:g} or more"
     return f"from {least:g} to {most:g}"
@@ -172,7 +172,7 @@ def pointless(metric: str, below: float | None, above: float | None) -> Iterator
 
     Exempt is `below` at a figure's least value: it is always broken, and the verdict shows that.
     """
-    least, most = RANGES.get(metric, (0.0, math.inf))
+    least, most = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
     for name, bound in (("below", below), ("above", above)):
         if bound is not None and not least <= bound <= most:
             yield name, f"found {bound:g} for {metric}", range_text(metric)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cas
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
 from pydantic.config import JsonDict
 from pydantic_core import CoreSchema, PydanticCustomError
-from pydantic_core.core_schema import literal_schema
+from pydantic_core.core_schema import literal_schema, str_schema
 
 Entry = TypeVar("Entry")
 
@@ -54,6 +54,16 @@ class OneOf(Allowed):
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
         return literal_schema(list(self.choices))
+
+
+class Open(Allowed):
+    """A word: one of its choices, or one that an extension registers, which is checked where these are known."""
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+        return str_schema(strict=True)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: object) -> dict[str, Any]:
+        return {"enum": list(self.choices), "type": "string"}
 
 
 DERIVED = "x-default"

@@ -18,6 +18,7 @@ from formation_scenario.fields import (
     NonNegative,
     Number,
     Offset,
+    Open,
     Positive,
     Rate,
     VehicleRef,
@@ -40,8 +41,9 @@ RuleTable = Annotated[
     Field(min_length=5, max_length=5),
     Allowed("5 rows of 5 numbers from 0 to 1: a row for each set of the error's rate, a column for each of the error"),
 ]
-LawType = Literal["fuzzy_pid", "pid", "consensus"]
-"""The laws are in `gcs_formation.control.laws`."""
+LAW_TYPES = "fuzzy_pid", "pid", "consensus"
+"""The laws of `gcs_formation.control.laws`; others come from extensions."""
+LawType = Annotated[str, Open(", ".join(LAW_TYPES), LAW_TYPES)]
 OF_THE_SET = "of the set that law.gains names"
 K1, K2, K3 = 0.1, 0.6, 0.25
 """Gains of the consensus protocol for vehicles that fly by equation (7)."""
@@ -180,7 +182,7 @@ class Consensus(Keys):
 class Law(Keys):
     """The control law and its parameters."""
 
-    type: LawType = key("fuzzy_pid", "the law", "consensus")
+    type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
@@ -220,3 +222,6 @@ class Law(Keys):
     height: PidGains = key(..., "height channel", derived=OF_THE_SET)
     fuzzy: Fuzzy = Fuzzy()
     consensus: Consensus = key(..., "", derived="its keys'")
+    parameters: Annotated[Mapping[str, Any], Allowed("a mapping of the law's own keys")] = key(
+        {}, "keys of a law that an extension registers", {"k": 1.2}
+    )

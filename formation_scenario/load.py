@@ -15,7 +15,9 @@ from pydantic import ValidationError
 from flight_model.path import PathError
 from formation_scenario.derived_defaults import resolve, with_files
 from formation_scenario.error_messages import problems_of
-from formation_scenario.expectation import WINDOWED
+from formation_scenario.expectation import METRICS, WINDOWED
+from formation_scenario.extension_keys import with_extension_keys
+from formation_scenario.extensions import Files, Registry, load_extensions
 from formation_scenario.feasibility import check
 from formation_scenario.fields import MAX_NUMBER, Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
@@ -45,6 +47,7 @@ def load_scenario(
     option: str = OPTION,
     *,
     flown: bool = False,
+    plugins: Files | Registry = (),
 ) -> Scenario:
     """Return a scenario, validated, with every default filled in.
 
@@ -53,12 +56,14 @@ def load_scenario(
         overrides: `dotted.key=value` settings, the values in YAML.
         option: prefix of overrides in messages; "" if they aren't a command's options.
         flown: whether it has been flown already, so that feasibility and expectations aren't checked.
+        plugins: files whose extensions it may use, beside those of installed packages; a scenario has its own already.
 
     Raises:
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
+    registry = source.registered if isinstance(source, Scenario) and not plugins else load_extensions(plugins)
     read = with_files(apply_overrides(_read(source), overrides, option))
-    scenario, resolved = _to_the_paths_end(read, *_typed(read))
+    scenario, resolved = _to_the_paths_end(read, *_typed(read, registry))
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:
         scenario = designed(scenario, read.data.get("law"))
@@ -90,8 +95,11 @@ def _read(source: str | Path | Mapping[Any, Any] | Scenario) -> Source:
 
 def _plain(scenario: Scenario) -> dict[Key, Plain]:
     dumped = scenario.model_dump(by_alias=True, exclude_none=True)
+    for group, name in ((dumped, "extensions"), (dumped["law"], "parameters")):
+        if not group[name]:
+            del group[name]  # so that the keys of a scenario without extensions are the same as ever
     for entry in dumped["expect"]:
-        if entry["metric"] not in WINDOWED and entry["to_s"] == scenario.duration_s:
+        if entry["metric"] in METRICS and entry["metric"] not in WINDOWED and entry["to_s"] == scenario.duration_s:
             del entry["to_s"]  # so that it follows duration_s when that is changed
     return plain_mapping(dumped)
 
@@ -106,10 +114,10 @@ def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> t
         return scenario, resolved
     if not 0.0 < end_s <= MAX_NUMBER:
         return scenario, resolved
-    return _typed(replace(source, data=source.data | {"duration_s": end_s}))
+    return _typed(replace(source, data=source.data | {"duration_s": end_s}), scenario.registered)
 
 
-def _typed(source: Source) -> tuple[Scenario, Source]:
+def _typed(source: Source, registry: Registry) -> tuple[Scenario, Source]:
     problems, group = list[Problem](), source.data.get("vehicles")
     try:
         if isinstance(group, dict):
@@ -118,9 +126,10 @@ def _typed(source: Source) -> tuple[Scenario, Source]:
         problems = problems_of(error, VehicleGroup, source, ("vehicles",))
         # Check the rest as well, with a valid list in place of the group.
         source = replace(source, data=source.data | {"vehicles": [dict(ONE_VEHICLE)]})
-    resolved, scenario = resolve(source), None
+    (resolved, found), scenario = with_extension_keys(resolve(source), registry), None
+    problems += found
     try:
-        scenario = Scenario.model_validate(resolved.data)
+        scenario = Scenario.model_validate(resolved.data).with_registered(registry)
     except ValidationError as error:
         problems += problems_of(error, Scenario, resolved)
     if problems or scenario is None:

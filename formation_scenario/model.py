@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from math import hypot, radians
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
@@ -18,6 +18,7 @@ from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.expectation import Expectation
+from formation_scenario.extensions import LAW_KINDS, METRIC, SWITCHED, Registered, Registry
 from formation_scenario.fields import (
     MOST_ENTRIES,
     WHOLE,
@@ -217,6 +218,13 @@ class Scenario(Keys):
     )
     safety: Safety = key(..., "", derived="its keys'")
     finish: Finish = Finish()
+    extensions: Annotated[
+        Mapping[str, Mapping[str, Any]], Allowed("a mapping of what extensions register to its keys")
+    ] = key(
+        {},
+        "filters, monitors and recorders that are on, in this order, each with its own keys; metrics' keys",
+        {"ceiling": {"top_m": 140}},
+    )
     expect: AtMost[Expectation] = key(
         (),
         "bounds that the run must have kept; exit status 1 if one is broken",
@@ -226,6 +234,28 @@ class Scenario(Keys):
             {"metric": "min_separation_m", "above": 20},
         ],
     )
+
+    _registered: Registry = PrivateAttr(default_factory=Registry)
+
+    @property
+    def registered(self) -> Registry:
+        """What the extensions that it was loaded with register."""
+        return self._registered
+
+    def with_registered(self, registry: Registry) -> Self:
+        """Return the scenario with other extensions."""
+        copied = self.model_copy()
+        copied._registered = registry
+        return copied
+
+    @property
+    def used_extensions(self) -> tuple[Registered, ...]:
+        """What it uses of them: its law, what `extensions` names, and metrics in `expect`."""
+        known = self._registered
+        named = [known.get(self.law.type, *LAW_KINDS)]
+        named += [known.get(name, *SWITCHED, METRIC) for name in self.extensions]
+        named += [known.get(each.metric, METRIC) for each in self.expect]
+        return tuple(dict.fromkeys(each for each in named if each is not None))
 
     @cached_property
     def ground(self) -> Ground:

@@ -11,9 +11,10 @@ from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.expectation import (
     FENCE,
+    FOLLOWER_METRICS,
     LINK_METRICS,
+    METRICS,
     OF_FOLLOWERS,
-    RUN_METRICS,
     SEPARATION,
     WINDOWED,
     Expectation,
@@ -311,7 +312,7 @@ def expectations(scenario: Scenario) -> Iterator[Finding]:
         path: KeyPath = ("expect", index)
         if entry.below is None and entry.above is None:
             yield path, "found no bound", "below, above or both"
-        if entry.metric not in WINDOWED:
+        if entry.metric in METRICS and entry.metric not in WINDOWED:
             yield from _part_of_flight(entry, path, scenario.duration_s)
         elif entry.from_s >= entry.to_s:
             found = f"found a window from {entry.from_s:g} to {entry.to_s:g} s"
@@ -319,7 +320,7 @@ def expectations(scenario: Scenario) -> Iterator[Finding]:
         elif entry.from_s >= end_s:
             allowed = f"less than {end_s:.1f} s, when the flight is over at the latest"
             yield (*path, "from_s"), f"found {entry.from_s:g}", allowed
-        if entry.metric in RUN_METRICS and entry.followers != "all":
+        if entry.metric not in (*FOLLOWER_METRICS, *LINK_METRICS) and entry.followers != "all":
             yield (*path, "followers"), f"found followers for {entry.metric}, a figure of the whole run", "all"
         if entry.below is not None and entry.above is not None and entry.below <= entry.above:
             yield (*path, "below"), f"found above {entry.above:g} and below {entry.below:g}", "more than above"

@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 from formation_scenario.derived_defaults import MAY_BE_EMPTY, MODELS
 from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS, range_text
+from formation_scenario.extensions import LAW_KINDS, METRIC, Registered, Registry
 from formation_scenario.fields import DERIVED
 from formation_scenario.model import Fleet, Scenario
 from formation_scenario.source import Dumper, Plain, show
@@ -63,8 +64,8 @@ def written_model() -> type[BaseModel]:
     )
 
 
-def scenario_schema() -> Schema:
-    """Return the JSON schema (draft 2020-12) of a scenario file.
+def scenario_schema(registry: Registry | None = None) -> Schema:
+    """Return the JSON schema (draft 2020-12) of a scenario file, with the names and keys of extensions.
 
     It allows every value that is valid for its key alone. Rules between keys, and whether the formation can be flown,
     are checked only by `load_scenario`.
@@ -73,10 +74,37 @@ def scenario_schema() -> Schema:
     groups = (group for group in generated["$defs"].values() if "properties" in group)
     for group in (generated, *groups):
         _allow_derived(group)
+    _allow_extensions(generated, registry or Registry())
     properties: Schema = generated["properties"]
     properties |= {key: _or(properties[key], NULL) for key in MAY_BE_EMPTY}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "Scenario of a formation flight"}
     return head | generated | {"title": head["title"]}
+
+
+def _allow_extensions(generated: Schema, registry: Registry) -> None:
+    """Allow the names that extensions register, each with its own keys; without any, none."""
+    law: Schema = generated["$defs"]["Law"]["properties"]
+    law["type"]["enum"] += registry.names(*LAW_KINDS)
+    generated["$defs"]["Expectation"]["properties"]["metric"]["enum"] += registry.names(METRIC)
+    laws = [_keys_of(each) for each in registry if each.kind in LAW_KINDS]
+    parameters: Schema = {"type": "object"} | (
+        {"anyOf": [{"maxProperties": 0}, *laws]} if laws else {"maxProperties": 0}
+    )
+    law["parameters"] = _said(law["parameters"]) | parameters
+    known = {each.name: _or(_keys_of(each), NULL) for each in registry if each.kind not in LAW_KINDS}
+    allowed: Schema = {"properties": known, "additionalProperties": False}
+    generated["properties"]["extensions"] = _said(generated["properties"]["extensions"]) | {"type": "object"} | allowed
+
+
+def _said(value: Schema) -> Schema:
+    """Return a schema's description and default; an example would need an extension."""
+    return {name: value[name] for name in ("description", "default")}
+
+
+def _keys_of(extension: Registered) -> Schema:
+    """Return the schema of an extension's own keys, without those that it doesn't have."""
+    model: type[BaseModel] = extension.made.Keys
+    return {"additionalProperties": False} | model.model_json_schema(ref_template="#/$defs/{model}")
 
 
 def _allow_derived(group: Schema) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.energy import steepest_climb_mps
 from formation_scenario.fields import VehicleRef
-from formation_scenario.formation import Formation, FormationChange, LawType
+from formation_scenario.formation import LAW_TYPES, Formation, FormationChange
 from formation_scenario.model import Scenario
 from formation_scenario.orders import parse_order
 from formation_scenario.source import Finding, KeyPath
@@ -107,7 +106,7 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
     if scenario.formation.frame != "leader_heading":
         yield ("formation", "frame"), f"found {scenario.formation.frame} of vehicles that hover", "leader_heading"
     if scenario.law.type == "consensus":
-        others = ", ".join(law for law in get_args(LawType) if law != "consensus")
+        others = ", ".join(law for law in LAW_TYPES if law != "consensus")
         yield ("law", "type"), "found consensus of vehicles that hover", others
 
 

@@ -39,6 +39,7 @@ from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.extend.in_flight import on_ticks
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
@@ -92,7 +93,7 @@ class FormationController:
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
-        self._lift_m = np.zeros(self.columns)
+        self._lift_m, self._outside = np.zeros(self.columns), on_ticks(scenario, self.models)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places in the form that a tick records."""
         observer_radps = scenario.law.disturbance_observer_radps
@@ -107,6 +108,8 @@ class FormationController:
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
         self.plan.hand_over(leader, swing_rad)
+        if self._outside is not None:
+            self._outside.forget()
         self._leader_commands.forget()
 
     def retune(self, scenario: Scenario) -> None:
@@ -187,11 +190,7 @@ class FormationController:
             measured = self._fly_straight_on(tick, measured)
         if self.columns > 1:
             self._at_heights(tick, heights_m)
-        self.fence.keep(tick)
-        if self.columns > 1:
-            self.separation.keep(tick, measured, self.plan.apart_m(now / NANOSECONDS))
-        self.floor.keep(tick)
-        self.history.note(tick.setpoints)
+        self._keep_limits(tick, measured)
         self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(now / NANOSECONDS))
         self.last_tick = tick
         return tick
@@ -207,7 +206,6 @@ class FormationController:
             part = GUIDANCE
             lead = self._steer_leader(tick, states, assembled=assembled)
             self._turn_rps = lead.path.turn_rps
-            self.history.of(tick.leader).note(tick.setpoints[tick.leader])  # the law predicts the leader through it
             part = LAW
             if self.columns > 1:
                 self._follow_bandwidth(bandwidth)
@@ -217,6 +215,18 @@ class FormationController:
             self.fault = error
         except (ArithmeticError, ValueError) as error:  # where Python refuses what is NaN or infinite elsewhere
             self.fault = NotFiniteError(part, None, f"{type(error).__name__}: {error}")
+
+    def _keep_limits(self, tick: Tick, measured: Measured) -> None:
+        """Apply filters from outside, fence, separation rule and ground, in this order; note what is commanded."""
+        if self._outside is not None and self.fault is None:
+            self.fault = self._outside.filter(tick)
+        self.fence.keep(tick)
+        if self.columns > 1:
+            self.separation.keep(tick, measured, self.plan.apart_m(tick.now / NANOSECONDS))
+        self.floor.keep(tick)
+        self.history.note(tick.setpoints)
+        if self._outside is not None and self.fault is None:
+            self.fault = self._outside.watch(tick)
 
     def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:
         """Put setpoints into a tick that need neither guidance nor law; return the states that are finite."""
@@ -351,6 +361,7 @@ class FormationController:
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
+        commanded = self._goes_on(tick.leader, commanded)
         short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
         told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
         if turn is None:
@@ -362,6 +373,13 @@ class FormationController:
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
+
+    def _goes_on(self, leader: int, commanded: Triple) -> Triple:
+        """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""
+        if self._outside is not None:
+            commanded = self._outside.goes_on(commanded)
+        self.history.of(leader).note(commanded)  # the law predicts the leader through it
+        return commanded
 
     def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""

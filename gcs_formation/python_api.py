@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 from gcs_formation.station import Station
 
-OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress")
+OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress", "plugins")
 """Options of `run` besides scenario keys."""
 
 __all__ = ["Answer", "Summary", "run", "study", "tell"]
@@ -78,7 +78,7 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def run(
+def run(  # noqa: PLR0913 - options by name, as the command's
     scenario: str | Path | Mapping[str, Any] | Scenario,
     *,
     clock: ClockName = "real",
@@ -88,6 +88,7 @@ def run(
     overwrite: bool = False,
     overrides: Mapping[str, Any] | None = None,
     progress: Callable[[float, float], None] | None = None,
+    plugins: Sequence[str | Path] = (),
     **keys: Any,
 ) -> Summary:
     """Fly a scenario with emulated vehicles and return its summary.
@@ -101,6 +102,7 @@ def run(
         overwrite: replace an earlier run in `out` when this one begins.
         overrides: scenario keys instead of the scenario's own, by their dotted names: {"law.rate_hz": 5}.
         progress: called a few times a second with the mission time, s (NaN before the path), and when it ends, s.
+        plugins: files of extensions that the scenario names, as `--plugin`.
         **keys: the same as `overrides`; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
@@ -110,7 +112,7 @@ def run(
         RecordError: the run directory holds other files or an earlier run, or it can't be written.
     """
     given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
-    loaded, options = flown_by(scenario, dict(overrides or {}) | keys, out, given)
+    loaded, options = flown_by(scenario, dict(overrides or {}) | keys, out, given, plugins)
     with Interrupts() as interrupts:
         summary = run_scenario(loaded, options, Progress() if progress is None else _Told(progress), interrupts)
     if interrupts.count:
@@ -136,6 +138,7 @@ def flown_by(
     overrides: Mapping[str, Any],
     out: str | Path | None,
     options: Mapping[str, Any],
+    plugins: Sequence[str | Path] = (),
 ) -> tuple[Scenario, RunOptions]:
     """Return the scenario and the options of a flight, as `run` and `Flight` are given them.
 
@@ -146,7 +149,7 @@ def flown_by(
     if out == "":
         raise ValueError("out: found ''; allowed: a directory")
     _require_known(overrides)
-    loaded = load_scenario(scenario, settings(overrides), option="")
+    loaded = load_scenario(scenario, settings(overrides), option="", plugins=plugins)
     directory = default_directory(loaded.name) if out is None else Path(out)
     return loaded, RunOptions(directory, **options)
 
@@ -167,7 +170,7 @@ def _require_known(overrides: Mapping[str, Any]) -> None:
             raise refused(name, f"found an unknown key '{first}'", f"{options}{near}")
 
 
-def study(
+def study(  # noqa: PLR0913 - options by name, as the command's
     source: str | Path | Mapping[str, Any],
     out: str | Path,
     *,
@@ -177,6 +180,7 @@ def study(
     overwrite: bool = False,
     quiet: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    plugins: Sequence[str | Path] = (),
 ) -> pa.Table:
     """Fly a study and return its flights, a row each, as `gcs-formation study` does.
 
@@ -191,6 +195,7 @@ def study(
         overwrite: replace an earlier study in `out`.
         quiet: show no progress on standard error.
         progress: called after every flight with how many are done, and how many there are at most.
+        plugins: files of extensions that the study names, as `--plugin`; workers get them by content.
 
     Raises:
         ScenarioError: the study is wrong; nothing was started.
@@ -201,7 +206,7 @@ def study(
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
     from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
 
-    planned, base = prepare(Path(source) if isinstance(source, str) else source)
+    planned, base = prepare(Path(source) if isinstance(source, str) else source, plugins=plugins)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
     with StudyProgress(quiet=quiet, tell=progress) as shown:
         return fly_study(planned, base, Path(out), chosen, shown, resume=resume, overwrite=overwrite).table

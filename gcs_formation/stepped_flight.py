@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -131,7 +131,7 @@ class Flight:
     Leaving the loop early, also by an exception, ends the flight in order: vehicles loiter, and the record is complete.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - options by name, as `run`'s
         self,
         scenario: str | Path | Mapping[str, Any] | Scenario,
         *,
@@ -142,6 +142,7 @@ class Flight:
         overrides: Mapping[str, Any] | None = None,
         out: str | Path | None = None,
         overwrite: bool = False,
+        plugins: Sequence[str | Path] = (),
     ) -> None:
         """Prepare a flight, which begins with the `with` statement.
 
@@ -154,6 +155,7 @@ class Flight:
             overrides: scenario keys by their dotted names: {"law.rate_hz": 5}.
             out: the run directory, new or empty; default: runs/NAME-TIME.
             overwrite: replace an earlier run in `out` when this one begins.
+            plugins: files of extensions that the scenario names, as `--plugin`.
 
         Raises:
             ScenarioError: the scenario or an override is wrong.
@@ -161,7 +163,7 @@ class Flight:
         """
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
         given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
-        self._scenario, self._options = flown_by(scenario, keys, out, given)
+        self._scenario, self._options = flown_by(scenario, keys, out, given, plugins)
         self._refs = [None if each is None else _ref(str(each)) for each in column_ids(self._scenario)]
         self._steps: Stepped | None = None
         self._number = 0

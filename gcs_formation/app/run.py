@@ -170,6 +170,7 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
     command = [sys.executable, "-m", "sim_vehicles", str(directory / SCENARIO)]
     command += ["--speedup", str(session.options.speedup), "--clock-origin", str(clock.origin_ns)]
     command += ["--truth", str(directory / TRUTH)]
+    command += [word for file in session.scenario.registered.files for word in ("--plugin", file)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
     # A session of its own: Ctrl-C reaches only us, so that we can tell the vehicles to loiter first.
     pipe, environment = subprocess.PIPE, os.environ | same_modules()

@@ -31,6 +31,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.app.script import Script
 from gcs_formation.errors import RecordingError, RunAbortedError
+from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
@@ -128,8 +129,8 @@ class Session:
         """
         self.scenario, self.options, self.clock = scenario, options, clock
         self.progress, self.interrupts, self.emulated = progress, interrupts, emulated
-        began_us, resumed = begun or (clock.utc_at_0_us, None)
-        self._resumed = resumed
+        began_us, self._resumed = begun or (clock.utc_at_0_us, None)
+        resumed = self._resumed
         self.recorder = RunDirectory(
             options.out,
             scenario,
@@ -141,8 +142,7 @@ class Session:
         )
         read = not emulated and resumed is None
         caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
-        given = scenario.telemetry.station_utc
-        self._keeps_utc = emulated if given is None else given
+        self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
         if resumed is None and options.speedup != 1.0:
@@ -151,8 +151,8 @@ class Session:
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
-        script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
-        self._links, self.script = wrapped(self.station, schedule), script
+        self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
+        self._links = wrapped(self.station, schedule)
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
@@ -161,6 +161,7 @@ class Session:
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
+        self._sinks = self._opened_sinks()
         whom = counted(len(self.station.vehicles), "vehicle")
         self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
@@ -181,6 +182,8 @@ class Session:
         """Serve the operator and show progress, after every event; return whether the flight has ended."""
         if self.recorder.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self.recorder.failure, self.clock.now())
+        if self._sinks is not None and self._sinks.failure is not None and self.station.course.failure is None:
+            self.station.course.fail(self._sinks.failure, self.clock.now())
         if self.lying is not None and self.station.down.unknown and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.down.lie(self.lying())
@@ -236,6 +239,7 @@ class Session:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
         wall_s, course = self._spent.wall_s, self.station.course
+        self._close_sinks()
         if self.script.has_new:
             self.recorder.record_scenario(self.script.recorded())
         self.recorder.close()
@@ -253,6 +257,19 @@ class Session:
             raise RunAbortedError(course.failure + self._hurry())
         return summary
 
+    def _opened_sinks(self) -> Sinks | None:
+        """Return the flight's recorders from outside, which are told every tick; None if it has none."""
+        found = sinks(self.scenario, self.station.controller.models, self.recorder.path)
+        if found is not None:
+            self.recorder.tell_ticks_to(found.tick)
+        return found
+
+    def _close_sinks(self) -> None:
+        if self._sinks is not None:
+            self._sinks.close()
+            if self._sinks.failure is not None:
+                self.station.course.failure = self.station.course.failure or self._sinks.failure
+
     def _hurry(self) -> str:
         """Return the note that a high --speedup may have caused a failure; "" at a lower speedup."""
         speedup = self.options.speedup
@@ -269,6 +286,8 @@ class Session:
 
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))
+        if self._sinks is not None:
+            self._sinks.event(event)
 
     def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
         spool, self.scenario = self.recorder.path / SPOOL, self.script.as_planned()

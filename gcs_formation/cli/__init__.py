@@ -32,6 +32,15 @@ COMMANDS = {
 }
 OVERRIDES = click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 """The option of all commands that read a scenario."""
+PLUGINS = click.option(
+    "--plugin",
+    "plugins",
+    multiple=True,
+    type=click.Path(),
+    metavar="FILE.py",
+    help="Load laws, filters, … of one's own (repeatable).",
+)
+"""The option of all commands that read a scenario, a study or a run."""
 
 
 @click.group(

@@ -15,7 +15,7 @@ from airlink.cli import Status, examples, fail
 from formation_scenario.orders import OrderError, parse_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
-from gcs_formation.cli import OVERRIDES
+from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import NothingRunningError, RecordError
 
 if TYPE_CHECKING:
@@ -62,12 +62,12 @@ IN_THE_TREE = "configs"
 """Directory of the examples in the source tree; an installed package contains a copy."""
 
 
-def load(scenario: Path, overrides: tuple[str, ...]) -> Scenario:
+def load(scenario: Path, overrides: tuple[str, ...], plugins: tuple[str, ...] = ()) -> Scenario:
     """Return a scenario, or exit with what's wrong in it."""
     from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - `tell` starts faster without it
 
     try:
-        return load_scenario(scenario, overrides)
+        return load_scenario(scenario, overrides, plugins=plugins)
     except ScenarioError as error:
         fail(str(error))
 
@@ -105,6 +105,7 @@ def init(directory: Path, example: str) -> None:
 @click.command(epilog=CHECK_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @OVERRIDES
+@PLUGINS
 @click.option("--json", "as_json", is_flag=True, help="Margins and warnings, or what is wrong, as JSON.")
 @click.option(
     "--export",
@@ -115,14 +116,19 @@ def init(directory: Path, example: str) -> None:
 )
 @click.option("--export-vehicle", metavar="ID", help="With --export: the path of this vehicle alone.")
 def check(
-    scenario: Path, overrides: tuple[str, ...], as_json: bool, exported: Path | None, export_vehicle: str | None
+    scenario: Path,
+    overrides: tuple[str, ...],
+    plugins: tuple[str, ...],
+    as_json: bool,
+    exported: Path | None,
+    export_vehicle: str | None,
 ) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
     from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor margins
     from gcs_formation.app.check import check_report, check_text, refusal_report  # noqa: PLC0415
 
     try:
-        loaded = load_scenario(scenario, overrides)
+        loaded = load_scenario(scenario, overrides, plugins=plugins)
     except ScenarioError as error:
         if as_json:
             click.echo(json.dumps(refusal_report(error), indent=2))
@@ -148,16 +154,26 @@ def _export(scenario: Scenario, file: Path, vehicle: str | None) -> None:
 @click.command(epilog=SCHEMA_EXAMPLES)
 @click.option("--study", is_flag=True, help="The JSON schema of study files instead.")
 @click.option("--markdown", is_flag=True, help="The reference of all keys as text instead.")
-def schema(study: bool, markdown: bool) -> None:
+@PLUGINS
+def schema(study: bool, markdown: bool, plugins: tuple[str, ...]) -> None:
     """Print the JSON schema of scenarios, for editors and validators."""
-    from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415 - importing the keys takes a second
+    from formation_scenario import ScenarioError  # noqa: PLC0415 - importing the keys takes a second
+    from formation_scenario.extensions import load_extensions  # noqa: PLC0415
+    from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415
+
+    try:
+        registry = load_extensions(plugins)
+    except ScenarioError as error:
+        fail(str(error))
 
     if study:
         from gcs_formation.studies import study_schema  # noqa: PLC0415 - only this option needs it
 
         click.echo(json.dumps(study_schema(), indent=1, ensure_ascii=False))
         return
-    text = scenario_reference() if markdown else json.dumps(scenario_schema(), indent=1, ensure_ascii=False) + "\n"
+    text = (
+        scenario_reference() if markdown else json.dumps(scenario_schema(registry), indent=1, ensure_ascii=False) + "\n"
+    )
     click.echo(text, nl=False)
 
 
@@ -183,9 +199,11 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
 
 @click.command(epilog=REPORT_EXAMPLES)
 @click.argument("run_dir", type=click.Path(path_type=Path))
-def report(run_dir: Path) -> None:
+@PLUGINS
+def report(run_dir: Path, plugins: tuple[str, ...]) -> None:
     """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
-    from gcs_formation.report.page import write_report  # noqa: PLC0415 - `tell` starts faster without figures
+    from formation_scenario import ScenarioError  # noqa: PLC0415 - `tell` starts faster without figures
+    from gcs_formation.report.page import write_report  # noqa: PLC0415
     from gcs_formation.studies.dataset import STUDY  # noqa: PLC0415
     from gcs_formation.studies.report import write_study_report  # noqa: PLC0415
 
@@ -193,7 +211,7 @@ def report(run_dir: Path) -> None:
         if (run_dir / STUDY).is_file():
             page = write_study_report(run_dir)
         else:
-            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True))
-    except RecordError as error:
+            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True), plugins)
+    except (RecordError, ScenarioError) as error:
         fail(str(error))
     click.echo(f"wrote {page}")

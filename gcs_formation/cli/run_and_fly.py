@@ -23,7 +23,7 @@ from gcs_formation.app.result_text import NOTHING_EXPECTED, result_line, spoilt,
 from gcs_formation.app.run import fly as fly_scenario
 from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
-from gcs_formation.cli import OVERRIDES
+from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, recorded_in
@@ -62,6 +62,7 @@ def _options(command: Command) -> Command:
             click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flight at this time."),
             click.option("--seed", type=SEED, help="Instead of the scenario's."),
             OVERRIDES,
+            PLUGINS,
             click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
             click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out when this one begins."),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
@@ -134,12 +135,12 @@ def _done(
 ) -> Status:
     """Fly, or do a dry run, as the command line says; report the result, and return the exit status.
 
-    `given`: `seed`, `overrides`, `out`, and the fields of `RunOptions` by their names.
+    `given`: `seed`, `overrides`, `out`, `plugins`, and the fields of `RunOptions` by their names.
     """
-    seed, overrides, out = (given.pop(name) for name in ("seed", "overrides", "out"))
+    seed, overrides, out, plugins = (given.pop(name) for name in ("seed", "overrides", "out", "plugins"))
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts:
-        loaded = load(scenario, (*overrides, *seeded))
+        loaded = load(scenario, (*overrides, *seeded), plugins)
         options = _run_options(out or default_directory(loaded.name), given)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
@@ -217,14 +218,16 @@ SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)
 @click.option("--vehicle", type=WholeNumber(1), help="Use this system id only; default: all, as one kind.")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Simulated autopilots: X times faster.")
 @OVERRIDES
+@PLUGINS
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
     """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
     from gcs_formation import identify as identification  # noqa: PLC0415 - only `identify` fits and draws
 
-    out, run_dir, overrides = (given.pop(name) for name in ("out", "run_dir", "overrides"))
-    believed = None if source.is_dir() or source.suffix.lower() in LOGS else _to_be_flown(source, overrides, vehicle)
+    out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))
+    recording = source.is_dir() or source.suffix.lower() in LOGS
+    believed = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
     recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
     file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
@@ -234,7 +237,7 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
     if believed is not None:
         _record_steps(believed, recorded, quiet=quiet, **given)
     try:
-        found = identification.identify(recorded, file, vehicle, believed)
+        found = identification.identify(recorded, file, vehicle, believed, plugins)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if as_json:
@@ -243,10 +246,10 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
         click.echo(identification.report(found))
 
 
-def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None) -> Scenario:
+def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None, plugins: tuple[str, ...]) -> Scenario:
     """Return the scenario whose vehicles are to fly steps, or exit with what's wrong in it; `vehicle` must be in it."""
     try:
-        scenario = load_scenario(source, overrides)
+        scenario = load_scenario(source, overrides, plugins=plugins)
     except ScenarioError as error:
         if source.suffix.lower() in SCENARIOS:
             fail(str(error))

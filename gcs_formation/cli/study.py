@@ -15,7 +15,8 @@ import click
 from airlink.cli import SECONDS, SEED, Status, WholeNumber, WithDefault, counted, examples, fail, interruptible, say
 from airlink.cli.output_directory import OUT, default_directory, refusal
 from formation_scenario import ScenarioError
-from gcs_formation.cli import OVERRIDES
+from formation_scenario.extensions import load_extensions
+from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
@@ -66,6 +67,7 @@ def study() -> None:
 @click.option("--scheduler", callback=_address, metavar="tcp://HOST:PORT", help="Fly on this Dask cluster instead.")
 @click.option("--resume", is_flag=True, help="Fly what an interrupted study in --out lacks.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier study in --out.")
+@PLUGINS
 @click.option("--yes", is_flag=True, help=f"Allow more than {MANY:,} flights.")
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 def run(study: Path, **given: Any) -> None:
@@ -73,7 +75,7 @@ def run(study: Path, **given: Any) -> None:
     workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
     out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
     try:
-        planned, base = prepare(study, many=given["yes"])
+        planned, base = prepare(study, many=given["yes"], plugins=given["plugins"])
         with interruptible(), StudyProgress(quiet=given["quiet"]) as progress:
             outcome = fly_study(planned, base, out, workers, progress, **kind)
     except KeyboardInterrupt:
@@ -91,12 +93,13 @@ def run(study: Path, **given: Any) -> None:
 @click.argument("flight", type=WholeNumber(0))
 @click.option("--out", type=OUT, help="Run directory; default: DIRECTORY/again/FLIGHT, replaced.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
-def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool) -> None:
+@PLUGINS
+def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool, plugins: tuple[str, ...]) -> None:
     """Fly one FLIGHT of the study in DIRECTORY again, with its whole record."""
     try:
-        study, base = read_study(directory), read_plan(directory)["base"]
+        study, base = read_study(directory).with_registered(load_extensions(plugins)), read_plan(directory)["base"]
         rows = {row["flight"]: row for row in read_rows(directory, study)}
-    except RecordError as error:
+    except (RecordError, ScenarioError) as error:
         fail(str(error))
     if flight not in rows:
         fail(f"found no flight {flight} in {directory}; allowed: {min(rows, default=0)} to {max(rows, default=0)}")
@@ -213,6 +216,7 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
 @click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End the flights at this time.")
 @click.option("--seed", type=SEED, help="Instead of the scenario's.")
 @OVERRIDES
+@PLUGINS
 @click.option("--jobs", type=WholeNumber(1), default=1, show_default=True, help="Flights at a time.")
 @click.option("--out", type=OUT, help="Directory of it all; default: runs/NAME-TIME.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier comparison in --out.")
@@ -220,8 +224,9 @@ def _name_broken(rows: Iterable[Row], command: str) -> int:
 def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, **given: Any) -> None:
     """Fly SCENARIO by each of several laws, on one seed under the virtual clock, and set them side by side.
 
-    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric and consensus, each also as NAME_uncompensated,
-    without prediction over the delay. --out gets a run directory for each law, comparison.json, .png and .html.
+    Laws: pid, fuzzy_pid (tables as printed), fuzzy_pid_symmetric, consensus and those of --plugin, each also as
+    NAME_uncompensated, without prediction over the delay. --out gets a run directory for each law, comparison.json,
+    .png and .html.
     """
     from gcs_formation.studies.compare import compare_laws, comparison_text  # noqa: PLC0415 - only `compare` needs it
 
@@ -229,7 +234,8 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
     directory, workers = out or default_directory(f"{scenario.stem}-laws"), Processes(given.pop("jobs"))
     between_s = given.pop("from_s"), given.pop("to_s")
     try:
-        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, **given)
+        registry = load_extensions(given.pop("plugins"))
+        flown = compare_laws(scenario, overrides, directory, workers, between_s=between_s, registry=registry, **given)
     except (ScenarioError, RecordError) as error:
         fail(str(error))
     except RunAbortedError as error:

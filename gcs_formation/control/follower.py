@@ -16,7 +16,8 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import UNKNOWN, Slot, Triple, all_finite
 from formation_scenario.formation import Frame
-from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, Gains, Pid
+from gcs_formation.control.fuzzy_pid import NO_GAINS, ChannelConstants, FuzzyGainScheduler, Gains, Pid
+from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import (
     TRAIL_S,
     Envelope,
@@ -114,11 +115,15 @@ class Controller(ABC):
         self._forward = Pid(parameters.speed, scheduler)
         self._right = Pid(parameters.heading, scheduler)
         self._height = Pid(parameters.height, scheduler)
+        self.feedback: Feedback | None = None
+        """A law from outside, whose feedback replaces the PIDs'."""
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     @property
     def gains(self) -> Gains:
-        """The gains in force."""
+        """The gains in force; NaN for a law from outside."""
+        if self.feedback is not None:
+            return NO_GAINS
         one, two, three = self._forward, self._right, self._height
         return one.kp, two.kp, three.kp, one.ki, two.ki, three.ki, one.kd, two.kd, three.kd
 
@@ -134,14 +139,18 @@ class Controller(ABC):
         self._forward.forget()
         self._right.forget()
         self._height.forget()
+        if self.feedback is not None:
+            self.feedback.reset()
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
     def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
-        """Return the PID outputs, which are added to the feed-forward; `slopes` are the mixed errors' rates of change.
+        """Return the feedback, which is added to the feed-forward; `slopes` are the mixed errors' rates of change.
 
         `right_share` scales the bandwidth of the second loop: rightward velocity, or heading.
         """
         bandwidth, mixed = pair.bandwidth, self.mixed
+        if self.feedback is not None:
+            return self.feedback.output(mixed, slopes, pair.replaced, dt_s)
         self._forward.filter_rate(slopes[0], dt_s)
         self._right.filter_rate(slopes[1], dt_s)
         self._height.filter_rate(slopes[2], dt_s)
@@ -307,6 +316,11 @@ class FollowerController(Controller):
         limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
         # What the feed-forward alone exceeds the envelope by doesn't count as excess of the integrators.
         free = bounds.limit(led_mps, led_rad, forward[2])
+        if self.feedback is not None:
+            self.feedback.limited(
+                (limited[0] - free[0] - output[0], limited[1] - free[1] - output[1], limited[2] - free[2] - output[2])
+            )
+            return limited
         arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
         if not replaced[0]:
             most_mps = model.speed_max_mps - model.speed_min_mps

@@ -13,9 +13,12 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, rate, with
 from flight_model.slot import Triple, all_finite
 from formation_scenario import Scenario
 from formation_scenario import formation as keys
+from formation_scenario.extensions import FORMATION_LAW, LAW, LAW_KINDS
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawParameters, Pair
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.law_over_all import LawOverAll
+from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, formation_error, lead_height
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.guidance.leader_guidance import LeaderCommand
@@ -64,6 +67,10 @@ class VelocityController(Controller):
         share = _share(along_mps, across_mps, model.speed_max_mps)
         along_mps, across_mps = share * along_mps, share * across_mps
         height_m = self._limited_height(pair, forward[2] + output[2])
+        if self.feedback is not None:
+            along, across, height = along_mps - forward[0], across_mps - forward[1], height_m - forward[2]
+            self.feedback.limited((along - output[0], across - output[1], height - output[2]))
+            return along_mps, across_mps, height_m
         if not (pair.replaced[0] or pair.replaced[1]):
             self._forward.integrate(mixed[0], along_mps - forward[0] - output[0], dt_s)
             self._right.integrate(mixed[1], across_mps - forward[1] - output[1], dt_s)
@@ -123,13 +130,17 @@ class FormationLaw(Law):
         parameters: LawParameters,
         models: list[AutopilotModel],
         controller: Callable[[LawParameters], Controller] = FollowerController,
+        feedbacks: list[Feedback] | None = None,
     ) -> None:
-        """Make a `controller` for each vehicle.
+        """Make a `controller` for each vehicle, with its feedback from outside if there are any.
 
         The (C,) `models` are read at every tick: their lags are learnt in flight.
         """
         self._models = models
         self._controllers = [controller(parameters) for _ in models]
+        if feedbacks is not None:
+            for each, feedback in zip(self._controllers, feedbacks, strict=True):
+                each.feedback = feedback
         self._lead_by(0)
 
     def _lead_by(self, leader: int) -> None:
@@ -253,7 +264,17 @@ def law_parameters(scenario: Scenario) -> LawParameters:
 def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> FormationLaw:
     """Return the law in which each follower has its own controllers and follows the leader."""
     controller = VelocityController if _by_velocity(scenario) else FollowerController
-    return FormationLaw(law_parameters(scenario), models, controller)
+    entry, keys, feedbacks = scenario.registered.get(scenario.law.type, LAW), scenario.law.parameters, None
+    if entry is not None:
+        feedbacks = [Feedback(entry, keys, column) for column in range(len(models))]
+    return FormationLaw(law_parameters(scenario), models, controller, feedbacks)
+
+
+def law_over_all(scenario: Scenario, models: list[AutopilotModel]) -> LawOverAll:
+    """Return the law from outside that makes the setpoints of all followers at once."""
+    entry = scenario.registered.get(scenario.law.type, FORMATION_LAW)
+    assert entry is not None
+    return LawOverAll(entry, scenario, models)
 
 
 def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> ConsensusLaw:
@@ -289,7 +310,7 @@ class LawKind:
     """Variants that `compare` flies: a suffix of the name, and overrides in the manner of `--set`."""
 
 
-LAWS: dict[keys.LawType, LawKind] = {
+LAWS: dict[str, LawKind] = {
     "pid": LawKind("PID", formation_law, has_margins=True),
     "fuzzy_pid": LawKind(
         "fuzzy PID",
@@ -304,4 +325,8 @@ LAWS: dict[keys.LawType, LawKind] = {
 
 def law_kind(scenario: Scenario) -> LawKind:
     """Return the kind of law that a scenario flies."""
-    return LAWS[scenario.law.type]
+    name = scenario.law.type
+    entry = scenario.registered.get(name, *LAW_KINDS) if scenario.registered else None
+    if entry is None:
+        return LAWS[name]
+    return LawKind(name, formation_law if entry.kind == LAW else law_over_all)

@@ -60,7 +60,8 @@ class DesignWatch:
         self.scenario = scenario
         """The scenario with the gains in force."""
         self._vehicles, self._retunes, self._note = vehicles, retunes, note
-        self._designs = scenario.law.gains == AUTO and not law_kind(scenario).mutual
+        kind = law_kind(scenario)
+        self._designs = scenario.law.gains == AUTO and kind.has_margins and not kind.mutual
         self._slow_looks = 0
 
     def watch(self, now: Instant, *, begins: bool = False) -> None:

@@ -15,6 +15,7 @@ import yaml
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.bounded_read import require_file
+from formation_scenario.extensions import Files
 from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
@@ -94,7 +95,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     }
     for key in ("orders", "faults", "expect", "disturbances"):
         data.pop(key, None)
-    return load_scenario(data)
+    return load_scenario(data, plugins=scenario.registered)
 
 
 def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
@@ -145,7 +146,13 @@ def _require_directory(file: Path) -> None:
         raise RecordError(f"--out: found {file}: {why}; allowed: a file in a directory that can be written")
 
 
-def identify(source: Path, file: Path, vehicle: int | None = None, believed: Scenario | None = None) -> dict[str, Any]:
+def identify(
+    source: Path,
+    file: Path,
+    vehicle: int | None = None,
+    believed: Scenario | None = None,
+    plugins: Files = (),
+) -> dict[str, Any]:
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
     The written model has an airframe if that fits the recording so much better that its parameters are worth it; its
@@ -157,6 +164,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
         file: the vehicle file to write.
         vehicle: system id to use; None: all vehicles, as one kind.
         believed: the scenario, whose first vehicle's limits are kept; None: the run directory's.
+        plugins: files of extensions that the run directory's scenario names.
 
     Raises:
         RecordError: nothing to read, too little movement, or no such vehicle.
@@ -165,7 +173,7 @@ def identify(source: Path, file: Path, vehicle: int | None = None, believed: Sce
     directory = source if source.is_dir() else None
     found = _recorded(source, vehicle)
     if directory is not None and believed is None:
-        believed = load_scenario(directory / SCENARIO)
+        believed = load_scenario(directory / SCENARIO, plugins=plugins)
     begin = _begin(believed, found[0].system)
     fitted = fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])

@@ -17,6 +17,7 @@ from formation_scenario.expectation import (
     LATE_PERIODS,
     LIMIT_METRICS,
     LINK_METRICS,
+    METRICS,
     PATH_METRICS,
     Expectation,
     stays_broken,
@@ -26,6 +27,7 @@ from gcs_formation.record import path_distance
 from gcs_formation.record.coverage import Coverage, coverage
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.link_verdicts import LinkFigures, as_answered, is_out, link_verdict
+from gcs_formation.record.outside_metric import measured
 from gcs_formation.record.safety import value_within
 from gcs_formation.record.verdict import ROUNDING_S, Verdict, weighed
 
@@ -102,7 +104,9 @@ def judge(
                 out = is_out(scenario, planned, end_s, either=True)
                 yield as_answered(link_verdict(verdict, link, end_s, out=out), link)
         else:
-            yield weighed(replace(plain, value=_run_value(each, flight, parts)))
+            known = each.metric in METRICS
+            value = _run_value(each, flight, parts) if known else measured(each, scenario, flight)
+            yield weighed(replace(plain, value=value))
 
 
 def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, *, cut_short: bool) -> Verdict:

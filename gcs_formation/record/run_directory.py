@@ -14,6 +14,7 @@ from airlink.cli.output_directory import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario, dump_scenario
+from formation_scenario.extensions import RECORD as EXTENSIONS
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NOBODY_COMMANDED
 from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Maybe, Shape
@@ -51,6 +52,8 @@ EVENT_DETAILS: Mapping[str, Mapping[str, Shape | Maybe]] = {
 class RunDirectory:
     """Records a flight (a `Recorder`); flushed every second, which limits the loss by a crash."""
 
+    _tick_listener: Callable[[Tick], None] | None = None
+
     def __init__(
         self,
         path: Path,
@@ -84,7 +87,7 @@ class RunDirectory:
                 shutil.rmtree(self.path / UNFLOWN)
             if not resume:
                 _clear(self.path)
-                (self.path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
+                _write_scenario(self.path, scenario)
             self._tlog = TlogWriter(self.path / TLOG, epoch_us) if frames else None
             self._spool = SpoolWriter(self.path / SPOOL, columns)
         except BlockingIOError as error:
@@ -105,6 +108,10 @@ class RunDirectory:
     def tell_events_to(self, listener: Callable[[Event], None]) -> None:
         """Call a function with every event from now on."""
         self._listener = listener
+
+    def tell_ticks_to(self, listener: Callable[[Tick], None]) -> None:
+        """Call a function with every tick from now on."""
+        self._tick_listener = listener
 
     def _keep_earlier(self, *, overwrite: bool) -> None:
         """If there is an earlier run that commanded vehicles, record into a subdirectory beside it."""
@@ -146,6 +153,8 @@ class RunDirectory:
 
     def tick(self, tick: Tick) -> None:
         """Record a control tick."""
+        if self._tick_listener is not None:
+            self._tick_listener(tick)
         if self.failure is not None:
             return
         try:
@@ -226,9 +235,17 @@ def _commanded_nobody(path: Path) -> bool:
 
 def _clear(path: Path) -> None:
     """Remove the files of an earlier run."""
-    left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG)
+    left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG, EXTENSIONS)
     for stale in (*(path / name for name in left), *spools(path / SPOOL), *(path / FIGURES).glob("*.png")):
         stale.unlink(missing_ok=True)
+
+
+def _write_scenario(path: Path, scenario: Scenario) -> None:
+    """Write run.yaml, and which extensions it uses, if it uses any."""
+    (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
+    if scenario.used_extensions:
+        found = json.dumps([each.to_dict() for each in scenario.used_extensions], indent=2)
+        (path / EXTENSIONS).write_text(found + "\n", encoding="utf-8")
 
 
 def _own(path: Path, *, whole_lines: bool) -> TextIO:

@@ -95,6 +95,8 @@ def summarise(outcome: RunOutcome) -> Summary:
         for wanted in (scenario.expect, outcome.measure)
     )
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
+    if scenario.used_extensions:
+        parts["extensions"] = [each.to_dict() for each in scenario.used_extensions]
     unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
     return Summary(parts, verdicts, (*safe.breaches, *unsafe, *parts["undone"]), measured=measured)
 

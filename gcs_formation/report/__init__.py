@@ -18,6 +18,7 @@ from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.bounded_read import require_file
+from formation_scenario.extensions import Files, Registry, load_extensions
 from formation_scenario.gains import redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
@@ -168,15 +169,15 @@ class RunData:
         return sorted(self.followers, key=rms, reverse=True)
 
 
-def load_run(directory: Path) -> RunData:
-    """Return the run recorded in a directory.
+def load_run(directory: Path, plugins: Files | Registry = ()) -> RunData:
+    """Return the run recorded in a directory, whose scenario may name what `plugins` register.
 
     Raises:
         RecordError: it isn't the directory of a run, nothing was flown, or a file of it can't be read.
     """
     finished = _is_finished(directory)
     try:
-        scenario, refused = _scenario(directory / SCENARIO)
+        scenario, refused = _scenario(directory / SCENARIO, load_extensions(plugins))
         if not finished:
             run = _unfinished(directory, scenario)
             return replace(run, missing=(*run.missing, *refused))
@@ -193,12 +194,12 @@ def load_run(directory: Path) -> RunData:
     return _run_data(scenario, summary, events, whole, refused)
 
 
-def _scenario(path: Path) -> tuple[Scenario, tuple[str, ...]]:
+def _scenario(path: Path, registry: Registry) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario, and in words what this version would refuse in it."""
     try:
-        return load_scenario(path), ()
+        return load_scenario(path, plugins=registry), ()
     except ScenarioError as error:
-        flown = load_scenario(path, flown=True)
+        flown = load_scenario(path, flown=True, plugins=registry)
         return flown, tuple(f"a scenario that this version would fly: {each}" for each in error.problems)
 
 

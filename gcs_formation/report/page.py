@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices
 from formation_scenario import dump_scenario
+from formation_scenario.extensions import Files, Registry
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
@@ -235,15 +236,16 @@ def _error_source(run: RunData) -> str:
     )
 
 
-def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None) -> Path:
+def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None, plugins: Files | Registry = ()) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
-    `lacks` is called for each thing that the record lacks, in words.
+    `lacks` is called for each thing that the record lacks, in words; `plugins` are files of extensions that the run's
+    scenario names, or what they register.
 
     Raises:
         RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.
     """
-    run = load_run(run_dir)
+    run = load_run(run_dir, plugins)
     for text in run.missing:
         lacks(text)
     target = run_dir / REPORT

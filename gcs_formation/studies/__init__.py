@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
-from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, OneOf, Positive, key
+from formation_scenario.extensions import Registry
+from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Open, Positive, key
 from gcs_formation.app.operator_at_terminal import Record
 
 MOST_VALUES = 10_000
@@ -23,7 +24,7 @@ Value: TypeAlias = Any
 """Any value that YAML has."""
 
 
-Metric = Annotated[str, OneOf(", ".join(FIGURES), FIGURES)]
+Metric = Annotated[str, Open(", ".join(FIGURES), FIGURES)]
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -171,6 +172,18 @@ class Study(Keys):
     until_s: Positive | None = key(None, "end every flight at this mission time")
     bisect: Bisection | None = key(None, "search a bound's crossing instead of flying each once")
     expect: tuple[Wanted, ...] = key((), "exit status 1 if one is broken")
+    _registered: Registry = PrivateAttr(default_factory=Registry)
+
+    @property
+    def registered(self) -> Registry:
+        """What the extensions that it was loaded with register, for its flights."""
+        return self._registered
+
+    def with_registered(self, registry: Registry) -> Self:
+        """Return the study with other extensions."""
+        copied = self.model_copy()
+        copied._registered = registry
+        return copied
 
     @property
     def cases(self) -> dict[str, dict[str, dict[str, Any]]]:

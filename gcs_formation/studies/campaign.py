@@ -265,6 +265,8 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Study
         "flights_cpu_s": sum(row["cpu_s"] or 0.0 for row in rows),
         "expect": [verdict.to_dict() for verdict in verdicts],
     }
+    if study.registered:
+        figures["extensions"] = [each.to_dict() for each in study.registered]
     if study.bisect is not None:
         figures["bisect"] = [
             {"seed": first.seed, **{name: first.parameters[name] for name in study.parameters}, **crossing._asdict()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from airlink.cli import Status, interruptible
 from airlink.cli.output_directory import refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
+from formation_scenario.extensions import LAW_KINDS, Registry
 from formation_scenario.fields import did_you_mean
 from gcs_formation.app.check import lag_margins, warnings
 from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
@@ -60,7 +61,7 @@ there is no figure. `aborted` says why a law has none; `warnings` are those of `
 """
 
 
-def compare_laws(
+def compare_laws(  # noqa: PLR0913 - the command's options
     file: Path,
     overrides: tuple[str, ...],
     out: Path,
@@ -70,27 +71,31 @@ def compare_laws(
     between_s: tuple[float, float | None],
     until_s: float | None,
     overwrite: bool,
+    registry: Registry,
 ) -> tuple[Comparison, list[tuple[str, int, str]], Path, bool]:
     """Fly a scenario by each law on one seed, write the comparison and its page: a study of one parameter, the law.
 
     Errors count between two mission times (None: the end of the flights, `until_s` at the latest). Return the
-    comparison, each law's exit status and words, the page, and whether the flights were interrupted.
+    comparison, each law's exit status and words, the page, and whether the flights were interrupted. `registry`: what
+    extensions register, laws among it.
 
     Raises:
         ScenarioError: the scenario, an override or a law's name is wrong; nothing was started.
         RecordError: the directory holds an earlier comparison or other files, or it can't be written.
         RunAbortedError: no flight can be flown.
     """
-    names = named_laws(laws)
-    scenario = load_scenario(file, overrides)
+    names = named_laws(laws, registry)
+    scenario = load_scenario(file, overrides, plugins=registry)
     window_s = _window(scenario, *between_s, until_s)
-    flights = [load_scenario(file, (*overrides, *LAWS[law])) for law in names]  # a law's settings take precedence
+    sets = {law: _settings(law, scenario, registry) for law in names}
+    # A law's settings take precedence.
+    flights = [load_scenario(file, (*overrides, *sets[law]), plugins=registry) for law in names]
     study = Study(record="full", until_s=until_s)
     tasks = [
         Task(Planned(number, flight.seed, {}), study, flight, str(out / law))
         for number, (law, flight) in enumerate(zip(names, flights, strict=True))
     ]
-    _claim(out, overwrite=overwrite)
+    _claim(out, [*laws_of(registry)], overwrite=overwrite)
     rows = dict[int, dict[str, Any]]()
     interrupted = False
     try:
@@ -101,20 +106,34 @@ def compare_laws(
         interrupted = True
     said = [(names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows)]
     flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
-    runs = {law: load_run(out / law) for law, aborted in flown.items() if not aborted}
+    runs = {law: load_run(out / law, registry) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
-    return comparison, said, _write(comparison, runs, out), interrupted
+    return comparison, said, _write(comparison, runs, out, sets), interrupted
 
 
-def named_laws(names: str) -> tuple[str, ...]:
+def laws_of(registry: Registry) -> dict[str, tuple[str, ...]]:
+    """Return the laws that can be compared, with the overrides of each: those of `LAWS`, and those of extensions."""
+    own = {f"{name}{way}": (f"law.type={name}", how) for name in registry.names(*LAW_KINDS) for way, how in WAYS}
+    return {**LAWS, **own}
+
+
+def _settings(law: str, scenario: Scenario, registry: Registry) -> tuple[str, ...]:
+    """Return the overrides of a law; `law.parameters` are of the scenario's own law alone."""
+    found = laws_of(registry)[law]
+    own = found[0] == f"law.type={scenario.law.type}"
+    return found if own or not scenario.law.parameters else (*found, "law.parameters={}")
+
+
+def named_laws(names: str, registry: Registry) -> tuple[str, ...]:
     """Return the laws of a list like "pid,fuzzy_pid".
 
     Raises:
-        ScenarioError: a name isn't one of `LAWS`, or is there twice.
+        ScenarioError: a name isn't that of a law, or is there twice.
     """
+    known = laws_of(registry)
     found = tuple(name.strip() for name in names.split(","))
     counts = Counter(found)
-    wrong = [(f"found '{each}'{did_you_mean(each, LAWS)}", ", ".join(LAWS)) for each in counts if each not in LAWS]
+    wrong = [(f"found '{each}'{did_you_mean(each, known)}", ", ".join(known)) for each in counts if each not in known]
     wrong += [(f"found '{each}' {count} times", "each law once") for each, count in counts.items() if count > 1]
     if wrong:
         raise ScenarioError([Problem("--laws", None, None, "", *each) for each in wrong])
@@ -130,7 +149,7 @@ def _window(scenario: Scenario, from_s: float, to_s: float | None, until_s: floa
     return from_s, last_s
 
 
-def _claim(out: Path, *, overwrite: bool) -> None:
+def _claim(out: Path, laws: Sequence[str], *, overwrite: bool) -> None:
     """Make the directory and remove an earlier comparison from it; RecordError if that isn't allowed or possible."""
     try:
         refused = refusal(out, overwrite=overwrite, mark=f"{NAME}.json")
@@ -139,7 +158,7 @@ def _claim(out: Path, *, overwrite: bool) -> None:
         out.mkdir(parents=True, exist_ok=True)
         for stale in out.glob(f"{NAME}.*"):
             stale.unlink()
-        for law in LAWS:
+        for law in laws:
             if (out / law / SCENARIO).is_file():
                 shutil.rmtree(out / law)
     except OSError as error:
@@ -250,22 +269,22 @@ def _notes(comparison: Comparison) -> list[tuple[str, str]]:
     return notes
 
 
-def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path) -> Path:
+def _write(comparison: Comparison, runs: Mapping[str, RunData], out: Path, sets: Mapping[str, tuple[str, ...]]) -> Path:
     """Write a comparison's three files into a directory; return the page's path. RecordError: they can't be written."""
     picture, target = out / f"{NAME}.png", out / f"{NAME}.html"
     try:
         (out / f"{NAME}.json").write_text(json.dumps(comparison, indent=2), encoding="utf-8")
         with print_style():
             save(law_errors(runs, _spans(comparison)), picture)
-        target.write_text(_page(comparison, picture), encoding="utf-8")
+        target.write_text(_page(comparison, picture, sets), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the comparison into {out}: {error.strerror}") from error
     return target
 
 
-def _page(comparison: Comparison, picture: Path) -> str:
+def _page(comparison: Comparison, picture: Path, settings: Mapping[str, tuple[str, ...]]) -> str:
     (heads, rows), notes = _table(comparison), _notes(comparison)
-    sets = [[law, ", ".join(LAWS[law])] for law in comparison["laws"]]
+    sets = [[law, ", ".join(settings[law])] for law in comparison["laws"]]
     return document(
         f"{comparison['name']}: laws side by side",
         "comparison.html",

@@ -15,7 +15,7 @@ from typing import Any, Final
 from airlink.cli import Status
 from airlink.clock import Stopwatch
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, Expectation
+from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
@@ -60,7 +60,7 @@ class Task:
         base = self.base if study.random is None else draw(seed, SEVERITIES[study.random])
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
-        return load_scenario(base, settings({**keys, "seed": seed}), option="")
+        return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
 
 
 def fly(task: Task) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
     own = [each for each in summary.measured if each.expectation.metric == metric]
     if metric != "in_slot_share" and any(each.lost and each.judged for each in own):
         return None
-    if not task.study.windowed:
+    if not task.study.windowed and metric in METRICS:
         return figure(summary.figures, metric)
     if not any(each.judged or each.lost for each in own):
         return None

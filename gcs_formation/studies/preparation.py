@@ -15,10 +15,23 @@ from formation_scenario import Problem, ScenarioError
 from formation_scenario.derived_defaults import standalone, with_absolute_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import pointless
+from formation_scenario.extensions import METRIC, Files, Registry, load_extensions
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.load import SCENARIO_ALONE, STUDY_ALONE
-from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file
-from gcs_formation.studies import DRAWN, LISTED, Bisection, Cases, Parameter, Range, Study, Value, Wanted, levels_of
+from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file, show
+from gcs_formation.studies import (
+    DRAWN,
+    FIGURES,
+    LISTED,
+    Bisection,
+    Cases,
+    Parameter,
+    Range,
+    Study,
+    Value,
+    Wanted,
+    levels_of,
+)
 from gcs_formation.studies.dataset import ROW
 from gcs_formation.studies.flight import Task
 from gcs_formation.studies.plan import Planned, Sample, at, count_flights, samples
@@ -36,8 +49,10 @@ RULES = {
 """For each rule between keys: what was found, and what is allowed."""
 
 
-def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
+def load_study(source: Path | Mapping[str, Any], plugins: Files | Registry = ()) -> tuple[Study, Source]:
     """Return a study and the source it was read from; paths in `set` and `parameters` are made absolute.
+
+    `plugins`: files of extensions that its flights name, or what they register.
 
     Raises:
         ScenarioError: it can't be read, or has values that aren't allowed.
@@ -51,13 +66,14 @@ def load_study(source: Path | Mapping[str, Any]) -> tuple[Study, Source]:
             raise refused("", "found a scenario", f"a study of it (`base`); {flies}", str(source))
         read.data.setdefault("name", source.stem)
     try:
-        study = Study.model_validate(read.data)
+        study = Study.model_validate(read.data).with_registered(load_extensions(plugins))
     except ValidationError as error:
         raise ScenarioError(_problems(error, read)) from error
     if (study.random is None) == (not study.base):
         found = "found `random` beside it" if study.random else "not found"
         raise ScenarioError([read.problem(("base",), found, "a scenario's file or its keys, or `random` instead")])
     if wrong := [
+        *_unknown_metrics(study, read),
         *_conflicting_keys(study, read),
         *_replaced(study, read),
         *_unmet_conditions(study, read),
@@ -79,6 +95,17 @@ def _unmet_conditions(study: Study, read: Source) -> Iterator[Problem]:
             elif name in known and value not in known[name]:
                 found, allowed = f"found {name} = {value}", f"one that is flown: {', '.join(map(str, known[name]))}"
                 yield read.problem(("expect", i, "where"), found, allowed)
+
+
+def _unknown_metrics(study: Study, read: Source) -> Iterator[Problem]:
+    """Yield figures that nobody knows."""
+    known = [*FIGURES, *study.registered.names(METRIC)]
+    named: list[tuple[KeyPath, str]] = [(("metrics", i), name) for i, name in enumerate(study.metrics)]
+    named += [(("expect", i, "metric"), each.metric) for i, each in enumerate(study.expect)]
+    named += [(("bisect", "metric"), study.bisect.metric)] if study.bisect else []
+    for path, name in named:
+        if name not in known:
+            yield read.problem(path, f"found {show(name)}", f"{', '.join(known)}{did_you_mean(name, known)}")
 
 
 def _impossible_bounds(study: Study, read: Source) -> Iterator[Problem]:
@@ -184,16 +211,19 @@ def _of_base(problem: Problem, read: Source) -> Problem:
     return read.problem(("base",), f"{problem.file}: {problem.found}", problem.allowed or "a scenario's file")
 
 
-def prepare(source: Path | Mapping[str, Any], *, many: bool = True) -> tuple[Study, dict[Any, Plain]]:
+def prepare(
+    source: Path | Mapping[str, Any], *, many: bool = True, plugins: Files | Registry = ()
+) -> tuple[Study, dict[Any, Plain]]:
     """Return a study and its scenario's keys, after trying the values of all parameters.
 
     Tried are all values of a list, all cases and the ends of a range, each with the first values of the others; for a
-    distribution, whether any of it can be flown. `many`: more than `MANY` flights are allowed.
+    distribution, whether any of it can be flown. `many`: more than `MANY` flights are allowed;
+    `plugins`: files of extensions that the study names.
 
     Raises:
         ScenarioError: the study is wrong, a value of it can't be flown, or there are too many flights.
     """
-    study, read = load_study(source)
+    study, read = load_study(source, plugins)
     if not many and (count := count_flights(study)) > MANY:
         found, allowed = f"found {count:,} flights", f"up to {MANY:,}, or --yes if that many are meant"
         raise ScenarioError([Problem(read.file, None, None, "", found, allowed)])

@@ -248,15 +248,26 @@ class Formation:
     directory: Path
     """Directory in which flights are recorded."""
 
-    def __call__(self, scenario: str | Path | Mapping[str, Any] | Scenario, **keys: Any) -> Plan:
+    def __call__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario,
+        *,
+        plugins: Sequence[str | Path] = (),
+        **keys: Any,
+    ) -> Plan:
         """Plan a flight of a scenario file, of a mapping with a scenario's keys, or of a Scenario.
 
-        `keys` replace the scenario's own; `__` stands for a dot: `law__rate_hz=5`.
+        `keys` replace the scenario's own; `__` stands for a dot: `law__rate_hz=5`. `plugins`: files of extensions that
+        it names, searched as a scenario's file is.
         """
         if isinstance(scenario, str | Path):
-            candidates = [place / scenario for place in self.places]
-            scenario = next((path for path in candidates if path.is_file()), Path(scenario))
-        return Plan(scenario, self.directory).with_keys(**keys)
+            scenario = self._found(scenario)
+        found = tuple(self._found(each) for each in plugins)
+        return Plan(scenario, self.directory, plugins=found).with_keys(**keys)
+
+    def _found(self, file: str | Path) -> Path:
+        """Return where a file is."""
+        return next((place / file for place in self.places if (place / file).is_file()), Path(file))
 
 
 @dataclass(frozen=True)
@@ -271,6 +282,7 @@ class Plan:
     opponent: Against = "emulators"
     clock: ClockName = "virtual"
     speedup: float = 1.0
+    plugins: tuple[Path, ...] = ()
 
     def with_keys(self, **keys: Any) -> Plan:
         """Replace keys of the scenario; `__` stands for a dot: `with_keys(seed=7, law__rate_hz=5)`."""
@@ -320,7 +332,7 @@ class Plan:
             RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
             ValueError: something that this plan adds to the scenario, or replaces, would come after the end.
         """
-        scenario = load_scenario(self.scenario, self.overrides(), option="")
+        scenario = load_scenario(self.scenario, self.overrides(), option="", plugins=self.plugins)
         end_s = min(planned_end_s(scenario), math.inf if until is None else until)
         for what, at_s in self._added(scenario):
             if at_s >= end_s:
@@ -339,7 +351,8 @@ class Plan:
         """Return all overrides of the scenario's keys, as `--set` takes them."""
         if not self.link_changes:
             return self.settings
-        own = load_scenario(self.scenario, self.settings, option="").links.model_dump(exclude_none=True)["changes"]
+        loaded = load_scenario(self.scenario, self.settings, option="", plugins=self.plugins)
+        own = loaded.links.model_dump(exclude_none=True)["changes"]
         return (*self.settings, *settings({"links.changes": [*own, *self.link_changes]}))
 
     def _added(self, scenario: Scenario) -> Iterator[tuple[str, float]]:
@@ -368,6 +381,7 @@ class Plan:
             words += [_shown(directory / SCENARIO)]
         if self.opponent == "emulators":
             words += ["--clock", self.clock]
+        words += [word for file in self.plugins for word in ("--plugin", _shown(file))]
         if self.speedup != 1.0:
             words += ["--speedup", f"{self.speedup:g}"]
         if until is not None:

@@ -55,6 +55,14 @@ Their timeouts are the longest that the families allow, so that a station may be
 @click.option("--one-port", is_flag=True, help="Every vehicle sends to the base port.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the scenario.")
 @click.option(
+    "--plugin",
+    "plugins",
+    multiple=True,
+    type=click.Path(),
+    metavar="FILE.py",
+    help="What the scenario's extensions need.",
+)
+@click.option(
     "--vehicles", "chosen", metavar="IDS", help="Of the scenario's vehicles only these: 1,2; others fly elsewhere."
 )
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
@@ -71,13 +79,14 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
     """
     count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
     chosen: str | None = options.pop("chosen")
+    plugins: tuple[str, ...] = options.pop("plugins")
     if scenario is None and (overrides or chosen):
         fail(f"found {'--set' if overrides else '--vehicles'} without a scenario; allowed: with one")
     if scenario is not None and (count or base_port or one_port):
         fail("found a scenario beside --count, --base-port or --one-port; allowed: one of them")
     plain = _plain(count or 1, base_port or BASE_PORT, one_port=one_port)
     try:
-        config = plain if scenario is None else fleet_config(load_scenario(scenario, overrides))
+        config = plain if scenario is None else fleet_config(load_scenario(scenario, overrides, plugins=plugins))
     except ScenarioError as error:
         fail(str(error))
     if chosen is not None:

@@ -1,18 +1,16 @@
 """The table of laws, against the scenario's keys."""
 
-from typing import get_args
-
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.formation import LawType
+from formation_scenario.formation import LAW_TYPES
 from gcs_formation.control.laws import LAWS, gain_range
 from gcs_formation.studies import compare
 from tests.flights.conftest import scenario
 
 
 def test_it_has_every_law_that_a_scenario_can_name_and_compare_flies_each() -> None:
-    assert set(LAWS) == set(get_args(LawType))
+    assert set(LAWS) == set(LAW_TYPES)
     assert set(LAWS) <= set(compare.LAWS)
 
 

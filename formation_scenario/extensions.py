@@ -1,0 +1,300 @@
+"""What comes from outside: the laws, filters and other things that modules named by a run register, and their keys.
+
+A scenario names what is registered; it never names a file to execute. The modules are those of installed packages with
+an entry point in the group `gcs_formation.extensions`, and files given with `--plugin`. What they register belongs to
+the run that named them: a `Registry` travels with its scenario, to other processes by the files' content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import traceback
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.abc import SourceLoader
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple, TypeAlias
+
+from formation_scenario.expectation import METRICS
+from formation_scenario.fields import did_you_mean, refused
+from formation_scenario.formation import LAW_TYPES
+
+GROUP = "gcs_formation.extensions"
+"""The group of entry points of installed packages."""
+MARKS = "__gcs_formation_registered__"
+"""The name in a module's namespace under which the register functions list what it brings."""
+RECORD = "extensions.json"
+"""The file of a run directory that says which extensions were used."""
+OPTION = "--plugin"
+LAW, FORMATION_LAW, FILTER, MONITOR, RECORDER, METRIC = (
+    "law",
+    "formation law",
+    "filter",
+    "monitor",
+    "recorder",
+    "metric",
+)
+LAW_KINDS = LAW, FORMATION_LAW
+"""Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
+SWITCHED = FILTER, MONITOR, RECORDER
+"""Kinds that are on if `extensions` names them."""
+HOW = f"{OPTION} FILE.py, or an installed package that registers it"
+Files: TypeAlias = "Sequence[str | Path]"
+
+
+class Mark(NamedTuple):
+    """What a register function notes in the namespace of the class's module."""
+
+    kind: str
+    name: str
+    made: type[Any]
+    line: int
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A module from outside: a file with its content, or an entry point of an installed package."""
+
+    file: str
+    sha256: str
+    content: bytes | None = None
+    """None for an installed package."""
+    entry_point: str = ""
+    package: str | None = None
+    version: str | None = None
+
+    @property
+    def how(self) -> str:
+        """How it is named so that a command loads it."""
+        return f"{OPTION} {self.file}" if self.package is None else f"pip install {self.package}=={self.version}"
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """One thing that a module registers: its kind, name and class, and where it is written."""
+
+    kind: str
+    name: str
+    made: type[Any]
+    line: int
+    origin: Origin
+
+    @property
+    def where(self) -> str:
+        """File and line."""
+        return f"{self.origin.file}:{self.line}"
+
+    def __str__(self) -> str:
+        return f"{self.kind} '{self.name}'"
+
+    def instance(self, keys: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a class from outside
+        """Return a new instance with its keys, typed by its own model."""
+        return self.made(self.made.Keys.model_validate_json(json.dumps(keys)))
+
+    def said(self, error: BaseException) -> str:
+        """Return an error that its code raised in words, with the file and line of that code."""
+        line = line_in(error, self.origin.file)
+        return f"{type(error).__name__}: {error} ({self.origin.file}, line {line or self.line})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as recorded."""
+        named = {"name": self.name, "kind": self.kind, "version": self.origin.version, "sha256": self.origin.sha256}
+        return named | {"package": self.origin.package, "file": self.origin.file}
+
+
+class Registry:
+    """Everything that the modules of a run register. It is pickled by content, and equal by content."""
+
+    def __init__(self, found: Iterable[Registered] = ()) -> None:
+        """Take what is registered.
+
+        Raises:
+            ScenarioError: a name is taken twice.
+        """
+        self._each = tuple(found)
+        taken: dict[tuple[str, str], str] = {(LAW, name): "gcs_formation itself" for name in LAW_TYPES}
+        taken |= {(METRIC, name): "gcs_formation itself" for name in METRICS}
+        for one in self._each:
+            place = LAW if one.kind in LAW_KINDS else METRIC if one.kind == METRIC else FILTER, one.name
+            if place in taken:
+                raise refused(f"{one}", f"found twice: {taken[place]} and {one.where}", "each name once")
+            taken[place] = one.where
+        for one in self._each:
+            if one.kind == METRIC and (FILTER, one.name) in taken:
+                raise refused(f"{one}", f"found twice: {taken[FILTER, one.name]} and {one.where}", "each name once")
+
+    @property
+    def origins(self) -> tuple[Origin, ...]:
+        """The modules, in the order in which they were named."""
+        return tuple(dict.fromkeys(one.origin for one in self._each))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files among them, which another command needs named."""
+        return tuple(origin.file for origin in self.origins if origin.content is not None)
+
+    def get(self, name: str, *kinds: str) -> Registered | None:
+        """Return what is registered by a name, of one of the kinds."""
+        return next((one for one in self._each if one.name == name and one.kind in kinds), None)
+
+    def names(self, *kinds: str) -> list[str]:
+        """Return the names of all things of some kinds."""
+        return [one.name for one in self._each if one.kind in kinds]
+
+    def __iter__(self) -> Iterator[Registered]:
+        return iter(self._each)
+
+    def __bool__(self) -> bool:
+        return bool(self._each)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Registry) and self.origins == other.origins
+
+    def __hash__(self) -> int:
+        return hash(self.origins)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the modules by content; installed packages by name, version and hash."""
+        return _restored, (self.origins,)
+
+
+def load_extensions(plugins: Files | Registry = ()) -> Registry:
+    """Return what installed packages and some files register; a `Registry` as it is.
+
+    Raises:
+        ScenarioError: a file can't be read or executed, registers nothing, or a name is taken twice.
+    """
+    if isinstance(plugins, Registry):
+        return plugins
+    found = [one for entry in entry_points(group=GROUP) for one in _installed(entry)]
+    for path in dict.fromkeys(Path(plugin).absolute() for plugin in plugins):
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise refused("", error.strerror or str(error), "a Python file", f"{OPTION} {path}") from error
+        found += _of_file(Origin(str(path), hashlib.sha256(content).hexdigest(), content))
+    unique = dict[type[Any], Registered]()
+    for one in found:
+        unique.setdefault(one.made, one)
+    return Registry(unique.values())
+
+
+def missing(name: str, beside: Path | None) -> str:
+    """Return how the extension of a recorded run, beside whose run.yaml this is, can be named; "" if it isn't one."""
+    try:
+        flown: list[dict[str, Any]] = json.loads((beside / RECORD).read_text("utf-8")) if beside is not None else []
+        found = [_how(each) for each in flown if each["name"] == name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+    return f"; it was flown with {found[0]}" if found else ""
+
+
+def _how(recorded: Mapping[str, Any]) -> str:
+    named = f"the package {recorded['package']} {recorded['version']}"
+    where = f"{OPTION} {recorded['file']}" if recorded["package"] is None else named
+    return f"{where} (sha256 {recorded['sha256'][:12]})"
+
+
+def unknown(name: str, known: Sequence[str]) -> str:
+    """Return in words what is allowed in place of a name that nothing is registered by."""
+    return f"{', '.join(known)}{did_you_mean(name, known)}" if known else f"none without {HOW}"
+
+
+def line_in(error: BaseException, file: str) -> int | None:
+    """Return the innermost line of a file in an error's traceback; None if it isn't in it."""
+    if isinstance(error, SyntaxError) and error.filename == file:
+        return error.lineno
+    lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_code.co_filename == file]
+    return lines[-1] if lines else None
+
+
+def _restored(origins: tuple[Origin, ...]) -> Registry:
+    """Return the registry of modules that another process sent.
+
+    Raises:
+        ScenarioError: an installed package isn't the same here.
+    """
+    found = list[Registered]()
+    for origin in origins:
+        if origin.content is not None:
+            found += _of_file(origin)
+            continue
+        same = [
+            one
+            for entry in entry_points(group=GROUP)
+            if entry.value == origin.entry_point
+            for one in _installed(entry)
+            if one.origin.sha256 == origin.sha256
+        ]
+        if not same:
+            raise refused("", f"found no {origin.package} {origin.version} here", origin.how)
+        found += same
+    return Registry(found)
+
+
+class _Content(SourceLoader):
+    """Loads a module from the content of a file, wherever that is."""
+
+    def __init__(self, file: str, content: bytes) -> None:
+        self._file, self._content = file, content
+
+    def get_filename(self, fullname: str) -> str:
+        del fullname
+        return self._file
+
+    def get_data(self, path: str | bytes) -> bytes:
+        del path
+        return self._content
+
+
+def _of_file(origin: Origin) -> list[Registered]:
+    """Execute a file as a module of its own, and return what it registers."""
+    name = f"gcs_formation_plugin_{origin.sha256[:16]}"
+    spec = spec_from_loader(name, _Content(origin.file, origin.content or b""), origin=origin.file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # where annotations and pickles of its classes are looked up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise _unusable(error, origin.file, OPTION) from error
+    found = list(_marked(module, origin))
+    if not found:
+        raise refused("", "registers nothing", "a register function of gcs_formation.extend", f"{OPTION} {origin.file}")
+    return found
+
+
+def _installed(entry: EntryPoint) -> list[Registered]:
+    """Import an installed package's module, and return what it and the other modules of its package register."""
+    package = entry.module.partition(".")[0]
+    dist = entry.dist
+    who = f"package {dist.name if dist else package}"
+    try:
+        entry.load()
+    except Exception as error:
+        raise _unusable(error, entry.value, who) from error
+    found = list[Registered]()
+    for name, module in sorted(sys.modules.items()):
+        if (name == package or name.startswith(f"{package}.")) and MARKS in vars(module):
+            file = str(module.__file__)
+            digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+            named = (dist.name, dist.version) if dist else (package, None)
+            found += _marked(module, Origin(file, digest, None, entry.value, *named))
+    return found
+
+
+def _unusable(error: Exception, file: str, what: str) -> Exception:
+    line = line_in(error, file)
+    return refused("", f"{type(error).__name__}: {error}", "", f"{what} {file}{f':{line}' if line else ''}")
+
+
+def _marked(module: ModuleType, origin: Origin) -> Iterator[Registered]:
+    marks: list[Mark] = vars(module).get(MARKS, [])
+    for mark in marks:
+        yield Registered(mark.kind, mark.name, mark.made, mark.line, origin)

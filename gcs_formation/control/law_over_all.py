@@ -1,0 +1,83 @@
+"""A law from outside that makes the setpoints of all followers at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from airlink.endpoint import VehicleId
+from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.slot import UNKNOWN, Triple, all_finite
+from formation_scenario import Scenario
+from formation_scenario.extensions import Registered
+from formation_scenario.slot_assignment import column_ids
+from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.fuzzy_pid import NO_GAINS
+from gcs_formation.control.outside import guarded, made
+from gcs_formation.control.plain_values import FollowerSlot, plain_state, vehicle_name
+from gcs_formation.control.setpoint import Envelope, formation_error
+from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.errors import NotFiniteError
+
+
+class LawOverAll(Law):
+    """Calls the law from outside, and keeps each setpoint within its vehicle's envelope."""
+
+    def __init__(self, entry: Registered, scenario: Scenario, models: list[AutopilotModel]) -> None:
+        """Make an instance; the (C,) `models` have the vehicles' limits.
+
+        Raises:
+            RunAbortedError: it can't begin.
+        """
+        self._entry, self._models, self._leader = entry, models, 0
+        self._law: Any = made(entry, scenario.law.parameters)
+        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._own_frame = scenario.formation.frame == "follower_heading"
+
+    def retune(self, parameters: LawParameters) -> None:
+        """Keep its own gains."""
+
+    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+        """Return the followers' setpoints.
+
+        Raises:
+            NotFiniteError: the law raised an error, or returned no three finite numbers for a follower.
+        """
+        leader = situation.lead.leader
+        if leader != self._leader:
+            self._leader = leader
+            guarded(self._entry, self._law.reset)
+        decided, seen = list[Decided](), list[FollowerSlot]()
+        for column, identity in enumerate(self._identities):
+            if column != leader and identity is not None:
+                state, led, slot = (
+                    situation.states.of(column, column),
+                    situation.states.of(leader, column),
+                    situation.slots[column],
+                )
+                axis_rad = state.heading_rad if self._own_frame else led.heading_rad
+                error_m = formation_error(led, state, slot, axis_rad)
+                decided.append(Decided(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
+                if situation.active[column]:
+                    speeds_mps = self._models[column].speed_min_mps, self._models[column].speed_max_mps
+                    place = slot.forward_m, slot.right_m, slot.up_m
+                    name = vehicle_name(identity)
+                    seen.append(FollowerSlot(name, plain_state(state), plain_state(led), place, error_m, speeds_mps))
+        found = guarded(self._entry, lambda: dict(self._law.setpoints(seen, dt_s)))
+        for each in decided:
+            if situation.active[each.column]:
+                each.setpoint = self._within(each.column, each.state, found)
+        return decided
+
+    def _within(self, column: int, state: FlightState, found: dict[Any, Any]) -> Triple:
+        identity = self._identities[column]
+        assert identity is not None
+        try:
+            speed, heading, height = found[vehicle_name(identity)]
+            wanted = float(speed), float(heading), float(height)
+        except Exception as error:
+            text = f"no three numbers for vehicle {identity}: {self._entry.said(error)}"
+            raise NotFiniteError(str(self._entry), None, text) from error
+        if not all_finite(wanted):
+            values = f"speed {wanted[0]:.6g} m/s, heading {wanted[1]:.6g} rad, height {wanted[2]:.6g} m"
+            raise NotFiniteError(f"{self._entry} ({self._entry.where})", column, f"setpoint: {values}")
+        return Envelope(wanted[1], state, self._models[column]).limit(wanted[0], wanted[1], wanted[2])

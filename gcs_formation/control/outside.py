@@ -1,0 +1,73 @@
+"""Holds code from outside, an extension's instances, for the compiled modules that call it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from flight_model.slot import Triple, all_finite
+from formation_scenario.extensions import Registered
+from gcs_formation.errors import NotFiniteError, RunAbortedError
+
+Result = TypeVar("Result")
+
+
+def made(entry: Registered, keys: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a class from outside
+    """Return a new instance of an extension.
+
+    Raises:
+        RunAbortedError: it raised an error while it was made.
+    """
+    try:
+        return entry.instance(keys)
+    except Exception as error:
+        raise RunAbortedError(f"{entry} can't begin: {entry.said(error)}") from error
+
+
+def guarded(entry: Registered, call: Callable[[], Result]) -> Result:
+    """Return what code from outside returns.
+
+    Raises:
+        NotFiniteError: it raised an error; the text has its file and line.
+    """
+    try:
+        return call()
+    except NotFiniteError:
+        raise
+    except Exception as error:
+        raise NotFiniteError(str(entry), None, entry.said(error)) from error
+
+
+class Feedback:
+    """The feedback of one follower's law from outside."""
+
+    def __init__(self, entry: Registered, keys: Mapping[str, Any], column: int) -> None:
+        """Make an instance for one column."""
+        self._entry, self._column, self._law = entry, column, made(entry, keys)
+
+    def output(self, mixed: Triple, slopes: Triple, replaced: tuple[bool, bool, bool], dt_s: float) -> Triple:
+        """Return what it adds to the feed-forward, m/s, rad, m.
+
+        Raises:
+            NotFiniteError: it raised an error, or returned something else than three finite numbers.
+        """
+        law = self._law
+        law.replaced = replaced
+        try:
+            speed, heading, height = law.feedback(mixed, slopes, dt_s)
+            output = float(speed), float(heading), float(height)
+        except Exception as error:
+            raise NotFiniteError(str(self._entry), None, self._entry.said(error)) from error
+        if not all_finite(output):
+            values = "speed {:.6g} m/s, heading {:.6g} rad, height {:.6g} m".format(*output)
+            raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._column, f"feedback: {values}")
+        return output
+
+    def limited(self, excess: Triple) -> None:
+        """Take what the limits added to the last output."""
+        self._law.excess = excess
+
+    def reset(self) -> None:
+        """Forget what was gathered."""
+        self._law.excess, self._law.replaced = (0.0, 0.0, 0.0), (False, False, False)
+        guarded(self._entry, self._law.reset)

@@ -1,0 +1,157 @@
+"""A control tick as filters, monitors and recorders see it: a view with plain values, and the ways to change it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+
+from airlink.clock import NANOSECONDS
+from airlink.endpoint import VehicleId
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.slot import Triple
+from gcs_formation.control.plain_values import Setpoint, State, plain_state, vehicle_name
+from gcs_formation.control.setpoint import Envelope
+from gcs_formation.recorder import Detail, Event, Tick
+
+READ_BACK = ("design", "failure", "leader", "member", "order", "phase", "port", "recording", "takeover")
+"""Kinds of events from which a record is read back: the ground station's own."""
+
+
+class Vehicle:
+    """A vehicle at a tick."""
+
+    def __init__(
+        self, tick: Tick, column: int, identity: VehicleId, model: AutopilotModel, refuse: Callable[[int, Triple], None]
+    ) -> None:
+        """Look at one column of a tick; `refuse` raises for a replacement that isn't finite."""
+        self._tick, self._column, self._model, self._refuse = tick, column, model, refuse
+        self.identity = identity
+        self.id = vehicle_name(identity)
+        """As a scenario writes it."""
+
+    def __repr__(self) -> str:
+        return f"Vehicle({self.id!r}, {self.setpoint})"
+
+    @cached_property
+    def state(self) -> State:
+        """Its state when its setpoint acts; NaN if it was never heard."""
+        return plain_state(self._tick.state[self._column])
+
+    @property
+    def setpoint(self) -> Setpoint:
+        """What it is commanded, as changed so far; NaN if it isn't commanded."""
+        return Setpoint(*self._tick.setpoints[self._column])
+
+    @property
+    def leads(self) -> bool:
+        """Whether it leads the formation."""
+        return self._tick.leader == self._column
+
+    @property
+    def error_m(self) -> Triple:
+        """Its formation error, forward, right and up, m; NaN for the leader and without slots."""
+        return self._tick.error_of(self._column)
+
+    @property
+    def slot_m(self) -> Triple:
+        """Its slot, forward, right and up of the leader, m; NaN for the leader."""
+        return self._tick.slots_m[self._column]
+
+    @property
+    def delay_s(self) -> float:
+        """The measured one-way delay of its link, s: half the round trip."""
+        return self._tick.links[self._column].delay_s
+
+    @property
+    def age_s(self) -> float:
+        """Age of its newest state, s; NaN if there is none."""
+        return self._tick.age_s[self._column]
+
+    @property
+    def replaced(self) -> tuple[bool, bool, bool]:
+        """Whether speed, heading and height differ from the law's."""
+        return self._tick.replaced[self._column]
+
+    def replace(
+        self, *, speed_mps: float | None = None, heading_rad: float | None = None, height_m: float | None = None
+    ) -> None:
+        """Command another speed, heading or height, limited to the vehicle's envelope; only filters may."""
+        told = self.setpoint
+        wanted = (
+            told.speed_mps if speed_mps is None else float(speed_mps),
+            told.heading_rad if heading_rad is None else float(heading_rad),
+            told.height_m if height_m is None else float(height_m),
+        )
+        self._refuse(self._column, wanted)
+        state = self._tick.state[self._column]
+        limited = Envelope(wanted[1], state, self._model).limit(*wanted)
+        self._tick.replace(self._column, limited)
+
+
+class Cycle:
+    """A control tick."""
+
+    def __init__(
+        self,
+        tick: Tick,
+        identities: list[VehicleId | None],
+        models: list[AutopilotModel],
+        dt_s: float,
+        refuse: Callable[[int, Triple], None],
+        tell: Callable[[Event], None],
+    ) -> None:
+        """Look at a tick of columns with `identities`, None for a virtual leader.
+
+        `refuse` raises for a replacement that isn't allowed, and `tell` takes events.
+        """
+        self._tick, self._identities, self._models, self._refuse = tick, identities, models, refuse
+        self._tell = tell
+        self.dt_s = dt_s
+        """Time between ticks, s."""
+
+    @property
+    def time_s(self) -> float:
+        """Time since the run's start, s."""
+        return self._tick.now / NANOSECONDS
+
+    @property
+    def mission_time_s(self) -> float:
+        """Time since the leader started along its path, s; NaN before."""
+        return self._tick.mission_time_s
+
+    @property
+    def phase(self) -> str:
+        """The run's phase, as in the time series."""
+        return self._tick.phase
+
+    @cached_property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """The vehicles that are commanded now, the scenario's leader first."""
+        return tuple(each for each in self.every_vehicle if self._tick.active[each._column])
+
+    @cached_property
+    def every_vehicle(self) -> tuple[Vehicle, ...]:
+        """All vehicles, commanded or not."""
+        return tuple(
+            Vehicle(self._tick, column, identity, self._models[column], self._refuse)
+            for column, identity in enumerate(self._identities)
+            if identity is not None
+        )
+
+    @cached_property
+    def virtual_leader(self) -> State | None:
+        """The state of a virtual leader now; None with a real one."""
+        placed = self._tick.virtual_leader
+        return None if placed is None else plain_state(placed)
+
+    def event(self, kind: str, text: str, vehicle: Vehicle | None = None, **details: Detail) -> None:
+        """Record an event of the run or of a vehicle, with further figures.
+
+        An event that is raised again tick after tick is recorded once, when it begins.
+        """
+        if kind in READ_BACK:
+            raise ValueError(f"found an event of kind '{kind}'; allowed: any but {', '.join(READ_BACK)}")
+        known = {name: value for name, value in details.items() if not isinstance(value, float) or math.isfinite(value)}
+        whose = None if vehicle is None else vehicle.identity
+        self._tell(Event(self._tick.now, str(kind), str(text), whose, known))
