@@ -129,8 +129,7 @@ class Session:
         """
         self.scenario, self.options, self.clock = scenario, options, clock
         self.progress, self.interrupts, self.emulated = progress, interrupts, emulated
-        began_us, self._resumed = begun or (clock.utc_at_0_us, None)
-        resumed = self._resumed
+        began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = RunDirectory(
             options.out,
             scenario,
@@ -156,7 +155,7 @@ class Session:
         self.engine: Engine = self._links or self.station
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
-        self._spent, self._began_at = Stopwatch(), self.station.flight.since
+        self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
         self._shown_s, self._next_look = 0.0, Instant(0)
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
