@@ -59,9 +59,9 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     if error == "missing" and not expected.rest:
         return source.problem(path, "not found", allowed)
     value = _value_at(source.data, path)
-    if error == "too_long" and isinstance(value, list):
-        most = next(item.max_length for item in expected.constraints if isinstance(item, MaxLen))
-        return source.problem(path, f"found {len(value)} entries", f"up to {most}")
+    longest = next((item.max_length for item in expected.constraints if isinstance(item, MaxLen)), None)
+    if error == "too_long" and isinstance(value, list) and longest is not None:
+        return source.problem(path, f"found {len(value)} entries", f"up to {longest}")
     found = f"found {kind(value) if is_group(expected.type) else show(value)}"
     named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
     choices = named or [str(each) for each in get_args(expected.type) if get_origin(expected.type) is Literal]

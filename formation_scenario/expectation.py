@@ -119,8 +119,9 @@ RANGES = {
     "measured_loss": SHARE,
     "min_clearance_m": ANY,
     "delay_margin_s": ANY,
+    "broken_invariants": (0.0, math.inf),
 }
-"""Possible values of figures; all others are 0 or more."""
+"""Possible values of figures; all others of `METRICS` are 0 or more, those of extensions any number."""
 
 
 Metric = Annotated[str, Open(", ".join(METRICS), tuple(METRICS))]

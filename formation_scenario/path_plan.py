@@ -108,9 +108,7 @@ class PathPlan(Keys):
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
-    circles: AtMost[CirclesPlan] = key(
-        (), "legs: circles that end at a waypoint, which they touch", [{"waypoint": 3, "turns": 2, "radius_m": 90}]
-    )
+    circles: AtMost[CirclesPlan] = key((), "legs: circles that end at a waypoint, which they touch")
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )

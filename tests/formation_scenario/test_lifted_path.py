@@ -73,7 +73,9 @@ def test_wrong_keys_are_refused(refusal, override, said):
     assert any(line.startswith(said) for line in refusal(override))
 
 
-def test_a_geotiff_without_the_extra_says_what_to_install(refusal, monkeypatch):
+def test_a_geotiff_without_the_extra_says_what_to_install(refusal, monkeypatch, tmp_path):
+    (tmp_path / "a.tif").write_bytes(b"II*")
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(__import__("sys").modules, "rasterio", None)
     (line,) = refusal("terrain={file: a.tif}")
     assert "found a.tif, and rasterio isn't installed: pip install 'gcs-formation[terrain]'" in line
