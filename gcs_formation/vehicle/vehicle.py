@@ -131,8 +131,9 @@ class Vehicle:
             self.messages_in[message.kind().place] += 1
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
-        counts = sequence.is_next(frame.sequence) or not self.history.may_be_copy
-        if counts and sequence.observe(frame.sequence, now, self.connection.last_heard):
+        if self.history.may_be_copy and not sequence.is_next(frame.sequence):
+            sequence.repeated += 1
+        elif sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         turned_s = self.source_binding.turned_s
