@@ -131,7 +131,7 @@ class Vehicle:
             self.messages_in[message.kind().place] += 1
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
-        if self.history.may_be_copy and not sequence.is_next(frame.sequence):
+        if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
             sequence.repeated += 1
         elif sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now

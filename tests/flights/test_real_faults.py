@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gcs_formation.record.timeseries import Spool
+from gcs_formation.record.timeseries import Spool, read_parquet
 from tests.flights.test_real_clock import emulators_of, late_s, path
 from tests.processes import LIMIT_S, STATION, events_of, started, wait_for, wait_for_event
 
@@ -96,7 +96,7 @@ def test_emulators_that_are_killed_end_the_run_with_3_and_a_whole_record(path: P
     assert "Traceback" not in said
     assert [event["kind"] for event in events_of(out)].count("failure") == 1
     assert events_of(out)[-1]["text"] == "failed"
-    assert len(Spool(out / "timeseries.ticks").read()["t_s"]) > 0
+    assert len(read_parquet(out / "timeseries.parquet")["t_s"]) > 0
 
 
 @pytest.mark.slow
