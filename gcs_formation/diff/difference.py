@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 WIDTH: Final = 60
 """Most characters of a value that are shown."""
@@ -37,7 +37,7 @@ class Tolerance:
         """Return whether two values count as the same; NaN is the same as NaN."""
         if not (_is_number(one) and _is_number(other)):
             return type(one) is type(other) and one == other
-        a, b = float(one), float(other)  # type: ignore[arg-type]
+        a, b = float(one), float(other)
         if a == b or (math.isnan(a) and math.isnan(b)):
             return True
         return self.most is not None and abs(a - b) <= self.most
@@ -54,7 +54,7 @@ def flattened(value: object, above: str = "") -> dict[str, Any]:
     return flat
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -66,5 +66,5 @@ def _shown(value: object) -> str:
 def _by(one: object, other: object) -> str:
     if not (_is_number(one) and _is_number(other)):
         return ""
-    by = abs(float(one) - float(other))  # type: ignore[arg-type]
+    by = abs(float(one) - float(other))
     return f" (by {by:.3g})" if math.isfinite(by) else ""
