@@ -40,9 +40,13 @@ def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, acc
     return gust * np.asarray(round_trip_s) + gust**2 / (2.0 * np.asarray(accel_max_mps2))
 
 
-def gust_acts_s(at_s: float) -> float:
-    """Return when a gust that is due at `at_s` acts on an emulated vehicle: in the next pass of its main loop."""
-    return LOOP_S * math.ceil(at_s / LOOP_S - SAME_S)
+def gust_acts_s(at_s: float, up_s: float) -> float:
+    """Return the mission time at which a gust that is due at `at_s` acts on an emulated vehicle.
+
+    The vehicle has the mission time from a message of the station, which it reads in the first pass of its main loop
+    after the message's arrival; by that time the gust acts in the first pass in which it is due.
+    """
+    return LOOP_S * (math.ceil(at_s / LOOP_S - SAME_S) + math.floor((up_s + SAME_S) / LOOP_S) + 1)
 
 
 def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> float:
@@ -138,12 +142,11 @@ def _errors(
 
 
 def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> float:
-    """Return T of a gust on a vehicle, by the delay measured before it and the samples' own stamps.
-
-    For a vehicle a gust begins late by the uplink's delay, because it has the mission time from the station's message.
-    """
+    """Return T of a gust on a vehicle, by the delay measured before it and the samples' own stamps."""
     own, before = run.flown.vehicles[vehicle], max(0, tick - round(MEASURED_OVER_S * run.scenario.law.rate_hz))
     measured_s = own["delay_s"][before : tick + 1]
     known_s = measured_s[np.isfinite(measured_s)]
-    up_s = float(np.median(known_s)) if known_s.size else math.nan
-    return response_s(gust_acts_s(at_s) + up_s, run.time_s, run.time_s - own["age_s"], up_s)
+    if not known_s.size:
+        return math.nan
+    up_s = float(np.median(known_s))
+    return response_s(gust_acts_s(at_s, up_s), run.time_s, run.time_s - own["age_s"], up_s)

@@ -15,6 +15,10 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from airlink.clock import Instant
+from airlink.engine import Datagram
+from airlink.frame import StreamParser
+from airlink.messages.command import CommandLong, SetMode
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import FaultKind
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
@@ -27,8 +31,9 @@ from gcs_formation.record.run_directory import RunDirectory
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.recorder import Event
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
+from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import Fly, scenario
-from tests.flights.in_memory import HeldUp, World
+from tests.flights.in_memory import Between, HeldUp, World
 
 LAG_S = 0.2
 """Two ticks: how much an event may lag behind its cause."""
@@ -238,14 +243,26 @@ def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> N
         assert vehicle.pilot.mode is Mode.LOITER if vehicle.pilot.airborne else not vehicle.pilot.condition.armed
 
 
+class Unanswering(Between):
+    """Emulators of which one, from some time on, neither carries out commands and modes nor answers them."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.number: int | None = None
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        messages = [frame.message for frame in StreamParser().feed(datagram.data)]
+        orders = [each for each in messages if isinstance(each, CommandLong | SetMode)]
+        if all(each.target_system != self.number for each in orders):
+            super().take(datagram, now)
+
+
 @pytest.mark.slow
-def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    world = World(duration_s=60)
+def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_s_and_named() -> None:
+    world = World(Unanswering, duration_s=60)
     world.fly_to(2.0)
-    monkeypatch.setattr(world.vehicle(3), "enter", lambda mode: None)
-    monkeypatch.setattr(world.fleet.vehicles[2], "answer", lambda message: None)
+    assert isinstance(world.between, Unanswering)
+    world.between.number = 3
     world.station.course.stop(world.clock.now())
     world.run()
     (named_s,), (loitering_s,) = world.times_s("unacknowledged", 3), world.times_s("phase", text="loitering")

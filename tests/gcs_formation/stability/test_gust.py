@@ -32,4 +32,10 @@ def test_the_response_to_a_gust_depends_on_when_it_begins(begun_s, found_s):
 
 
 def test_a_vehicle_meets_a_gust_in_its_next_pass_of_a_50th_of_a_second():
-    assert [gust_acts_s(at_s) for at_s in (4.0, 4.001, 4.02, 4.03)] == pytest.approx([4.0, 4.02, 4.02, 4.04])
+    assert [gust_acts_s(at_s, 0.0) for at_s in (4.0, 4.001, 4.02, 4.03)] == pytest.approx([4.02, 4.04, 4.04, 4.06])
+
+
+@pytest.mark.parametrize(("up_s", "zero_s"), [(0.013, 0.02), (0.0199, 0.04), (0.0201, 0.04), (0.1, 0.12), (0.3, 0.32)])
+def test_its_mission_time_begins_in_the_first_pass_after_the_message_has_arrived(up_s, zero_s):
+    """As emulated vehicles were seen to begin theirs, with these delays of the uplink."""
+    assert gust_acts_s(4.0, up_s) == pytest.approx(4.0 + zero_s)
