@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
@@ -29,7 +28,6 @@ from formation_scenario.links import (
     LinkChange,
     Links,
     least_mean_burst,
-    read_trace_ms,
 )
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import WAYPOINTS
@@ -148,12 +146,24 @@ def terrain(scenario: Scenario) -> Iterator[Finding]:
 
 def traces(scenario: Scenario) -> Iterator[Finding]:
     """Yield files of recorded delays that can't be read."""
+    found = dict[str, str | None]()
     for path, patch in _link_groups(scenario):
-        if patch.trace_file is not None:
-            try:
-                read_trace_ms(Path(patch.trace_file))
-            except FileError as error:
-                yield (*path, "trace_file"), str(error), ALLOWED
+        file = patch.trace_file
+        if file is None:
+            continue
+        if file not in found:
+            found[file] = _unreadable(scenario, file)
+        if (error := found[file]) is not None:
+            yield (*path, "trace_file"), error, ALLOWED
+
+
+def _unreadable(scenario: Scenario, file: str) -> str | None:
+    """Return why a file of recorded delays can't be read; None if it can."""
+    try:
+        scenario.recorded_delays(file)
+    except FileError as error:
+        return str(error)
+    return None
 
 
 def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
