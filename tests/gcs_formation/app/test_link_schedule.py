@@ -76,7 +76,10 @@ def test_a_file_that_is_no_record_of_delays_is_read_once_and_refused_at_every_pl
 
 
 def test_vehicles_with_the_same_links_share_one_translation_also_once_a_program_has_changed_them() -> None:
-    changes = [*({"at_s": i, "delay_ms": i} for i in range(1, CHANGES)), {"at_s": 90, "vehicles": [3], "loss": 0.5}]
+    changes: list[dict[str, Any]] = [
+        *({"at_s": i, "delay_ms": i} for i in range(1, CHANGES)),
+        {"at_s": 90, "vehicles": [3], "loss": 0.5},
+    ]
     scenario = load_scenario(keys(*changes))
     schedule = LinkSchedule(scenario, begun())
     one, two, three, *_ = (each.vehicle_id for each in scenario.vehicles)
