@@ -111,6 +111,8 @@ class FrameHistory:
                 copied = not silent or self.copies_come(now, elsewhere=True)
             elif self.copies_come(now):
                 copied = silent or not (follows and self._agrees(frame, now))
+            else:
+                copied = not (follows or self._agrees(frame, now))
         if copied:
             self.copies += 1
             self.is_news, self.was_copy = False, True
