@@ -182,7 +182,8 @@ class StreamParser:
         frames: list[Frame] = []
         offset, end, sound, refused = 0, len(data), 0, 0
         kept = end  # the earliest start of a candidate that isn't complete
-        candidates, checksums = Candidates(data, self._refused_to), Checksums(data)
+        # Of a dozen candidates each by itself is cheaper.
+        candidates, checksums = Candidates(data, self._refused_to), None if self._most_refused else Checksums(data)
         while (offset := candidates.next(offset)) < end:
             following = offset + frame_length(data, offset)
             counted = offset >= candidates.refused_to and kept == end

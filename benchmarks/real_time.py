@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -56,6 +57,10 @@ HEAD = (
 )
 
 
+Fly = Callable[[int, float, Path], dict[str, Any]]
+"""Flies so many vehicles for some seconds, recorded in a run directory."""
+
+
 def planned(count: int, duration_s: float) -> dict[str, Any]:
     """Return the scenario, with a port for each vehicle."""
     keys = scenario(count, duration_s)
@@ -69,8 +74,10 @@ def fly(count: int, duration_s: float, run_dir: Path) -> dict[str, Any]:
     return gcs_formation.run(planned(count, duration_s), clock="real", out=run_dir).to_dict()["control"]
 
 
-def along_the_path(pool: ProcessPoolExecutor, count: int, duration_s: float) -> tuple[float, int, dict[str, Any]]:
-    """Return processor time, s, of our ground station along the path, its frames, and its figures of `control`."""
+def along_the_path(
+    pool: ProcessPoolExecutor, count: int, duration_s: float, fly: Fly
+) -> tuple[float, int, dict[str, Any]]:
+    """Return processor time, s, of our ground station along the path, its frames, and what `fly` returns."""
     process = pool.submit(os.getpid).result()
     with tempfile.TemporaryDirectory() as out:
         run_dir = Path(out) / "run"
@@ -224,7 +231,7 @@ def measured(count: int, duration_s: float) -> list[str]:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         theirs_s, their_frames = pool.submit(loop, Loop, count, duration_s).result()
         alone_s, _ = pool.submit(loop, SocketsAlone, count, duration_s).result()
-        ours_s, our_frames, control = along_the_path(pool, count, duration_s)
+        ours_s, our_frames, control = along_the_path(pool, count, duration_s, fly)
     each = count * duration_s
     theirs, ours, alone = (spent_s / each * 1e6 for spent_s in (theirs_s, ours_s, alone_s))
     figures = theirs, their_frames / each, ours, our_frames / each

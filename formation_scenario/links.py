@@ -55,8 +55,15 @@ DataRate = Annotated[
 MOST_TRACE_BYTES = 16_000_000
 
 
-def read_trace_ms(path: Path) -> tuple[float, ...]:
-    """Return the delays in a file in ms, in its order; empty lines and text after # are ignored.
+class RecordedDelays(NamedTuple):
+    """The delays in a file, and their mean."""
+
+    delays_ms: tuple[float, ...]
+    mean_ms: float
+
+
+def read_trace(path: Path) -> RecordedDelays:
+    """Return the delays in a file, in its order; empty lines and text after # are ignored.
 
     Raises:
         FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
@@ -71,7 +78,7 @@ def read_trace_ms(path: Path) -> tuple[float, ...]:
     delays_ms = tuple(_delay_ms(entry, f"{path}:{number}") for number, entry in lines if entry)
     if not delays_ms:
         raise FileError(f"found {path} without a number in it")
-    return delays_ms
+    return RecordedDelays(delays_ms, math.fsum(delays_ms) / len(delays_ms))
 
 
 def _delay_ms(entry: str, place: str) -> float:

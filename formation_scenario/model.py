@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from math import hypot, radians
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -37,7 +38,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
-from formation_scenario.links import Links, LinkStep, link_steps
+from formation_scenario.links import Links, LinkStep, RecordedDelays, link_steps, read_trace
 from formation_scenario.orders import PlannedOrder
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
@@ -390,6 +391,20 @@ class Scenario(Keys):
         if selection == "all":
             return self.vehicles
         return tuple(vehicle for vehicle in self.vehicles if any(ref in selection for ref in vehicle.refs))
+
+    def recorded_delays(self, file: str) -> RecordedDelays:
+        """Return the delays in a file of some link's; each file is read once.
+
+        Raises:
+            FileError: the file can't be read, or holds something else.
+        """
+        if file not in self._recorded:
+            self._recorded[file] = read_trace(Path(file))
+        return self._recorded[file]
+
+    @cached_property
+    def _recorded(self) -> dict[str, RecordedDelays]:
+        return {}
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
         """Return the states of one vehicle's link in time order, the first at 0 s."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -194,11 +194,14 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
     """Yield the worst demand of each stretch that is too tight: the leader's if it is too tight for the leader."""
     everyone = columns(scenario)
     leading = [_leaders(scenario, sampled, everyone, steps)]
-    following = [demand for step in steps for demand in _followers(scenario, sampled, everyone, step)]
-    of_leader, of_all = (
-        np.any([(each.share > 1.0 + TOLERANCE).any(axis=1) for each in demands], axis=0)
-        for demands in (leading, [*leading, *following])
-    )
+    of_leader, following = _over(leading), list[_Demand]()
+    of_all = of_leader.copy()
+    for step in steps:  # of hundreds only those that are too tight somewhere are kept
+        demands = list(_followers(scenario, sampled, everyone, step))
+        over = _over(demands)
+        if over.any():
+            following += demands
+            of_all |= over
     for stretch in sampled.stretches(of_all):
         demands = leading if of_leader[stretch].any() else following
         worst = max(demands, key=lambda demand: demand.rank(stretch))
@@ -206,13 +209,19 @@ def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]
         row, column = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
         who, index = everyone[int(column)], stretch.start + int(row)
         assert who is not None
-        over = np.any([(each.share[stretch] > 1.0 + TOLERANCE).any(axis=0) for each in demands], axis=0)
+        too_many = np.any([(each.share[stretch] > 1.0 + TOLERANCE).any(axis=0) for each in demands], axis=0)
         shape = None if worst.step is None else worst.step.shape
         whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
-        more = f", the worst of {int(over.sum())} slots there" if over.sum() > 1 else ""
+        more = f", the worst of {int(too_many.sum())} slots there" if too_many.sum() > 1 else ""
         figure, bound = float(worst.figure[index, column]), float(worst.bound[column])
         found = f"{whose} would need {distinct_texts(figure, bound)[0]} {worst.unit}{more}"
         yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.begin_mps))
+
+
+def _over(demands: Iterable[_Demand]) -> Mask:
+    """Return at which samples (K,) any demand is excessive."""
+    over: Mask = np.any([(each.share > 1.0 + TOLERANCE).any(axis=1) for each in demands], axis=0)
+    return over
 
 
 def _leaders(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from flight_model.earth import SEMI_MAJOR_M
 from flight_model.path import PathError
@@ -29,9 +28,9 @@ from formation_scenario.links import (
     LinkChange,
     Links,
     least_mean_burst,
-    read_trace_ms,
 )
 from formation_scenario.model import Scenario
+from formation_scenario.orders import parse_order
 from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
@@ -43,8 +42,12 @@ from formation_scenario.vehicles import Vehicle
 
 MOST_LINK_STATES = 400_000
 """Changes of links times vehicles: `check` takes some 5 s for as many."""
-MOST_SLOT_CHANGES = 6_000
-"""Changes of the formation times vehicles: the same."""
+MOST_SLOT_CHANGES = 10_000
+"""Changes of the formation, also by orders, times vehicles and `PLANNING_VEHICLES`: the same, on `USUAL_PATH_M`."""
+USUAL_PATH_M = 50e3
+"""Each slot is checked all along the path."""
+PLANNING_VEHICLES = 13
+"""As many vehicles' slots take as long to check as a change without its vehicles."""
 MAX_PATH_M = 1e6
 """Half a day's flight; a longer path would take too long to check, every few metres against every limit."""
 MAX_DISTANCE_M = 1e6
@@ -148,12 +151,24 @@ def terrain(scenario: Scenario) -> Iterator[Finding]:
 
 def traces(scenario: Scenario) -> Iterator[Finding]:
     """Yield files of recorded delays that can't be read."""
+    found = dict[str, str | None]()
     for path, patch in _link_groups(scenario):
-        if patch.trace_file is not None:
-            try:
-                read_trace_ms(Path(patch.trace_file))
-            except FileError as error:
-                yield (*path, "trace_file"), str(error), ALLOWED
+        file = patch.trace_file
+        if file is None:
+            continue
+        if file not in found:
+            found[file] = _unreadable(scenario, file)
+        if (error := found[file]) is not None:
+            yield (*path, "trace_file"), error, ALLOWED
+
+
+def _unreadable(scenario: Scenario, file: str) -> str | None:
+    """Return why a file of recorded delays can't be read; None if it can."""
+    try:
+        scenario.recorded_delays(file)
+    except FileError as error:
+        return str(error)
+    return None
 
 
 def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
@@ -192,13 +207,28 @@ def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
 
 def sizes(scenario: Scenario) -> Iterator[Finding]:
     """Yield changes that are too many for so many vehicles: each is planned or checked for each vehicle."""
-    count = len(scenario.vehicles)
-    for path, changes, most in (
-        (("links", "changes"), len(scenario.links.changes), MOST_LINK_STATES),
-        (("formation", "changes"), len(scenario.formation.changes), MOST_SLOT_CHANGES),
+    count, length_m = len(scenario.vehicles), _written_m(scenario)
+    whose, planned = f"with {count} vehicles", len(scenario.formation.changes)
+    ordered = sum(parse_order(each.order).change is not None for _, each in scenario.timed_orders)
+    longer = max(1.0, length_m / USUAL_PATH_M)
+    most = int(MOST_SLOT_CHANGES / longer / (count + PLANNING_VEHICLES))
+    there = whose if longer == 1.0 else f"{whose} on a path of {length_m / 1e3:.0f} km"
+    beside = f" beside {planned} changes" if planned else ""
+    for path, found, what, allowed, more in (
+        (("links", "changes"), len(scenario.links.changes), f"changes {whose}", MOST_LINK_STATES // count, ""),
+        (("formation", "changes"), planned, f"changes {there}", most, ""),
+        (("orders",), ordered, f"orders that change the formation {there}", max(most - planned, 0), beside),
     ):
-        if changes * count > most:
-            yield path, f"found {changes} changes with {count} vehicles", f"up to {most // count} with so many"
+        if found > allowed:
+            yield path, f"found {found} {what}", f"up to {allowed} with so many{more}"
+
+
+def _written_m(scenario: Scenario) -> float:
+    """Return the path's length; 0 of one that is refused."""
+    try:
+        return scenario.written_path.length_m
+    except PathError:
+        return 0.0
 
 
 def link_changes(scenario: Scenario) -> Iterator[Finding]:

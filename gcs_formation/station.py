@@ -24,6 +24,7 @@ from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.stream_loss import stream_losses
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import as_known, planned
 from gcs_formation.link.link_health import LinkState
@@ -96,7 +97,10 @@ class Station(Engine):
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.orders = Orders(scenario, self.course, self._reconfiguration, note)
         self._heartbeats, self._message_intervals = HeartbeatScheduler(*fleet), MessageIntervals(*fleet)
-        self._conformance = ConformanceMonitor(scenario, self.controller, *fleet)
+        self._conformance, self.losses = (
+            ConformanceMonitor(scenario, self.controller, *fleet),
+            stream_losses(self.vehicles),
+        )
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
         # _restarts: how many restarts of each vehicle have been handled
         self._out, self._next_tick, self._restarts = list[Datagram](), Instant(0), [0] * len(self._each)
@@ -205,6 +209,8 @@ class Station(Engine):
         self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
+        for each in self.losses.values():
+            each.watch()
         if self.flight.phase not in OVER and not self.flight.ended:
             all_down = self.down.watch(now)
             if all_down is not None:

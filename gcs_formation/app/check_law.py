@@ -87,7 +87,7 @@ def _uses(scenario: Scenario) -> Iterator[_Held]:
         for loop, loops in law_loops(scenario).get(vehicle.vehicle_id, {}).items():
             usage = Usage(loops, predicted=predicted)
             for step in scenario.link_steps(vehicle):
-                delay = LoopDelay(loop_delay_s(*ways_s(step), *rates_hz), _scatter_s(step))
+                delay = LoopDelay(loop_delay_s(*ways_s(scenario, step), *rates_hz), _scatter_s(step))
                 margin_s = usage.margin_s(delay.mean_s)
                 each = vehicle.vehicle_id, step.at_s, loop, delay.scatter_s, margin_s, delay.mean_s
                 yield _Held(usage.of(delay), *each)
@@ -106,7 +106,11 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     """
     if scenario.leader is not None or scenario.law.delay_compensation or law_kind(scenario).mutual:
         return None
-    steps = [(ways_s(step)[1], step.at_s, each) for each in scenario.followers for step in scenario.link_steps(each)]
+    steps = [
+        (ways_s(scenario, step)[1], step.at_s, each)
+        for each in scenario.followers
+        for step in scenario.link_steps(each)
+    ]
     down_s, at_s, vehicle = max(steps, key=lambda step: step[0])
     speed_mps, between_s = scenario.path.begin_mps, 1.0 / scenario.telemetry.rate_hz
     least_m, most_m = speed_mps * down_s, speed_mps * (down_s + between_s)

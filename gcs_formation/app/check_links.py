@@ -77,7 +77,7 @@ def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
 
     Nothing arrives before it was sent, over the link as it is when the flight begins.
     """
-    up_s, down_s = ways_s(scenario.link_steps(vehicle)[0])
+    up_s, down_s = ways_s(scenario, scenario.link_steps(vehicle)[0])
     known = vehicle.clock.utc and -up_s - UTC_SLACK_S <= vehicle.clock.utc_error_s <= down_s + UTC_SLACK_S
     return scenario.telemetry.by_utc and known
 
@@ -127,14 +127,14 @@ def _early_s(scenario: Scenario, vehicle: Vehicle | None, times_s: list[float]) 
     if vehicle is None or _by_utc(scenario, vehicle):
         return [0.0] * len(times_s)
     steps = scenario.link_steps(vehicle)
-    begins_s, ways = [step.at_s for step in steps], [ways_s(step) for step in steps]
+    begins_s, ways = [step.at_s for step in steps], [ways_s(scenario, step) for step in steps]
     found = (ways[bisect_right(begins_s, at_s) - 1] for at_s in times_s)
     return [(up_s - down_s) / 2 for up_s, down_s in found]
 
 
 def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
     """Return the mean delays of a vehicle's link at a time."""
-    return ways_s([step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
+    return ways_s(scenario, [step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
 
 
 def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
@@ -237,7 +237,7 @@ def _least_run_in_s(scenario: Scenario) -> float:
     autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
     asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
     loop_s, steps = max(each.loop_s for each in autopilots), [scenario.link_steps(v)[0] for v in scenario.vehicles]
-    way_s = max(sum(ways_s(step)) / 2 for step in steps)
+    way_s = max(sum(ways_s(scenario, step)) / 2 for step in steps)
     heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
     lost_s = _lost_s(list(zip(asked, steps, strict=True)))
     return heard_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
@@ -282,7 +282,7 @@ def too_old(scenario: Scenario) -> str | None:
     """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
     most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
-        (ways_s(step)[1] + between_s, step.at_s, vehicle)
+        (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
     ]
@@ -306,10 +306,10 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     """
     most_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
     lossy = [
-        (vehicle, step.downlink.loss, ways_s(step)[1])
+        (vehicle, step.downlink.loss, ways_s(scenario, step)[1])
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
-        if step.downlink.loss > 0.0 and ways_s(step)[1] + GAP / rate_hz > most_s
+        if step.downlink.loss > 0.0 and ways_s(scenario, step)[1] + GAP / rate_hz > most_s
     ]
     if not lossy or too_old(scenario) is not None:
         return None

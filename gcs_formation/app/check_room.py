@@ -90,7 +90,9 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
         return
     told_mps = [parse_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
     speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
-    round_trips_s = (sum(ways_s(step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle))
+    round_trips_s = (
+        sum(ways_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
+    )
     enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
         forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)

@@ -7,7 +7,7 @@ from array import array
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
-from formation_scenario.links import LinkStep, least_mean_burst, read_trace_ms
+from formation_scenario.links import LinkStep, least_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
 Both = tuple[Impairment, Impairment]
+Steps = tuple[LinkStep, ...]
 
 
 class InjectedFaults:
@@ -75,15 +76,14 @@ class LinkSchedule:
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
-        self._steps: dict[VehicleId, list[LinkStep]] = {
-            vehicle.vehicle_id: list(scenario.link_steps(vehicle)) for vehicle in scenario.vehicles
+        self._steps: dict[VehicleId, Steps] = {
+            vehicle.vehicle_id: scenario.link_steps(vehicle) for vehicle in scenario.vehicles
         }
-        self._times_s = {vehicle: [step.at_s for step in steps[1:]] for vehicle, steps in self._steps.items()}
-        self._links = dict[VehicleId, list[Both]]()
+        self._known = Translations(scenario)
+        self._links = dict[VehicleId, Translated]()
         self.clear = True
         """Whether no link has been, is or will be impaired."""
-        for vehicle in self._steps:
-            self._translate(vehicle)
+        self._translate()
 
     def both_ways(self, vehicle: VehicleId, now: Instant) -> Both:
         """Return the impairments of a vehicle's uplink and downlink."""
@@ -91,7 +91,7 @@ class LinkSchedule:
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
         mission_s = self._flight.mission_time_s(now)
-        return links[0 if math.isnan(mission_s) else bisect_right(self._times_s[vehicle], mission_s)]
+        return links.ways[0 if math.isnan(mission_s) else bisect_right(links.times_s, mission_s)]
 
     def change(self, change: ScriptedLink) -> bool:
         """Change links from now on; the keys that change stay so, whatever the scenario plans for later.
@@ -101,31 +101,88 @@ class LinkSchedule:
         Raises:
             ScenarioError: losses come in bursts that are too short for their share.
         """
-        changed = dict[VehicleId, list[LinkStep]]()
-        for each in self._scenario.selected(change.vehicles):
-            vehicle = each.vehicle_id
-            steps = [
-                LinkStep(
-                    step.at_s,
-                    impaired(step.uplink, change, change.uplink),
-                    impaired(step.downlink, change, change.downlink),
-                )
-                for step in self._steps[vehicle]
-            ]
-            for step in steps:
-                _require_burst(vehicle, step.uplink)
-                _require_burst(vehicle, step.downlink)
-            if steps != self._steps[vehicle]:
-                changed[vehicle] = steps
-        self._steps.update(changed)
-        for vehicle in changed:
-            self._translate(vehicle)
-        return bool(changed)
+        became = dict[Steps, Steps]()  # vehicles whose links change alike share their steps
+        selected = [each.vehicle_id for each in self._scenario.selected(change.vehicles)]
+        for vehicle in selected:
+            steps = self._steps[vehicle]
+            if steps not in became:
+                became[steps] = _changed(steps, change)
+                _require_bursts(vehicle, became[steps])
+        for vehicle in selected:
+            self._steps[vehicle] = became[self._steps[vehicle]]
+        self._translate()
+        return any(was != now for was, now in became.items())
 
-    def _translate(self, vehicle: VehicleId) -> None:
-        links = [(_impairment(step.uplink), _impairment(step.downlink)) for step in self._steps[vehicle]]
-        self._links[vehicle] = links
-        self.clear = self.clear and all(one.transparent for both in links for one in both)
+    def _translate(self) -> None:
+        self._links = self._known.of(self._steps)
+        distinct = {id(links): links for links in self._links.values()}.values()
+        self.clear = self.clear and all(one.transparent for links in distinct for both in links.ways for one in both)
+
+
+class Translated(NamedTuple):
+    """A link's impairments, and the mission times from which the second and later ones hold."""
+
+    times_s: list[float]
+    ways: list[Both]
+
+
+class Translations:
+    """Translates links' steps, each distinct sequence of them once; recorded delays, too."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Start with none of `scenario`'s."""
+        self._scenario = scenario
+        self._links = dict[Steps, Translated]()
+        self._traces_s = dict[str, tuple[float, ...]]()
+
+    def of(self, steps_of: Mapping[VehicleId, Steps]) -> dict[VehicleId, Translated]:
+        """Return each vehicle's translated link; vehicles with the same steps share it, others are forgotten."""
+        known = dict[Steps, Translated]()
+        for steps in steps_of.values():
+            if steps not in known:
+                known[steps] = self._links[steps] if steps in self._links else self._translated(steps)
+        self._links = known
+        return {vehicle: known[steps] for vehicle, steps in steps_of.items()}
+
+    def _translated(self, steps: Steps) -> Translated:
+        ways = [(self._impairment(step.uplink), self._impairment(step.downlink)) for step in steps]
+        return Translated([step.at_s for step in steps[1:]], ways)
+
+    def _impairment(self, planned: PlannedImpairment) -> Impairment:
+        trace_s = self._trace_s(planned.trace_file) if planned.trace_file else ()
+        return Impairment(
+            delay_s=planned.delay_ms / 1e3,
+            jitter_s=planned.jitter_ms / 1e3,
+            distribution="trace" if trace_s else planned.distribution,
+            trace_s=trace_s,
+            loss=planned.loss,
+            mean_burst=planned.mean_burst,
+            duplicate=planned.duplicate,
+            rate_bps=planned.rate_kbps * 1e3,
+            queue_s=planned.queue_ms / 1e3,
+            reorder=planned.reorder,
+            outage=planned.outage,
+        )
+
+    def _trace_s(self, file: str) -> tuple[float, ...]:
+        if file not in self._traces_s:
+            self._traces_s[file] = tuple(each / 1e3 for each in self._scenario.recorded_delays(file).delays_ms)
+        return self._traces_s[file]
+
+
+def _changed(steps: Steps, change: ScriptedLink) -> Steps:
+    return tuple(
+        LinkStep(
+            step.at_s, impaired(step.uplink, change, change.uplink), impaired(step.downlink, change, change.downlink)
+        )
+        for step in steps
+    )
+
+
+def _require_bursts(vehicle: VehicleId, steps: Steps) -> None:
+    for step in steps:
+        _require_burst(vehicle, step.uplink)
+        _require_burst(vehicle, step.downlink)
 
 
 def _require_burst(vehicle: VehicleId, link: PlannedImpairment) -> None:
@@ -199,22 +256,3 @@ class InjectedDelays:
         self._sums[vehicle] = sums
         up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
         return up_s, down_s
-
-
-def _impairment(planned: PlannedImpairment) -> Impairment:
-    trace_s = (
-        tuple(delay_ms / 1e3 for delay_ms in read_trace_ms(Path(planned.trace_file))) if planned.trace_file else ()
-    )
-    return Impairment(
-        delay_s=planned.delay_ms / 1e3,
-        jitter_s=planned.jitter_ms / 1e3,
-        distribution="trace" if trace_s else planned.distribution,
-        trace_s=trace_s,
-        loss=planned.loss,
-        mean_burst=planned.mean_burst,
-        duplicate=planned.duplicate,
-        rate_bps=planned.rate_kbps * 1e3,
-        queue_s=planned.queue_ms / 1e3,
-        reorder=planned.reorder,
-        outage=planned.outage,
-    )

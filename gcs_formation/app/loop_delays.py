@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
 
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.links import Impairment, LinkStep, read_trace_ms
+from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.membership_and_succession import SUCCESSION_S
@@ -23,11 +20,11 @@ NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
 
 
-def ways_s(step: LinkStep) -> tuple[float, float]:
+def ways_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
     """Return the mean delays up and down, s; recorded delays are added to the constant one."""
 
     def mean_s(way: Impairment) -> float:
-        recorded_ms = float(np.mean(read_trace_ms(Path(way.trace_file)))) if way.trace_file else 0.0
+        recorded_ms = scenario.recorded_delays(way.trace_file).mean_ms if way.trace_file else 0.0
         return (way.delay_ms + recorded_ms) / 1e3
 
     return mean_s(step.uplink), mean_s(step.downlink)
@@ -79,7 +76,7 @@ def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float
     sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
     ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
     for step in commanded_steps(scenario):
-        (up_s, down_s), (held, age) = ways_s(step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
+        (up_s, down_s), (held, age) = ways_s(scenario, step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
         if math.isfinite(held + age):
             ways.append((up_s + held * tick_s, down_s + age * sample_s))
     if law_kind(scenario).mutual:

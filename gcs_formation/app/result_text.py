@@ -264,7 +264,7 @@ def _groups(station: Station) -> list[ColumnGroup]:
         ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),
         ColumnGroup(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
         ColumnGroup(("up", "down"), ways, keep=1),
-        ColumnGroup(("loss",), [(f"{vehicle.sequence.loss:.1%}",) for vehicle in vehicles.values()], keep=0),
+        ColumnGroup(("loss",), [(f"{station.losses[each].whole_loss:.1%}",) for each in vehicles], keep=0),
         ColumnGroup(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
         ColumnGroup(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
     ]

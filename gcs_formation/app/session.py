@@ -359,7 +359,7 @@ class Session:
         return LinkFigures(
             delays_s=probes[:, 1:],
             delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
-            measured_loss=vehicle.sequence.whole_loss,
+            measured_loss=self.station.losses[identity].whole_loss,
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),

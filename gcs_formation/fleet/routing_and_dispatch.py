@@ -22,7 +22,7 @@ from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
-from gcs_formation.link.link_health import LinkState
+from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note, Tick, VehicleLink
 from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
@@ -81,9 +81,11 @@ class Senders:
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
         connection, history = vehicle.connection, vehicle.history
-        elsewhere = connection.talks and (socket != connection.socket or datagram.peer != connection.peer)
+        bound = connection.state is not LinkState.SEARCHING
+        elsewhere = bound and (socket != connection.socket or datagram.peer != connection.peer)
+        silent = now - connection.last_heard >= STALE_AFTER_NS
         follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
-        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows):
+        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows, silent=silent):
             if history.copies == MANY_COPIES:
                 self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
             return vehicle

@@ -8,6 +8,10 @@ was true once: it must change nothing. Three things tell:
   two minutes at least. By that alone a heartbeat isn't a copy, for its number comes again after 255 others.
 - So while copies come, a frame without a time is news only if its number follows the newest one's. If it also was
   received before and contradicts the newest of its kind, the vehicle must have stopped saying the newest.
+
+From another address a known frame is a copy however old, also before the vehicle's clock is known. A second vehicle
+with the same id may begin with the same frames, but it isn't asked what the first one is: its numbers soon differ, and
+frames that never came before show that it sends its own.
 """
 
 from __future__ import annotations
@@ -34,8 +38,6 @@ KEPT_NS: Final = 120 * NANOSECONDS
 """Received frames are remembered for this long at least, twice as long at most."""
 MARKS: Final = 1 << 18
 """Bits, one of which each remembered frame sets: of a vehicle's frames in `KEPT_NS` some 3 % share one by chance."""
-SLOWER_LINK_S: Final = 5.0
-"""Largest age of copies from another address; older frames are another sender's."""
 COPIES_COME_NS: Final = 10 * NANOSECONDS
 """For this long after a copy, others are expected."""
 SAID_NS: Final = 5 * NANOSECONDS // 2
@@ -44,6 +46,8 @@ SUSPICION: Final = 3.0
 CALMED: Final = 0.25
 """Copies come once this many frames seem to be some; each other frame counts for so much less. By chance, or where a
 heartbeat's number comes again just after a loss, one in twenty may seem so."""
+OTHERS_OWN: Final = 12
+"""After so many frames in a row that hadn't been received before, another address doesn't send copies, but its own."""
 BYTE: Final = 8
 STATES: Final = (
     m.MAVLINK_MSG_ID_HEARTBEAT,
@@ -77,27 +81,38 @@ class FrameHistory:
         self._renewed = Instant(0)
         self._copied_at, self._suspicion = [LONG_AGO, LONG_AGO], [0.0, 0.0]
         """When copies came last, and how much speaks for it: from the vehicle's own address, and from others."""
+        self._others_own: i64 = 0
+        """Frames from other addresses since the last one that had been received before."""
         self._said = dict[int, tuple[bytes, Instant]]()
         """Newest payload of each of `STATES`, and when it was said last."""
 
     def copies_come(self, now: Instant, *, elsewhere: bool = False) -> bool:
         """Return whether copies have just come from the vehicle's own address, or from another one."""
-        return now - self._copied_at[elsewhere] < COPIES_COME_NS
+        recently = now - self._copied_at[elsewhere] < COPIES_COME_NS
+        return recently and not (elsewhere and self._others_own >= OTHERS_OWN)
 
-    def is_copy(self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool) -> bool:
+    def is_copy(self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool, silent: bool) -> bool:
         """Return whether a frame had been received before, and count it if so.
 
         `elsewhere`: it is from another address than the vehicle's; `follows`: its number may follow the newest one's.
+        After a silence any number may: while copies come, that is none of the vehicle's words, and without them one
+        from another address may be, for it may have moved.
         """
         known = self._knows(_mark(frame))
         stamp_s = math.nan if frame.message is None else frame.message.boot_s()
         timed = not math.isnan(stamp_s)
-        old = self._is_overtaken if elsewhere else self._is_old
-        copied = known and timed and (old(frame, stamp_s, now) or not (elsewhere or self._is_of_now(stamp_s, now)))
+        if elsewhere:
+            self._others_own = 0 if known else self._others_own + 1
+        copied = known and timed and (self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now))
         if timed or not elsewhere:
             self._weigh(copied or (known and not timed and not follows), now, elsewhere)
-        if known and not timed and (elsewhere or self.copies_come(now)):
-            copied = elsewhere or not (follows and self._agrees(frame, now))
+        if known and not timed:
+            if elsewhere:
+                copied = not silent or self.copies_come(now, elsewhere=True)
+            elif self.copies_come(now):
+                copied = silent or not (follows and self._agrees(frame, now))
+            else:
+                copied = not (follows or self._agrees(frame, now))
         if copied:
             self.copies += 1
             self.is_news, self.was_copy = False, True
@@ -119,8 +134,8 @@ class FrameHistory:
             return False
         stamp_s = math.nan if frame.message is None else frame.message.boot_s()
         if elsewhere:
-            return math.isnan(stamp_s) or self._is_overtaken(frame, stamp_s, now)
-        return self._is_old(frame, stamp_s, now) and not self._is_of_now(stamp_s, now)
+            return math.isnan(stamp_s) or self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now)
+        return self._is_old(frame, stamp_s) and not self._is_of_now(stamp_s, now)
 
     def take(self, frame: Frame, now: Instant, *, follows: bool, awaited: bool) -> None:
         """Take a frame of the vehicle that isn't a copy, and judge whether it is news.
@@ -137,7 +152,7 @@ class FrameHistory:
             if self.is_news and frame.message_id in STATES:
                 self._said[frame.message_id] = _payload(frame), now
         else:
-            self.is_news = not (self._is_old(frame, stamp_s, now) and self._goes_on(frame, stamp_s, now))
+            self.is_news = not (self._is_old(frame, stamp_s) and self._goes_on(frame, stamp_s, now))
             if self.is_news:
                 self._newest_s[message.kind().place] = stamp_s
         self.late += not self.is_news
@@ -148,17 +163,7 @@ class FrameHistory:
             self._newest_s[place] = math.nan
         self._said.clear()
 
-    def _is_overtaken(self, frame: Frame, stamp_s: float, now: Instant) -> bool:
-        """Return whether a stamp is a little older than the newest of its kind, as those of a slower link are.
-
-        A twin's is as new, or of another clock: that its frames are the same as the vehicle's proves nothing.
-        """
-        if frame.message is None or not self._clock.samples:
-            return False
-        since_s = stamp_s - self._newest_s[frame.message.kind().place]
-        return since_s < 0.0 and self._clock.age_s(stamp_s, now) <= SLOWER_LINK_S
-
-    def _is_old(self, frame: Frame, stamp_s: float, now: Instant) -> bool:  # noqa: ARG002 - as `_is_overtaken`
+    def _is_old(self, frame: Frame, stamp_s: float) -> bool:
         """Return whether a stamp is no newer than the newest of its kind."""
         if frame.message is None:
             return False

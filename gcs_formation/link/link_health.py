@@ -117,6 +117,10 @@ class SequenceTracker:
         """The number of the next frame if none is missing."""
         self._missing: set[int] = set()
         """Numbers counted as lost that may still arrive."""
+        self._doubtful = list[int]()
+        """Numbers since the newest, of frames that may be copies: the next number tells."""
+        self.silent_s = 0.0
+        """Time in silences that have ended, s."""
         self._jump: i64 = 0
         self._jumped: i64 = 0
         """Frames counted as lost at the last gap, and how many had been received by then."""
@@ -126,6 +130,30 @@ class SequenceTracker:
 
         Return whether the known number of lost frames has changed.
         """
+        newest = self._newest
+        changed = self._observe(sequence, now, heard)
+        if len(self._doubtful) > 0:
+            self._settle(newest, sequence)
+        return changed
+
+    def doubt(self, sequence: i64) -> None:
+        """Take the number of a frame that may be a copy, and may be news after more losses than are usual here.
+
+        It counts as repeated, unless the next number shows that it was in its turn.
+        """
+        self.repeated += 1
+        self._doubtful.append(sequence)
+
+    def _settle(self, before: i64, sequence: i64) -> None:
+        """Judge the doubtful numbers by the one that came next, after `before`."""
+        gap = (sequence - before) % MODULUS
+        for each in self._doubtful:
+            if each in self._missing and (each - before) % MODULUS < gap:
+                self.repeated -= 1
+                self._observe_late(each)
+        self._doubtful.clear()
+
+    def _observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
         silent = now - heard >= STALE_AFTER_NS and self._newest != ANY
         marked = self.received == self._next.received and self._newest != ANY  # nothing received since but repeats
         if self.received % MODULUS == 0 and not silent and not marked:
@@ -231,6 +259,7 @@ class SequenceTracker:
         """
         gap: int = (sequence - self._newest - 1) % MODULUS
         silent_s, missed, self.silence = seconds_between(heard, now), 0, None
+        self.silent_s += silent_s
         if gap:
             own = self._own_rate_hz(heard) * silent_s
             silence = Silence(silent_s, gap, own, self._answers_due(), run_length(self.loss, RARELY))

@@ -24,6 +24,8 @@ BOOT_SLACK_S: Final = 1.0
 """Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much."""
 BOTH_TALK_S: Final = 1.0
 """If a vehicle is still heard this long after another sender started, there are two vehicles, not one that moved."""
+FEWEST_FRAMES: Final = 4
+"""Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet."""
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
 FORGOTTEN_S: Final = 60.0
@@ -60,6 +62,7 @@ class DuplicateId:
     refuted: bool = False
     """Whether its clock proved that it is another vehicle."""
     reported: bool = False
+    frames: int = 0
 
 
 class SourceBinding:
@@ -149,9 +152,11 @@ class SourceBinding:
                 return None
             duplicate = self._duplicates[remote] = DuplicateId(now, now)
         duplicate.last = now
+        duplicate.frames += 1
         duplicate.refuted |= evidence is ANOTHERS
         bound = self._connection.peer
-        both = self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
+        enough = remote == (self._connection.socket, bound) or duplicate.frames >= FEWEST_FRAMES
+        both = enough and self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
         refused = evidence is ANOTHERS and remote[1] != bound
         if duplicate.reported or not (both or refused):
             return None

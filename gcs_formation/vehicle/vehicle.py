@@ -132,7 +132,7 @@ class Vehicle:
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
         if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
-            sequence.repeated += 1
+            sequence.doubt(frame.sequence)
         elif sequence.observe(frame.sequence, now, self.connection.last_heard):
             self._lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))

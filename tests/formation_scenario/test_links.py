@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError, dump_scenario, load_scenario
-from formation_scenario.links import least_mean_burst, read_trace_ms
+from formation_scenario.links import least_mean_burst, read_trace
 
 
 def test_a_clean_link_has_one_state(load):
@@ -140,8 +140,8 @@ def test_trace_files_are_found_beside_the_scenario_and_again_from_its_resolved_c
 
 def test_a_trace_holds_a_delay_a_line(traced, tmp_path):
     traced()
-    assert read_trace_ms(tmp_path / "delays" / "radio.txt") == (40.0, 55.5)
-    assert read_trace_ms(tmp_path / "delays" / "modem.txt") == (0.0, 100.0)
+    assert read_trace(tmp_path / "delays" / "radio.txt").delays_ms == (40.0, 55.5)
+    assert read_trace(tmp_path / "delays" / "modem.txt").delays_ms == (0.0, 100.0)
 
 
 @pytest.mark.parametrize(

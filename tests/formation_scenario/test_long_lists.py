@@ -28,9 +28,33 @@ PATH: dict[str, Any] = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
         (
             {
                 "vehicles": {"count": 100},
-                "formation": {"changes": [{"at_s": i, "spacing_m": 30 + i} for i in range(61)]},
+                "formation": {"changes": [{"at_s": i, "spacing_m": 30 + i} for i in range(89)]},
             },
-            r"formation\.changes: found 61 changes with 100 vehicles; allowed: up to 60 with so many",
+            r"formation\.changes: found 89 changes with 100 vehicles; allowed: up to 88 with so many",
+        ),
+        (
+            {
+                "vehicles": {"count": 7},
+                "path": {"waypoints_m": [[0, 0, 100], [500e3, 0, 100]]},
+                "formation": {"changes": [{"at_s": i, "spacing_m": 30 + i} for i in range(51)]},
+            },
+            r"formation\.changes: found 51 changes with 7 vehicles on a path of 500 km; allowed: up to 50 with so many",
+        ),
+        (
+            {"vehicles": {"count": 7}, "orders": [{"at_s": i, "order": f"spacing {30 + i}"} for i in range(501)]},
+            r"orders: found 501 orders that change the formation with 7 vehicles; allowed: up to 500 with so many",
+        ),
+        (
+            {
+                "vehicles": {"count": 87},
+                "formation": {"changes": [{"at_s": i, "spacing_m": 30 + i} for i in range(60)]},
+                "orders": [
+                    *({"at_s": i, "order": f"shape {('line', 'square')[i % 2]}"} for i in range(41)),
+                    *({"at_s": 50 + i, "order": "speed 21"} for i in range(100)),
+                ],
+            },
+            "orders: found 41 orders that change the formation with 87 vehicles; "
+            "allowed: up to 40 with so many beside 60 changes",
         ),
     ],
 )

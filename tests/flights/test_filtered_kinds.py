@@ -1,0 +1,128 @@
+"""A router that passes some kinds of messages only takes numbers out of the sequence, which is no loss."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.checksum import checksum
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.engine import Datagram
+from airlink.frame import CHECKSUM, StreamParser
+from airlink.messages import KINDS
+from airlink.messages.command import RequestDataStream
+from sim_vehicles.fleet import Fleet
+from tests.flights.in_memory import Between, World
+from tests.flights.test_message_intervals import tell
+
+LONG: dict[str, Any] = {"duration_s": 60, "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]}}
+STATES = (m.MAVLINK_MSG_ID_SYS_STATUS, m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+SECONDS = 25.0
+
+
+class Router(Between):
+    """Passes one in `one_in` frames, by kinds that nobody here requests, and not those in `without`; loses `loss`."""
+
+    one_in, loss, loss_from_s = 5, 0.0, 0.0
+    without: tuple[int, ...] = ()
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._random, self._last, self._now = random.Random(1), dict[int, tuple[int, int]](), Instant(0)
+        self.sent = self.lost = 0
+
+    def handle_timer(self, now: Instant) -> None:
+        self._now = now
+        super().handle_timer(now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return [
+            Datagram(each.socket, each.peer, passed)
+            for each in super().datagrams_to_send()
+            for frame in StreamParser().feed(each.data)
+            if (passed := self._passed(frame.raw)) is not None and frame.message_id not in self.without
+        ]
+
+    def _passed(self, raw: bytes) -> bytes | None:
+        """Return a frame with the number that it has among all that its vehicle sends; None if it's lost."""
+        own, number = self._last.get(raw[5], (raw[4] - 1, raw[4] - self.one_in))
+        number += (raw[4] - own) % 256 * self.one_in
+        if self.one_in > 1:
+            number += self._random.randint(-1, 1)
+        self._last[raw[5]] = raw[4], number
+        self.sent += 1
+        if self._now > self.loss_from_s * 1e9 and self._random.random() < self.loss:
+            self.lost += 1
+            return None
+        extra = KINDS[int.from_bytes(raw[7:10], "little")].crc_extra
+        renumbered = raw[:4] + bytes([number % 256]) + raw[5:-CHECKSUM]
+        return renumbered + int(checksum(renumbered, len(renumbered), extra)).to_bytes(2, "little")
+
+
+def routed(**given: Any) -> World:
+    world = World(type("Routed", (Router,), given), **LONG)
+    world.run(SECONDS)
+    return world
+
+
+def router(world: World) -> Router:
+    assert isinstance(world.between, Router)
+    return world.between
+
+
+def losses(world: World) -> list[float]:
+    return [each.whole_loss for each in world.station.losses.values()]
+
+
+def by_numbers(world: World, number: int = 2) -> float:
+    return world.station.vehicles[VehicleId(1, number)].sequence.whole_loss
+
+
+def test_what_a_router_filters_is_no_loss() -> None:
+    """Also messages that are requested."""
+    world = routed(without=STATES)
+    assert by_numbers(world) == pytest.approx(0.8, abs=0.05)
+    assert max(losses(world)) < 0.02
+
+
+@pytest.mark.parametrize("loss", [0.1, pytest.param(0.3, marks=pytest.mark.slow)])
+def test_what_is_lost_behind_a_filter_is_counted(loss: float) -> None:
+    world = routed(loss=loss)
+    assert router(world).lost / router(world).sent == pytest.approx(loss, abs=0.01)
+    assert losses(world) == pytest.approx([loss] * 3, abs=0.03)
+
+
+@pytest.mark.slow
+def test_without_a_filter_numbers_count_whatever_the_streams_rates() -> None:
+    """Somebody else has them sent more often, to one vehicle, and less often, to another."""
+    world = World(type("Routed", (Router,), {"one_in": 1, "loss": 0.2}), **LONG)
+    world.fly_to(2.0)
+    for number, rate_hz in ((2, 20), (3, 4)):
+        tell(world, number, [RequestDataStream(number, 1, m.MAV_DATA_STREAM_ALL, rate_hz, 1)])
+    world.run(SECONDS)
+    assert losses(world) == [by_numbers(world, number) for number in (1, 2, 3)]
+
+
+@pytest.mark.slow
+def test_a_restart_behind_a_filter_is_no_loss() -> None:
+    world = routed()
+    world.inject(2, "restart")
+    world.run(15.0)
+    assert len(world.times_s("restarted", 2)) == 1
+    assert max(losses(world)) < 0.03
+
+
+@pytest.mark.slow
+def test_an_outage_behind_a_filter_is_counted_as_without() -> None:
+    """For 10 s of some 40 nothing comes down."""
+    for one_in in (5, 1):
+        world = routed(one_in=one_in)
+        router(world).loss = 1.0
+        world.run(10.0)
+        router(world).loss = 0.0
+        world.run(8.0)
+        assert losses(world) == pytest.approx([router(world).lost / router(world).sent] * 3, abs=0.02)
