@@ -39,10 +39,20 @@ LAW, FORMATION_LAW, FILTER, MONITOR, RECORDER, METRIC = (
     "recorder",
     "metric",
 )
+LINK, FAULT, DISTURBANCE, AIRCRAFT, EMULATED_FAMILY, NAVIGATION = (
+    "link process",
+    "fault",
+    "disturbance",
+    "aircraft",
+    "emulated family",
+    "navigation source",
+)
 LAW_KINDS = LAW, FORMATION_LAW
 """Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
 SWITCHED = FILTER, MONITOR, RECORDER
 """Kinds that are on if `extensions` names them."""
+OURS: Mapping[str, tuple[str, ...]] = {LAW: LAW_TYPES, METRIC: tuple(METRICS)}
+"""Names that are taken already, by kind."""
 HOW = f"{OPTION} FILE.py, or an installed package that registers it"
 Files: TypeAlias = "Sequence[str | Path]"
 
@@ -92,9 +102,14 @@ class Registered:
     def __str__(self) -> str:
         return f"{self.kind} '{self.name}'"
 
-    def instance(self, keys: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a class from outside
-        """Return a new instance with its keys, typed by its own model."""
-        return self.made(self.made.Keys.model_validate_json(json.dumps(keys)))
+    def instance(self, keys: Mapping[str, Any], **given: Any) -> Any:  # noqa: ANN401 - a class from outside
+        """Return a new instance with its keys, typed by its own model; it has the attributes `given` when it begins."""
+        typed = self.made.Keys.model_validate_json(json.dumps(keys))
+        one = self.made.__new__(self.made, typed)
+        for name, value in given.items():
+            setattr(one, name, value)
+        one.__init__(typed)
+        return one
 
     def said(self, error: BaseException) -> str:
         """Return an error that its code raised in words, with the file and line of that code."""
@@ -117,10 +132,9 @@ class Registry:
             ScenarioError: a name is taken twice.
         """
         self._each = tuple(found)
-        taken: dict[tuple[str, str], str] = {(LAW, name): "gcs_formation itself" for name in LAW_TYPES}
-        taken |= {(METRIC, name): "gcs_formation itself" for name in METRICS}
+        taken = {(_namespace(kind), name): "gcs_formation itself" for kind, names in OURS.items() for name in names}
         for one in self._each:
-            place = LAW if one.kind in LAW_KINDS else METRIC if one.kind == METRIC else FILTER, one.name
+            place = _namespace(one.kind), one.name
             if place in taken:
                 raise refused(f"{one}", f"found twice: {taken[place]} and {one.where}", "each name once")
             taken[place] = one.where
@@ -138,7 +152,7 @@ class Registry:
         """The files among them, which another command needs named."""
         return tuple(origin.file for origin in self.origins if origin.content is not None)
 
-    def get(self, name: str, *kinds: str) -> Registered | None:
+    def get(self, name: str | None, *kinds: str) -> Registered | None:
         """Return what is registered by a name, of one of the kinds."""
         return next((one for one in self._each if one.name == name and one.kind in kinds), None)
 
@@ -161,6 +175,11 @@ class Registry:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the modules by content; installed packages by name, version and hash."""
         return _restored, (self.origins,)
+
+
+def _namespace(kind: str) -> str:
+    """Return the kind within which a name is taken once: `law.type` names both kinds of laws, `extensions` three."""
+    return LAW if kind in LAW_KINDS else FILTER if kind in SWITCHED else kind
 
 
 def load_extensions(plugins: Files | Registry = ()) -> Registry:
