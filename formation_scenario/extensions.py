@@ -20,9 +20,16 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
+from pydantic import BaseModel
+
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.formation import LAW_TYPES
+from formation_scenario.links import NO_PROCESS
+from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.shipped_aircraft import shipped_names
+from formation_scenario.surroundings import DISTURBANCES, FAULTS
+from formation_scenario.vehicles import FAMILIES
 
 GROUP = "gcs_formation.extensions"
 """The group of entry points of installed packages."""
@@ -51,10 +58,27 @@ LAW_KINDS = LAW, FORMATION_LAW
 """Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
 SWITCHED = FILTER, MONITOR, RECORDER
 """Kinds that are on if `extensions` names them."""
-OURS: Mapping[str, tuple[str, ...]] = {LAW: LAW_TYPES, METRIC: tuple(METRICS)}
+OURS: Mapping[str, tuple[str, ...]] = {
+    LAW: LAW_TYPES,
+    METRIC: tuple(METRICS),
+    LINK: (NO_PROCESS,),
+    FAULT: FAULTS,
+    DISTURBANCE: DISTURBANCES,
+    AIRCRAFT: tuple(shipped_names()),
+    EMULATED_FAMILY: FAMILIES,
+    NAVIGATION: NAVIGATIONS,
+}
 """Names that are taken already, by kind."""
 HOW = f"{OPTION} FILE.py, or an installed package that registers it"
 Files: TypeAlias = "Sequence[str | Path]"
+
+
+class NoKeys(BaseModel):
+    """Keys of what has none."""
+
+
+class ExtensionError(Exception):
+    """An extension that can't begin, or that failed; the message has its file and line."""
 
 
 class Mark(NamedTuple):
@@ -102,13 +126,19 @@ class Registered:
     def __str__(self) -> str:
         return f"{self.kind} '{self.name}'"
 
+    @property
+    def keys_model(self) -> type[BaseModel]:
+        """The model of its own keys."""
+        model: type[BaseModel] = getattr(self.made, "Keys", NoKeys)
+        return model
+
     def instance(self, keys: Mapping[str, Any], **given: Any) -> Any:  # noqa: ANN401 - a class from outside
         """Return a new instance with its keys, typed by its own model; it has the attributes `given` when it begins."""
-        typed = self.made.Keys.model_validate_json(json.dumps(keys))
+        typed = self.keys_model.model_validate_json(json.dumps(keys))
         one = self.made.__new__(self.made, typed)
         for name, value in given.items():
             setattr(one, name, value)
-        one.__init__(typed)
+        self.made.__init__(one, typed)
         return one
 
     def said(self, error: BaseException) -> str:
@@ -159,6 +189,10 @@ class Registry:
     def names(self, *kinds: str) -> list[str]:
         """Return the names of all things of some kinds."""
         return [one.name for one in self._each if one.kind in kinds]
+
+    def of(self, *kinds: str) -> list[Registered]:
+        """Return all things of some kinds."""
+        return [one for one in self._each if one.kind in kinds]
 
     def __iter__(self) -> Iterator[Registered]:
         return iter(self._each)
@@ -311,6 +345,12 @@ def _installed(entry: EntryPoint) -> list[Registered]:
 def _unusable(error: Exception, file: str, what: str) -> Exception:
     line = line_in(error, file)
     return refused("", f"{type(error).__name__}: {error}", "", f"{what} {file}{f':{line}' if line else ''}")
+
+
+def registered_in(module: ModuleType, kind: str) -> dict[str, Registered]:
+    """Return what one of our own modules registers of a kind, by its names."""
+    origin = Origin(str(module.__file__), "")
+    return {one.name: one for one in _marked(module, origin) if one.kind == kind}
 
 
 def _marked(module: ModuleType, origin: Origin) -> Iterator[Registered]:

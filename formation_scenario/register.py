@@ -45,7 +45,7 @@ def decorator(kind: str, name: str, base: type[Any]) -> Decorator[Made]:
     def register(made: Made) -> Made:
         if not (isinstance(made, type) and issubclass(made, base)):
             raise TypeError(f"found {made!r} as {kind} '{name}'; allowed: a subclass of {base.__name__}")
-        if not issubclass(made.Keys, BaseModel):
+        if not issubclass(getattr(made, "Keys", BaseModel), BaseModel):
             raise TypeError(f"found Keys of {kind} '{name}' that are no pydantic model; allowed: class Keys(BaseModel)")
         namespace = vars(sys.modules[made.__module__])
         marks: list[Mark] = namespace.setdefault(MARKS, [])

@@ -14,13 +14,14 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.impaired_link import ChannelStatistics, ImpairedEngine
-from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment, Process
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import LinkStep, least_mean_burst, read_trace_ms
 from formation_scenario.scripted import ScriptedLink, impaired
+from gcs_formation.app.link_processes import LinkProcesses
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
@@ -75,6 +76,7 @@ class LinkSchedule:
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
+        self.processes = LinkProcesses(scenario)
         self._steps: dict[VehicleId, list[LinkStep]] = {
             vehicle.vehicle_id: list(scenario.link_steps(vehicle)) for vehicle in scenario.vehicles
         }
@@ -123,7 +125,14 @@ class LinkSchedule:
         return bool(changed)
 
     def _translate(self, vehicle: VehicleId) -> None:
-        links = [(_impairment(step.uplink), _impairment(step.downlink)) for step in self._steps[vehicle]]
+        up, down = Direction.UPLINK, Direction.DOWNLINK
+        links = [
+            (
+                _impairment(step.uplink, self.processes.of(vehicle, up, step.uplink)),
+                _impairment(step.downlink, self.processes.of(vehicle, down, step.downlink)),
+            )
+            for step in self._steps[vehicle]
+        ]
         self._links[vehicle] = links
         self.clear = self.clear and all(one.transparent for both in links for one in both)
 
@@ -201,7 +210,7 @@ class InjectedDelays:
         return up_s, down_s
 
 
-def _impairment(planned: PlannedImpairment) -> Impairment:
+def _impairment(planned: PlannedImpairment, process: Process | None) -> Impairment:
     trace_s = (
         tuple(delay_ms / 1e3 for delay_ms in read_trace_ms(Path(planned.trace_file))) if planned.trace_file else ()
     )
@@ -217,4 +226,5 @@ def _impairment(planned: PlannedImpairment) -> Impairment:
         queue_s=planned.queue_ms / 1e3,
         reorder=planned.reorder,
         outage=planned.outage,
+        process=process,
     )
