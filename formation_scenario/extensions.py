@@ -132,6 +132,11 @@ class Registered:
         model: type[BaseModel] = getattr(self.made, "Keys", NoKeys)
         return model
 
+    @property
+    def works_by_defaults(self) -> bool:
+        """Whether none of its keys must be given."""
+        return not any(field.is_required() for field in self.keys_model.model_fields.values())
+
     def instance(self, keys: Mapping[str, Any], **given: Any) -> Any:  # noqa: ANN401 - a class from outside
         """Return a new instance with its keys, typed by its own model; it has the attributes `given` when it begins."""
         typed = self.keys_model.model_validate_json(json.dumps(keys))

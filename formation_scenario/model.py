@@ -272,6 +272,16 @@ class Scenario(Keys):
         named += self._used_by_emulators()
         return tuple(dict.fromkeys(each for each in named if each is not None))
 
+    def crashes(self, fault: Fault) -> bool:
+        """Return whether a fault crashes vehicles."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind == "crash" if own is None else bool(own.made.crashes)
+
+    def silences(self, fault: Fault) -> bool:
+        """Return whether vehicles send nothing while a fault lasts."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind in {"crash", "freeze"} if own is None else bool(own.made.crashes or own.made.silences)
+
     def _used_by_emulators(self) -> Iterator[Registered | None]:
         """Yield what links, faults, the air and vehicles use of the extensions; None for each that is ours."""
         known, acts = self._registered, [act for _, act in self.scripted]

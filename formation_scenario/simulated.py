@@ -176,7 +176,9 @@ class VehicleFault(Extension):
     lasts: ClassVar[bool] = True
     """Whether it may have an end (`until_s`)."""
     crashes: ClassVar[bool] = False
-    """Whether it takes the vehicle out of the flight: its loss then isn't the run's failure."""
+    """Whether it crashes the vehicle: its loss then isn't the run's failure."""
+    silences: ClassVar[bool] = False
+    """Whether the vehicle sends nothing while it lasts, which then isn't the link's failure."""
     vehicle: int | str
     """The vehicle's id, "network:id" beyond the first network."""
     random: np.random.Generator

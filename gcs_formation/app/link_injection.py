@@ -65,7 +65,7 @@ def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> flo
     for fault in scenario.faults:
         chosen = any(each.vehicle_id == vehicle for each in scenario.selected(fault.vehicles))
         over = fault.until_s is not None and fault.until_s <= ended_s
-        if chosen and fault.kind in {"crash", "freeze"} and fault.at_s <= ended_s and not over:
+        if chosen and scenario.silences(fault) and fault.at_s <= ended_s and not over:
             ends_s = min(ends_s, fault.at_s)
     return ends_s
 

@@ -20,7 +20,7 @@ from formation_scenario.links import Impairment
 from formation_scenario.simulated import Carried, LinkProcess, Place
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import vehicle_name
-from gcs_formation.errors import NotFiniteError
+from gcs_formation.errors import NotFiniteError, RunAbortedError
 
 Places = Callable[[VehicleId], Place]
 """Returns where a vehicle is now."""
@@ -45,19 +45,19 @@ class LinkProcesses:
         return bool(self._made)
 
     def of(self, vehicle: VehicleId, way: Direction, link: Impairment) -> Callable[[int, Instant], float | None] | None:
-        """Return what delays and loses datagrams of one direction of a link; None if nothing does.
-
-        Raises:
-            RunAbortedError: it can't begin.
-        """
+        """Return what delays and loses datagrams of one direction of a link; None if nothing does."""
         entry = self._scenario.registered.get(link.process, LINK)
         if entry is None:
             return None
         keys = dict(link.parameters or {})
         place = entry.name, json.dumps(keys, sort_keys=True), vehicle, way
-        if place not in self._made:
-            process: LinkProcess = made(entry, keys, **self._given(vehicle, way))
-            self._made[place] = partial(self._carry, entry, process, vehicle)
+        try:
+            if place not in self._made:
+                process: LinkProcess = made(entry, keys, **self._given(vehicle, way))
+                self._made[place] = partial(self._carry, entry, process, vehicle)
+        except RunAbortedError as error:
+            self.failure = self.failure or f"the {error}"
+            return None
         return self._made[place]
 
     def _given(self, vehicle: VehicleId, way: Direction) -> dict[str, Any]:

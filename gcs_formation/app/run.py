@@ -98,7 +98,7 @@ def in_memory(
         try:
             fleet = Fleet(fleet_config(scenario), truth=writer)
         except ExtensionError as error:
-            raise RunAbortedError(str(error)) from error
+            raise session.could_not_begin(error) from error
         if scenario.registered:
             session.emulators_failure = lambda: fleet.failure
             session.link_processes.places = partial(_true_place, fleet)
@@ -114,7 +114,7 @@ def in_memory(
             network.attach(fleet)
             network.attach(session.engine)
         except PortError as error:
-            raise session.port_failed(error) from error
+            raise session.could_not_begin(error) from error
         yield session, network.run
 
 
@@ -155,7 +155,7 @@ def over_udp(
                 session.link_processes.places = partial(_recorded_place, session)
             yield session, driver.run, partial(over, session, emulators, said)
     except PortError as error:
-        raise session.port_failed(error) from error
+        raise session.could_not_begin(error) from error
 
 
 def _strike(emulators: subprocess.Popen[bytes], act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
@@ -330,7 +330,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
             driver.run(session.attend)
     except PortError as error:
-        raise session.port_failed(error) from error
+        raise session.could_not_begin(error) from error
     return session
 
 

@@ -15,6 +15,7 @@ from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
 from flight_model.arrays import Array
 from formation_scenario import Scenario
+from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import column_ids
@@ -227,8 +228,8 @@ class Session:
         motion = self.station.vehicles[vehicle].telemetry.motion
         return UNKNOWN if motion is None else Place(motion.north_m, motion.east_m, motion.height_m)
 
-    def port_failed(self, error: PortError) -> RunAbortedError:
-        """Conclude a run that got no port; return what to raise. A resumed run can be resumed again."""
+    def could_not_begin(self, error: PortError | ExtensionError) -> RunAbortedError:
+        """Conclude a run without a port or an extension; return what to raise. A resumed run can be resumed again."""
         if self._resumed is not None:
             self.recorder.close()
             return RunAbortedError(str(error))

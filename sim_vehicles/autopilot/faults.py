@@ -37,7 +37,7 @@ class Crash(VehicleFault):
     """It lies on the ground and is silent."""
 
     lasts = False
-    crashes = True
+    crashes = silences = True
 
     def strike(self, vehicle: EmulatedVehicle) -> None:
         """Fall."""
@@ -47,6 +47,8 @@ class Crash(VehicleFault):
 @register_fault("freeze")
 class Freeze(VehicleFault):
     """Its autopilot hangs, and it flies on by its last setpoint."""
+
+    silences = True
 
     def strike(self, vehicle: EmulatedVehicle) -> None:
         """Hang."""
