@@ -66,6 +66,8 @@ class LinkProcesses:
         return {"vehicle": vehicle_name(vehicle), "uplink": uplink, "random": random, "ground_m": self._ground_m}
 
     def _ground_m(self, north_m: float, east_m: float) -> float:
+        if self._scenario.terrain is None:
+            return 0.0
         return float(self._scenario.ground.height(np.array([north_m]), np.array([east_m]))[0])
 
     def _carry(

@@ -40,10 +40,10 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def keys(**more: Any) -> dict[str, Any]:
     return {
         "name": "own",
-        "duration_s": 12,
+        "duration_s": 6,
         "vehicles": [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3}],
-        "start": {"in_air": True, "run_in_s": 4},
-        "finish": {"loiter_s": 1},
+        "start": {"in_air": True, "run_in_s": 7},
+        "finish": {"loiter_s": 0.5},
         "formation": {"shape": "arrow", "spacing_m": 30},
         "path": {"waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]},
         **more,
@@ -61,8 +61,8 @@ ALL: dict[str, Any] = {
         },
     ],
     "links": {"default": {"process": "radio", "parameters": {"range_m": 2000}}, "station_m": [0, 0, 3]},
-    "disturbances": [{"kind": "thermal", "at_s": 1, "until_s": 6, "parameters": {"north_m": 60, "up_mps": 1.0}}],
-    "faults": [{"kind": "icing", "at_s": 2, "until_s": 5, "vehicles": [3]}],
+    "disturbances": [{"kind": "thermal", "at_s": 1, "until_s": 5, "parameters": {"north_m": 60, "up_mps": 1.0}}],
+    "faults": [{"kind": "icing", "at_s": 2, "until_s": 4, "vehicles": [3]}],
 }
 
 
@@ -178,12 +178,12 @@ FAILING: dict[str, tuple[str, dict[str, Any]]] = {
     "fault": (
         "@register_fault('it')\nclass It(VehicleFault):\n    def measure(self, measured, time_s):\n"
         "        return measured._replace(north_m={})\n",
-        {"faults": [{"kind": "it", "at_s": 1}]},
+        {"faults": [{"kind": "it", "at_s": 0}]},
     ),
     "disturbance": (
         "@register_disturbance('it')\nclass It(AirDisturbance):\n    def velocity_mps(self, at):\n"
         "        return 0, {}, 0\n",
-        {"disturbances": [{"kind": "it", "at_s": 1}]},
+        {"disturbances": [{"kind": "it", "at_s": 0}]},
     ),
     "navigation source": (
         "@register_navigation('it')\nclass It(NavigationSource):\n    def measure(self, true, time_s):\n"
@@ -200,8 +200,9 @@ FAILING: dict[str, tuple[str, dict[str, Any]]] = {
 
 def failure(tmp_path: Path, code: str, more: dict[str, Any]) -> str:
     (tmp_path / "own.py").write_text(HEAD + code, encoding="utf-8")
+    two = {"vehicles": [{"id": 1, "role": "leader"}, {"id": 2}], "formation": {"shape": "follower"}}
     with pytest.raises(gcs_formation.RunAbortedError) as failed:
-        flown(tmp_path / "run", tmp_path / "own.py", **more)
+        flown(tmp_path / "run", tmp_path / "own.py", **two | more)
     return str(failed.value)
 
 
@@ -214,12 +215,11 @@ def test_an_error_of_one_ends_the_flight_with_its_file_and_line(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FAILING if kind != "emulated family"])
-@pytest.mark.parametrize("value", ["float('nan')", "float('inf')"])
-def test_what_is_not_finite_ends_the_flight(kind, value, tmp_path):
+def test_what_is_not_finite_ends_the_flight(kind, tmp_path):
     code, more = FAILING[kind]
-    said = failure(tmp_path, code.format(value), more)
+    said = failure(tmp_path, code.format("float('nan')"), more)
     assert f"the {kind} 'it' failed: " in said
-    assert value[7:10] in said
+    assert "nan" in said
     assert f"{tmp_path / 'own.py'}:4" in said
 
 
@@ -320,6 +320,6 @@ def test_the_schema_has_their_names_and_keys(own):
 
 def test_stress_draws_the_faults_of_extensions(own):
     registry = load_extensions([own])
-    drawn = {fault.kind for seed in range(1, 60) for fault in draw(seed, registry=registry).faults}
+    drawn = {fault.kind for seed in range(1, 25) for fault in draw(seed, registry=registry).faults}
     assert "icing" in drawn
     assert drawn & {"crash", "freeze", "restart", "ignore", "pilot"}
