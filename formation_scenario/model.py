@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from math import hypot, radians
 from pathlib import Path
@@ -19,7 +19,19 @@ from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.expectation import Expectation
-from formation_scenario.extensions import LAW_KINDS, METRIC, SWITCHED, Registered, Registry
+from formation_scenario.extensions import (
+    AIRCRAFT,
+    DISTURBANCE,
+    EMULATED_FAMILY,
+    FAULT,
+    LAW_KINDS,
+    LINK,
+    METRIC,
+    NAVIGATION,
+    SWITCHED,
+    Registered,
+    Registry,
+)
 from formation_scenario.fields import (
     MOST_ENTRIES,
     WHOLE,
@@ -251,12 +263,42 @@ class Scenario(Keys):
 
     @property
     def used_extensions(self) -> tuple[Registered, ...]:
-        """What it uses of them: its law, what `extensions` names, and metrics in `expect`."""
+        """What it uses of them, each once."""
         known = self._registered
+        if not known:
+            return ()
         named = [known.get(self.law.type, *LAW_KINDS)]
         named += [known.get(name, *SWITCHED, METRIC) for name in self.extensions]
         named += [known.get(each.metric, METRIC) for each in self.expect]
+        named += self._used_by_emulators()
         return tuple(dict.fromkeys(each for each in named if each is not None))
+
+    def crashes(self, fault: Fault) -> bool:
+        """Return whether a fault crashes vehicles."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind == "crash" if own is None else bool(own.made.crashes)
+
+    def silences(self, fault: Fault) -> bool:
+        """Return whether vehicles send nothing while a fault lasts."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind in {"crash", "freeze"} if own is None else bool(own.made.crashes or own.made.silences)
+
+    def _used_by_emulators(self) -> Iterator[Registered | None]:
+        """Yield what links, faults, the air and vehicles use of the extensions; None for each that is ours."""
+        known, acts = self._registered, [act for _, act in self.scripted]
+        for group in (self.links.default, self.links, *self.links.changes, *(act.link for act in acts)):
+            for patch in (group, getattr(group, "uplink", None), getattr(group, "downlink", None)):
+                yield known.get(getattr(patch, "process", None), LINK)
+        faults = (*self.faults, *(act.fault for act in acts if act.fault is not None))
+        yield from (known.get(each.kind, FAULT) for each in faults)
+        air = (*self.disturbances, *(act.disturbance for act in acts if act.disturbance is not None))
+        yield from (known.get(each.kind, DISTURBANCE) for each in air)
+        for vehicle in self.vehicles:
+            for navigation in (vehicle.navigation, vehicle.true_navigation):
+                yield known.get(None if navigation is None else navigation.source, NAVIGATION)
+            for model in (vehicle.model, vehicle.true_model):
+                yield known.get(None if model is None else model.aircraft, AIRCRAFT)
+            yield known.get(vehicle.own_family, EMULATED_FAMILY)
 
     @cached_property
     def ground(self) -> Ground:

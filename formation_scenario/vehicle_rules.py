@@ -9,11 +9,12 @@ import numpy as np
 from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.energy import steepest_climb_mps
+from formation_scenario.extensions import EMULATED_FAMILY
 from formation_scenario.fields import VehicleRef
 from formation_scenario.formation import LAW_TYPES, Formation, FormationChange
 from formation_scenario.model import Scenario
 from formation_scenario.orders import parse_order
-from formation_scenario.source import Finding, KeyPath
+from formation_scenario.source import Finding, KeyPath, show
 from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
 
 LEAST_FLYING_MPS = 1e-3
@@ -108,6 +109,15 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
     if scenario.law.type == "consensus":
         others = ", ".join(law for law in LAW_TYPES if law != "consensus")
         yield ("law", "type"), "found consensus of vehicles that hover", others
+
+
+def emulators(scenario: Scenario) -> Iterator[Finding]:
+    """Yield emulated families of extensions in place of a family that they aren't like."""
+    for index, vehicle in enumerate(scenario.vehicles):
+        entry = scenario.registered.get(vehicle.own_family, EMULATED_FAMILY)
+        if entry is not None and entry.made.emulates != family_of(vehicle):
+            found = f"found {show(entry.name)}, which emulates {entry.made.emulates}"
+            yield ("vehicles", index, "emulator", "family"), found, f"one that emulates {family_of(vehicle)}"
 
 
 def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias, get_args
 
 from pydantic import Field
 
@@ -13,6 +13,7 @@ from flight_model.autopilot_model import AutopilotModel
 from flight_model.energy import AirframeParameters
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
+    OF_AN_EXTENSION,
     WHOLE,
     Allowed,
     Flag,
@@ -21,6 +22,8 @@ from formation_scenario.fields import (
     NetworkId,
     NonNegative,
     Number,
+    Open,
+    OwnKeys,
     Positive,
     Speed,
     SystemId,
@@ -38,6 +41,7 @@ MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
 Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
 Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
+FAMILIES: Final[tuple[str, ...]] = get_args(Family)
 Count = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
@@ -146,6 +150,10 @@ class VehicleModel(Keys):
         None,
         "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",
     )
+    aircraft: Text | None = key(
+        None, "the aircraft of an extension that has the keys that aren't given here", "skywalker"
+    )
+    parameters: OwnKeys | None = key(None, f"beside aircraft: {OF_AN_EXTENSION}", {})
 
     def autopilot(self) -> AutopilotModel:
         """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
@@ -184,6 +192,13 @@ class VehicleClock(Keys):
     utc_error_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = key(0.0, "error of its receiver's UTC, s", 0.05)
 
 
+class OwnEmulator(Keys):
+    """An emulated autopilot that an extension registers, in place of the family's own."""
+
+    family: Annotated[str, Open("a family that an extension registers")] = key(..., "its name", "ours")
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 class VehicleCommon(Keys):
     """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
@@ -212,6 +227,12 @@ class VehicleCommon(Keys):
         derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()
+    emulator: OwnEmulator | None = key(None, "emulators only: the autopilot to emulate, of an extension")
+
+    @property
+    def own_family(self) -> str | None:
+        """The emulated family of an extension; None: the one of its `autopilot` and `model`."""
+        return None if self.emulator is None else self.emulator.family
 
 
 class VehicleIdentity(Keys):

@@ -15,6 +15,7 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario, ScenarioError
 from formation_scenario.error_messages import problems_of
+from formation_scenario.extension_keys import IN_ACTS, with_parameters
 from formation_scenario.fields import refused
 from formation_scenario.orders import Answer, OrderError, parse_order
 from formation_scenario.rules import refused_act
@@ -300,7 +301,7 @@ class Flight:
         """Inject a fault into emulated vehicles now: `freeze`, `crash` and all kinds of `faults`.
 
         Args:
-            kind: the kind of fault.
+            kind: the kind of fault; one that an extension registers has its own keys in `parameters`.
             vehicle: whose: an id, a list of ids, or "all".
             for_s: how long it lasts, s; default: for good, if its kind may last.
             **keys: further keys of `faults`.
@@ -317,7 +318,7 @@ class Flight:
         """Add a velocity to the air at emulated vehicles from now on, by the keys of `disturbances`.
 
         Args:
-            kind: `step`, `ramp`, `sine` or `dryden`.
+            kind: `step`, `ramp`, `sine` or `dryden`, or one that an extension registers, with `parameters`.
             vehicle: whose: an id, a list of ids, or "all".
             for_s: how long it acts, s; default: to the end.
             **keys: `velocity_mps` and the kind's further keys.
@@ -349,11 +350,14 @@ class Flight:
 
     def _act(self, keys: dict[str, Any]) -> ScriptedOrder:
         """Return what the program does, checked as the scenario's keys are."""
-        data = plain_mapping({"at_tick": 0} | keys)
+        given = Source(None, plain_mapping({"at_tick": 0} | keys))
+        source, problems = with_parameters(given, self._scenario.registered, IN_ACTS)
         try:
-            act = ScriptedOrder.model_validate(data)
+            act = ScriptedOrder.model_validate(source.data)
         except ValidationError as error:
-            raise ScenarioError(problems_of(error, ScriptedOrder, Source(None, data))) from error
+            raise ScenarioError([*problems, *problems_of(error, ScriptedOrder, source)]) from error
+        if problems:
+            raise ScenarioError(problems)
         wrong = refused_act(self._scenario, act)
         if wrong:
             path, found, allowed = wrong[0]

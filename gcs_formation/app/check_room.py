@@ -29,7 +29,7 @@ from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
-from formation_scenario.surroundings import DrydenTurbulence
+from formation_scenario.surroundings import DrydenTurbulence, OwnDisturbance
 from gcs_formation.app.loop_delays import ways_s
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
@@ -110,7 +110,7 @@ def gusts_mps(scenario: Scenario) -> float:
     for each in scenario.disturbances:
         if isinstance(each, DrydenTurbulence):
             found.append(_dryden_mps(each, height_m))
-        elif each.vehicles != "all":
+        elif each.vehicles != "all" and not isinstance(each, OwnDisturbance):
             found.append(math.hypot(*each.velocity_mps[:2]))
     return max(found)
 

@@ -49,7 +49,7 @@ class Script:
         self._moments: list[Moment] = []
         self._done: list[tuple[Instant, ScriptedOrder]] = []
         self._new: list[ScriptedOrder] = []
-        self._lasting = set[tuple[str, str | None, VehicleId]]()
+        self._lasting = set[tuple[str, str, VehicleId]]()
         """Faults that were injected for good, of each vehicle."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
@@ -138,7 +138,7 @@ class Script:
             self._lasting.clear()
         if fault.kind == "restart" or fault.at_s > 0.0 or fault.until_s is not None:
             return False
-        lasting = {(fault.kind, fault.mode, vehicle) for vehicle in hit}
+        lasting = {(fault.kind, str(fault.own_keys), vehicle) for vehicle in hit}
         known = lasting <= self._lasting
         self._lasting |= lasting
         return known

@@ -9,34 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel
-
+from formation_scenario.register import Extension
 from gcs_formation.control.plain_values import FollowerSlot
 from gcs_formation.extend.cycle import Cycle
 from gcs_formation.extend.flight_window import FlightWindow
 from gcs_formation.recorder import Event
 
 Triple = tuple[float, float, float]
-
-
-class Extension:
-    """What all kinds have in common: their keys, and a moment at which to begin."""
-
-    class Keys(BaseModel):
-        """The extension's own keys; without any here."""
-
-    keys: Any
-    """The keys of this instance, a `Keys`, with defaults filled in."""
-
-    def __init__(self, keys: BaseModel) -> None:
-        """Take the keys, which have been checked."""
-        self.keys = keys
-        self.begin()
-
-    def begin(self) -> None:
-        """Prepare what is needed between calls; `self.keys` is there."""
 
 
 class FollowerLaw(Extension, ABC):

@@ -228,7 +228,7 @@ def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, 
 
 def crash_planned_s(scenario: Scenario, vehicle: VehicleId) -> float:
     """Return the mission time at which the scenario's faults crash a vehicle; infinity if they don't."""
-    crashes = (fault for fault in scenario.faults if fault.kind == "crash")
+    crashes = (fault for fault in scenario.faults if scenario.crashes(fault))
     hits = ((each.at_s, scenario.selected(each.vehicles)) for each in crashes)
     return min((at_s for at_s, hit in hits if vehicle in {each.vehicle_id for each in hit}), default=math.inf)
 

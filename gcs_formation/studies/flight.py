@@ -57,7 +57,7 @@ class Task:
         keys = dict(study.set)
         for name, value in self.planned.parameters.items():
             keys |= cases[name][value] if name in cases else {name: value}
-        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random])
+        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random], study.registered)
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
         return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
