@@ -273,8 +273,8 @@ class Session:
             summary = self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
-        if course.failure is not None:
-            raise RunAbortedError(course.failure + self._hurry())
+        if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
+            raise RunAbortedError(summary.figures["failure"] + self._hurry())
         return summary
 
     def _opened_sinks(self) -> Sinks | None:
