@@ -16,6 +16,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
@@ -202,7 +203,7 @@ class Station(Engine):
         """Watch what changes slowly, once a second."""
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
-        self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
+        self._watch_margins(now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         if self.flight.phase not in OVER and not self.flight.ended:
@@ -211,6 +212,13 @@ class Station(Engine):
                 self.course.fail(all_down, now)
         self._flood.watch(now, self.received(), self.frames_refused)
         self._pilots_and_fence.watch(now)
+
+    def _watch_margins(self, now: Instant) -> None:
+        """Watch delay margins; a law that fails to state its own has failed."""
+        try:
+            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
+        except NotFiniteError as error:
+            self.controller.fault = self.controller.fault or error
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS

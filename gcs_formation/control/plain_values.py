@@ -46,6 +46,23 @@ class FollowerSlot(NamedTuple):
     """Lowest and highest speed that it can be commanded."""
 
 
+class FollowerModel(NamedTuple):
+    """A planned follower, for the delay margins of a law's loops around it."""
+
+    id: int | str
+    tau_v_s: float
+    """Time constants of model (7): airspeed, heading, and the two of height."""
+    tau_psi_s: float
+    tau_ha_s: float
+    tau_hb_s: float
+    hovers: bool
+    """Whether it is commanded by velocity over ground."""
+    speed_mps: float
+    """The path's airspeed at its start."""
+    slots_m: tuple[Triple, ...]
+    """Its slots during the run: forward, right and up of the leader."""
+
+
 def plain_state(state: FlightState) -> State:
     """Return a state as plain values, which can be changed without an effect."""
     return State(

@@ -25,7 +25,7 @@ from formation_scenario.simulated import (
     register_link_process,
     register_navigation,
 )
-from gcs_formation.control.plain_values import FollowerSlot, Setpoint, State
+from gcs_formation.control.plain_values import FollowerModel, FollowerSlot, Setpoint, State
 from gcs_formation.extend.base import FollowerLaw, FormationLaw, Metric, Monitor, Recorder, SetpointFilter
 from gcs_formation.extend.cycle import Cycle, Vehicle
 from gcs_formation.extend.flight_window import FlightWindow
@@ -50,6 +50,7 @@ __all__ = [
     "Extension",
     "FlightWindow",
     "FollowerLaw",
+    "FollowerModel",
     "FollowerSlot",
     "FormationLaw",
     "LinkProcess",

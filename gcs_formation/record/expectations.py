@@ -106,8 +106,10 @@ def judge(
                 yield as_answered(link_verdict(verdict, link, end_s, out=out), link)
         else:
             own = each.metric not in METRICS
-            yield _of_extension(plain, scenario, flight) if own else weighed(
-                replace(plain, value=_run_value(each, flight, parts))
+            yield (
+                _of_extension(plain, scenario, flight)
+                if own
+                else weighed(replace(plain, value=_run_value(each, flight, parts)))
             )
 
 

@@ -214,7 +214,9 @@ def test_a_metric_that_raises_leaves_a_summary_of_the_flight_with_the_other_figu
         flown(tmp_path, file, expect=expect)
     summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
     assert summary["failure"] == str(failed.value)
-    assert f"the metric 'it' could not be computed: ZeroDivisionError: division by zero ({file}, line 6)" in str(failed.value)
+    assert f"the metric 'it' could not be computed: ZeroDivisionError: division by zero ({file}, line 6)" in str(
+        failed.value
+    )
     own_figure, *others = summary["expect"]
     assert (own_figure["held"], own_figure["judged"], own_figure["value"]) == (None, False, None)
     assert "line 6" in own_figure["reason"]
