@@ -39,7 +39,7 @@ from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.extend.in_flight import on_ticks
+from gcs_formation.extend.in_flight import OnTicks, on_ticks
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
@@ -111,6 +111,12 @@ class FormationController:
         if self._outside is not None:
             self._outside.forget()
         self._leader_commands.forget()
+
+    def outside(self, scenario: Scenario) -> OnTicks:
+        """Return what changes and watches ticks from outside, from now on also if the scenario names nothing."""
+        if self._outside is None:
+            self._outside = OnTicks(scenario, self.models)
+        return self._outside
 
     def retune(self, scenario: Scenario) -> None:
         """Use another scenario's gains and filters from now on."""
