@@ -29,6 +29,7 @@ from formation_scenario.extensions import (
 from formation_scenario.fields import Problem, did_you_mean
 from formation_scenario.formation import LAW_TYPES
 from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, plain_mapping, show
 from formation_scenario.surroundings import DISTURBANCES
 
@@ -46,6 +47,8 @@ class Named(NamedTuple):
     usual: str | None = None
     """What is meant where no word is given; None: nothing."""
     called: str = "a name"
+    inherits: bool = False
+    """Whether keys that aren't given are those of an earlier group, instead of the defaults."""
 
 
 EACH = "*"
@@ -58,6 +61,8 @@ IN_ACTS = (
 """What a program does to a flight."""
 IN_SCENARIOS = (
     Named(("law",), "type", LAW_KINDS, LAW_TYPES[0], "a law"),
+    Named(("formation",), "shape", (SHAPE,), "diamond", "a shape"),
+    Named(("formation", "changes", EACH), "shape", (SHAPE,), None, "a shape", inherits=True),
     *(
         Named((*group, *way), "process", (LINK,))
         for group in (("links", "default"), ("links",), ("links", "changes", EACH))
@@ -119,6 +124,8 @@ def _with_own(
     if chosen is not None and not isinstance(chosen, str):
         return group
     entry, ours = registry.get(chosen, *named.kinds), OURS[named.kinds[0]]
+    if entry is not None and given is None and named.inherits:
+        return group
     if entry is not None:
         return group | {"parameters": own_keys(entry, given, (*path, "parameters"), source, problems)}
     if chosen is not None and chosen not in ours:

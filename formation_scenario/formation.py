@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from formation_scenario import shapes
 from formation_scenario.fields import (
     MAX_NEAR_M,
+    OF_AN_EXTENSION,
     Allowed,
     AtMost,
     Flag,
@@ -19,13 +21,19 @@ from formation_scenario.fields import (
     Number,
     Offset,
     Open,
+    OwnKeys,
     Positive,
     Rate,
     VehicleRef,
     key,
 )
+from formation_scenario.register import marks_of
 
-Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle", "custom"]
+CUSTOM: Final = "custom"
+"""The shape whose slots are keys."""
+SHAPE_NAMES: Final = (*(mark.name for mark in marks_of(shapes)), CUSTOM)
+"""The shapes of `formation_scenario.shapes`, and that of `slots_m`; others come from extensions."""
+ShapeName = Annotated[str, Open(", ".join(SHAPE_NAMES), SHAPE_NAMES)]
 Frame = Literal["leader_heading", "follower_heading"]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
@@ -53,7 +61,10 @@ class FormationChange(Keys):
     """Another shape, spacing or leader, from a time on."""
 
     at_s: NonNegative = key(..., "when the change begins, s", 60)
-    shape: Shape | None = key(None, "the new shape", "square", derived="the one before")
+    shape: ShapeName | None = key(None, "the new shape", "square", derived="the one before")
+    parameters: OwnKeys | None = key(
+        None, f"beside shape: {OF_AN_EXTENSION}", {}, derived="those before, else the formation's, for that shape"
+    )
     spacing_m: Spacing | None = key(
         None, "the new spacing, m", 50, derived="with a shape formation.spacing_m, else the one before"
     )
@@ -66,7 +77,10 @@ class FormationChange(Keys):
 class Formation(Keys):
     """Where each follower is to be."""
 
-    shape: Shape = key("diamond", "the shape at the start", "arrow")
+    shape: ShapeName = key(
+        "diamond", "the shape at the start: one of these, or one that an extension registers", "arrow"
+    )
+    parameters: OwnKeys | None = key(None, f"beside shape: {OF_AN_EXTENSION}", {})
     spacing_m: Spacing = key(30.0, "unit of the shape, m; no two slots are nearer", 40)
     frame: Frame = key("leader_heading", "frame of the slots and of the errors")
     slots_m: Slots | None = key(

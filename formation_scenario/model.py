@@ -50,10 +50,11 @@ from formation_scenario.fields import (
 )
 from formation_scenario.formation import Formation, Law
 from formation_scenario.links import Links, LinkStep, link_steps
-from formation_scenario.orders import PlannedOrder
+from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
+from formation_scenario.shapes import SHAPE
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
@@ -269,6 +270,7 @@ class Scenario(Keys):
         named = [known.get(self.law.type, *LAW_KINDS)]
         named += [known.get(name, *SWITCHED, METRIC) for name in self.extensions]
         named += [known.get(each.metric, METRIC) for each in self.expect]
+        named += [known.get(name, SHAPE) for name in self._shapes()]
         named += self._used_by_emulators()
         return tuple(dict.fromkeys(each for each in named if each is not None))
 
@@ -281,6 +283,14 @@ class Scenario(Keys):
         """Return whether vehicles send nothing while a fault lasts."""
         own = self._registered.get(fault.kind, FAULT)
         return fault.kind in {"crash", "freeze"} if own is None else bool(own.made.crashes or own.made.silences)
+
+    def _shapes(self) -> Iterator[str | None]:
+        """Yield the names of the formation's shapes: at the start, planned, and ordered."""
+        yield self.formation.shape
+        yield from (change.shape for change in self.formation.changes)
+        texts = [order.order for _, order in self.timed_orders] + [act.order for _, act in self.scripted]
+        changes = (read_order(text).change for text in texts if text is not None)
+        yield from (change.shape for change in changes if change is not None)
 
     def _used_by_emulators(self) -> Iterator[Registered | None]:
         """Yield what links, faults, the air and vehicles use of the extensions; None for each that is ours."""

@@ -33,8 +33,9 @@ from formation_scenario.extensions import (
     Registry,
 )
 from formation_scenario.fields import DERIVED
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, SHAPE_NAMES
 from formation_scenario.model import Fleet, Scenario
+from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Dumper, Plain, show
 from formation_scenario.vehicles import VehicleGroup
 
@@ -45,6 +46,7 @@ NULL = {"type": "null"}
 LINK_GROUPS = ("Impairment", "ImpairmentPatch", "DefaultLink", "LinkChange", "ScriptedLink")
 NAMED: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (
     ("Law", "type", LAW_KINDS, LAW_TYPES),
+    *((name, "shape", (SHAPE,), SHAPE_NAMES) for name in ("Formation", "FormationChange")),
     *((name, "process", (LINK,), OURS[LINK]) for name in LINK_GROUPS),
     *((name, "kind", (FAULT,), OURS[FAULT]) for name in ("Fault", "ScriptedFault")),
     ("OwnDisturbance", "kind", (DISTURBANCE,), ()),

@@ -21,6 +21,7 @@ from formation_scenario.fields import refused
 from formation_scenario.orders import Answer, OrderError, parse_order
 from formation_scenario.rules import refused_act
 from formation_scenario.scripted import ScriptedOrder
+from formation_scenario.shapes import SHAPE
 from formation_scenario.slot_assignment import column_ids, column_of
 from formation_scenario.source import Source, plain_mapping
 from gcs_formation.app.operator_at_terminal import ClockName
@@ -246,7 +247,7 @@ class Flight:
         Raises:
             OrderError: the text isn't an order, or it is refused; the message says why.
         """
-        parse_order(order)
+        parse_order(order, shapes=self._scenario.registered.names(SHAPE))
         answer = self._do({"order": order})
         if not answer.accepted:
             raise OrderError(answer.text)

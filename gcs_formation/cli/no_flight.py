@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from airlink.cli import Status, examples, fail, say
-from formation_scenario.orders import OrderError, parse_order
+from formation_scenario.orders import OrderError, read_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.cli import OVERRIDES, PLUGINS
@@ -191,7 +191,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         if text == STATUS:
             text = f"{STATUS} {shutil.get_terminal_size().columns}"
         else:
-            parse_order(text, (STATUS,))
+            read_order(text, (STATUS,))
         answer = give_order(run_dir, text)
     except OrderError as error:
         fail(str(error))

@@ -7,6 +7,7 @@ names it. docs/own-law.md is the tutorial, docs/extensions.md says when each is 
 from __future__ import annotations
 
 from formation_scenario.register import Extension
+from formation_scenario.shapes import Shape, register_shape
 from formation_scenario.simulated import (
     Aircraft,
     AirDisturbance,
@@ -62,6 +63,7 @@ __all__ = [
     "Recorder",
     "Setpoint",
     "SetpointFilter",
+    "Shape",
     "State",
     "Vehicle",
     "VehicleFault",
@@ -77,4 +79,5 @@ __all__ = [
     "register_monitor",
     "register_navigation",
     "register_recorder",
+    "register_shape",
 ]
