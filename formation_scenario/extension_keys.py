@@ -14,24 +14,30 @@ from formation_scenario import extensions
 from formation_scenario.error_messages import bare, is_group, problems_of
 from formation_scenario.expectation import METRICS
 from formation_scenario.extensions import (
+    AUTOPILOT,
+    DELAY_ESTIMATOR,
     DISTURBANCE,
     EMULATED_FAMILY,
     FAULT,
+    GUIDANCE,
     LAW_KINDS,
     LINK,
     METRIC,
     NAVIGATION,
     OURS,
+    PREDICTOR,
     SWITCHED,
     Registered,
     Registry,
 )
 from formation_scenario.fields import Problem, did_you_mean
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS
 from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.path_plan import GUIDANCES
 from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, plain_mapping, show
 from formation_scenario.surroundings import DISTURBANCES
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS
 
 OWN_WORDS = ("value_error", "assertion_error")
 """pydantic's errors of a model's own validators, whose words say what is allowed."""
@@ -61,6 +67,10 @@ IN_ACTS = (
 """What a program does to a flight."""
 IN_SCENARIOS = (
     Named(("law",), "type", LAW_KINDS, LAW_TYPES[0], "a law"),
+    Named(("law", "predictor"), "type", (PREDICTOR,), PREDICTORS[0], "a predictor"),
+    Named(("path", "guidance"), "type", (GUIDANCE,), GUIDANCES[0], "a guidance"),
+    Named(("telemetry",), "clock", (DELAY_ESTIMATOR,), CLOCKS[0], "an estimator"),
+    Named(("vehicles", EACH), "autopilot", (AUTOPILOT,), AUTOPILOTS[0], "a family"),
     Named(("formation",), "shape", (SHAPE,), "diamond", "a shape"),
     Named(("formation", "changes", EACH), "shape", (SHAPE,), None, "a shape", inherits=True),
     *(

@@ -24,14 +24,15 @@ from pydantic import BaseModel
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.formation import LAW_TYPES, SHAPE_NAMES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
 from formation_scenario.links import NO_PROCESS
 from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.path_plan import GUIDANCES
 from formation_scenario.register import MARKS, marks_of
 from formation_scenario.shapes import SHAPE
 from formation_scenario.shipped_aircraft import shipped_names
 from formation_scenario.surroundings import DISTURBANCES, FAULTS
-from formation_scenario.vehicles import FAMILIES
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, FAMILIES
 
 GROUP = "gcs_formation.extensions"
 """The group of entry points of installed packages."""
@@ -54,6 +55,7 @@ LINK, FAULT, DISTURBANCE, AIRCRAFT, EMULATED_FAMILY, NAVIGATION = (
     "emulated family",
     "navigation source",
 )
+PREDICTOR, DELAY_ESTIMATOR, GUIDANCE, AUTOPILOT = "predictor", "delay estimator", "guidance", "autopilot family"
 LAW_KINDS = LAW, FORMATION_LAW
 """Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
 SWITCHED = FILTER, MONITOR, RECORDER
@@ -62,6 +64,10 @@ OURS: Mapping[str, tuple[str, ...]] = {
     LAW: LAW_TYPES,
     METRIC: tuple(METRICS),
     SHAPE: SHAPE_NAMES,
+    PREDICTOR: PREDICTORS,
+    DELAY_ESTIMATOR: CLOCKS,
+    GUIDANCE: GUIDANCES,
+    AUTOPILOT: AUTOPILOTS,
     LINK: (NO_PROCESS,),
     FAULT: FAULTS,
     DISTURBANCE: DISTURBANCES,

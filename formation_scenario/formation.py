@@ -52,6 +52,9 @@ RuleTable = Annotated[
 LAW_TYPES = "fuzzy_pid", "pid", "consensus"
 """The laws of `gcs_formation.control.laws`; others come from extensions."""
 LawType = Annotated[str, Open(", ".join(LAW_TYPES), LAW_TYPES)]
+PREDICTORS: Final = ("model",)
+"""The predictors of `gcs_formation.control.predictors`; others come from extensions."""
+PredictorType = Annotated[str, Open(", ".join(PREDICTORS), PREDICTORS)]
 OF_THE_SET = "of the set that law.gains names"
 K1, K2, K3 = 0.1, 0.6, 0.25
 """Gains of the consensus protocol for vehicles that fly by equation (7)."""
@@ -193,12 +196,24 @@ class Consensus(Keys):
     )
 
 
+class OwnPredictor(Keys):
+    """What predicts the states over the links' delays."""
+
+    type: PredictorType = key(
+        PREDICTORS[0],
+        "model: equation (7) through the setpoints in flight; or one that an extension registers",
+        "smith",
+    )
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 class Law(Keys):
     """The control law and its parameters."""
 
     type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
+    predictor: OwnPredictor | None = key(None, "with delay_compensation: by what they are predicted")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
     on_delay: Literal["degrade", "hold", "warn"] = key(
         "warn",

@@ -13,6 +13,7 @@ from flight_model.fence_geometry import Flyers, LapFence
 from flight_model.path_lift_and_displacement import Bounds
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.extensions import DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
 from formation_scenario.model import Wind
@@ -22,6 +23,8 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
 from gcs_formation.control.laws import law_kind
+from gcs_formation.control.own_guidance import OwnGuidance
+from gcs_formation.control.own_predictor import OwnPrediction
 from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
@@ -31,6 +34,7 @@ from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 from gcs_formation.guidance.tracking import LEAST_MPS
 from gcs_formation.link.link_health import Connection
+from gcs_formation.link.own_delays import OwnDelays
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import GAP_S
@@ -78,8 +82,17 @@ def as_known(scenario: Scenario) -> Scenario:
 def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
-        return Prediction(history, models, scenario.telemetry.rate_hz).take
+        return _predictor(scenario, history, models)
     return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
+
+
+def _predictor(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
+    """Return what predicts the states over the links' delays: by equation (7), or by an extension."""
+    chosen = scenario.law.predictor
+    entry = None if chosen is None else scenario.registered.get(chosen.type, PREDICTOR)
+    if chosen is None or entry is None:
+        return Prediction(history, models, scenario.telemetry.rate_hz).take
+    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
@@ -145,6 +158,19 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         settle_s=settle_s(scenario),
         fence=_lap_fence(scenario),
     )
+
+
+def own_guidance(scenario: Scenario) -> OwnGuidance | None:
+    """Return the leader's guidance from outside; None if our own steers it.
+
+    Raises:
+        RunAbortedError: it can't begin.
+    """
+    chosen = scenario.path.guidance
+    entry = None if chosen is None else scenario.registered.get(chosen.type, GUIDANCE)
+    if chosen is None or entry is None:
+        return None
+    return OwnGuidance(entry, chosen.parameters or {}, 1.0 / scenario.law.rate_hz)
 
 
 def slot_clearance(scenario: Scenario) -> SlotClearance | None:
@@ -240,7 +266,7 @@ def _vehicle(
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
-    return Vehicle(
+    vehicle = Vehicle(
         planned.vehicle_id,
         column,
         autopilot,
@@ -250,3 +276,7 @@ def _vehicle(
         airspeed_check=check,
         setpoint_gap_s=max(GAP_S, GAP_TICKS / scenario.law.rate_hz),
     )
+    entry = scenario.registered.get(telemetry.clock, DELAY_ESTIMATOR)
+    if entry is not None:
+        vehicle.round_trips.own = OwnDelays(entry, telemetry.parameters or {}, planned.vehicle_id)
+    return vehicle

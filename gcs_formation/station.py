@@ -203,7 +203,7 @@ class Station(Engine):
         """Watch what changes slowly, once a second."""
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
-        self._watch_margins(now)
+        self._watch_delays(now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         if self.flight.phase not in OVER and not self.flight.ended:
@@ -213,8 +213,12 @@ class Station(Engine):
         self._flood.watch(now, self.received(), self.frames_refused)
         self._pilots_and_fence.watch(now)
 
-    def _watch_margins(self, now: Instant) -> None:
-        """Watch delay margins; a law that fails to state its own has failed."""
+    def _watch_delays(self, now: Instant) -> None:
+        """Watch delays and their margins; what fails to estimate them, or to state its own, has failed."""
+        for each in self._each:
+            own = each.round_trips.own
+            if own is not None and own.failure is not None:
+                self.controller.fault = self.controller.fault or own.failure
         try:
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
         except NotFiniteError as error:

@@ -375,7 +375,7 @@ class Session:
         vehicle.end_silence(min(self._ended, due))
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
-        if not self._keeps_utc:
+        if not self._keeps_utc and vehicle.round_trips.own is None:
             probes[:, 2:] = np.nan  # a UTC error that all vehicles share would show up in the split
         return LinkFigures(
             delays_s=probes[:, 1:],

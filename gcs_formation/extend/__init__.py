@@ -26,7 +26,16 @@ from formation_scenario.simulated import (
     register_link_process,
     register_navigation,
 )
-from gcs_formation.control.plain_values import FollowerModel, FollowerSlot, Setpoint, State
+from gcs_formation.control.plain_values import (
+    FollowerModel,
+    FollowerSlot,
+    GuidedLeader,
+    MeasuredVehicle,
+    RoundTrip,
+    RoutePoint,
+    Setpoint,
+    State,
+)
 from gcs_formation.extend.base import FollowerLaw, FormationLaw, Metric, Monitor, Recorder, SetpointFilter
 from gcs_formation.extend.cycle import Cycle, Vehicle
 from gcs_formation.extend.flight_window import FlightWindow
@@ -38,6 +47,14 @@ from gcs_formation.extend.register import (
     register_monitor,
     register_recorder,
 )
+from gcs_formation.extend.station_parts import (
+    DelayEstimator,
+    LeaderGuidance,
+    Predictor,
+    register_delay_estimator,
+    register_guidance,
+    register_predictor,
+)
 from gcs_formation.recorder import Event
 
 __all__ = [
@@ -46,6 +63,7 @@ __all__ = [
     "Aircraft",
     "Carried",
     "Cycle",
+    "DelayEstimator",
     "EmulatedVehicle",
     "Event",
     "Extension",
@@ -54,13 +72,19 @@ __all__ = [
     "FollowerModel",
     "FollowerSlot",
     "FormationLaw",
+    "GuidedLeader",
+    "LeaderGuidance",
     "LinkProcess",
     "Measured",
+    "MeasuredVehicle",
     "Metric",
     "Monitor",
     "NavigationSource",
     "Place",
+    "Predictor",
     "Recorder",
+    "RoundTrip",
+    "RoutePoint",
     "Setpoint",
     "SetpointFilter",
     "Shape",
@@ -68,16 +92,19 @@ __all__ = [
     "Vehicle",
     "VehicleFault",
     "register_aircraft",
+    "register_delay_estimator",
     "register_disturbance",
     "register_emulated_family",
     "register_fault",
     "register_filter",
     "register_formation_law",
+    "register_guidance",
     "register_law",
     "register_link_process",
     "register_metric",
     "register_monitor",
     "register_navigation",
+    "register_predictor",
     "register_recorder",
     "register_shape",
 ]
