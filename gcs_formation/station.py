@@ -203,7 +203,7 @@ class Station(Engine):
         """Watch what changes slowly, once a second."""
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
-        self._watch_delays(now)
+        self._watch_parts(now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         if self.flight.phase not in OVER and not self.flight.ended:
@@ -213,12 +213,13 @@ class Station(Engine):
         self._flood.watch(now, self.received(), self.frames_refused)
         self._pilots_and_fence.watch(now)
 
-    def _watch_delays(self, now: Instant) -> None:
-        """Watch delays and their margins; what fails to estimate them, or to state its own, has failed."""
+    def _watch_parts(self, now: Instant) -> None:
+        """Watch what vehicles have from outside, and delay margins, which a law may fail to state."""
         for each in self._each:
             own = each.round_trips.own
-            if own is not None and own.failure is not None:
-                self.controller.fault = self.controller.fault or own.failure
+            failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
+            if failure is not None:
+                self.course.fail_by(failure, now, begun=self.commands_anybody)
         try:
             self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
         except NotFiniteError as error:

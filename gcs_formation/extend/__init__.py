@@ -36,6 +36,7 @@ from gcs_formation.control.plain_values import (
     Setpoint,
     State,
 )
+from gcs_formation.extend.autopilots import Autopilot, register_autopilot
 from gcs_formation.extend.base import FollowerLaw, FormationLaw, Metric, Monitor, Recorder, SetpointFilter
 from gcs_formation.extend.cycle import Cycle, Vehicle
 from gcs_formation.extend.flight_window import FlightWindow
@@ -61,6 +62,7 @@ __all__ = [
     "AirDisturbance",
     "AirPoint",
     "Aircraft",
+    "Autopilot",
     "Carried",
     "Cycle",
     "DelayEstimator",
@@ -92,6 +94,7 @@ __all__ = [
     "Vehicle",
     "VehicleFault",
     "register_aircraft",
+    "register_autopilot",
     "register_delay_estimator",
     "register_disturbance",
     "register_emulated_family",

@@ -243,18 +243,20 @@ class Course:
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
 
-    def fail_by(self, fault: NotFiniteError, now: Instant) -> None:
+    def fail_by(self, fault: NotFiniteError, now: Instant, *, begun: bool = True) -> None:
         """End the run, once, because a part returned what isn't finite: which one, for which vehicle, and when."""
         if self.failure is not None:
             return
         mission_s = self.flight.mission_time_s(now)
-        begun = f"{seconds_between(Instant(0), now):.1f} s after the start"
-        when = begun if math.isnan(mission_s) else f"{mission_s:.1f} s"
+        since = f"{seconds_between(Instant(0), now):.1f} s after the start"
+        when = since if math.isnan(mission_s) else f"{mission_s:.1f} s"
         if fault.column is None:
-            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now)
+            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now, begun=begun)
         else:
             who = column_names(self._scenario)[fault.column]
-            self.fail(f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now)
+            self.fail(
+                f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now, begun=begun
+            )
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import yaml
 import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, OURS, PREDICTOR
-from tests.flights.own_files import EXAMPLES, HEAD, flown, keys, own, series
+from tests.flights.own_files import EXAMPLES, HEAD, events, flown, keys, own, series
 
 BENDS = {"waypoints_m": [[0, 0, 100], [600, 0, 100], [1200, 300, 108], [1800, 300, 108]]}
 LATE = {"default": {"delay_ms": 300}}
@@ -142,7 +143,7 @@ class It(LeaderGuidance):
     assert series(tmp_path, "true_height_m", "1").min() > 101.0, "ours would bring it back to 100 m"
 
 
-BROKEN = {
+BROKEN: dict[str, tuple[str, str, str, dict[str, Any]]] = {
     "predictor": ("predictor", "Predictor", "predict(self, *_)", {"law": {"predictor": {"type": "it"}}}),
     "delay estimator": ("delay_estimator", "DelayEstimator", "measure(self, trip)", {"telemetry": {"clock": "it"}}),
     "guidance": ("guidance", "LeaderGuidance", "steer(self, leader)", {"path": {**BENDS, "guidance": {"type": "it"}}}),
@@ -195,3 +196,66 @@ def test_ours_have_their_names_by_the_same_registry():
     for more in ({"law": {"predictor": {"type": "model"}}}, {"path": {**BENDS, "guidance": {"type": "track"}}}):
         assert load_scenario(keys(**more)).used_extensions == ()
     assert math.isfinite(load_scenario(keys()).duration_s)
+
+
+FORKED = EXAMPLES / "forked_plane.py"
+
+
+def fleet(*autopilots, **own_keys):
+    """Vehicles with these autopilots, the first leads."""
+    keys = [{"id": i + 1, "autopilot": name} for i, name in enumerate(autopilots)]
+    keys[0]["role"] = "leader"
+    return [each | (own_keys if each["autopilot"] != "emulator" else {}) for each in keys]
+
+
+def test_a_family_from_outside_commands_its_vehicles_alone(tmp_path):
+    vehicles = fleet("emulator", "forked_plane", "emulator", parameters={"height_step_m": 40.0})
+    summary = flown(tmp_path, FORKED, vehicles=vehicles, duration_s=12)
+    assert np.std(series(tmp_path, "true_height_m", "2")) > 0.05, "commanded to 80 m and to 120 m in turn"
+    assert np.std(series(tmp_path, "true_height_m", "3")) < 0.005
+    assert [each["name"] for each in summary.figures["extensions"]] == ["forked_plane"]
+    resolved = yaml.safe_load((tmp_path / "run" / "run.yaml").read_text())
+    assert resolved["vehicles"][1]["parameters"] == {"height_step_m": 40.0}
+    assert "parameters" not in resolved["vehicles"][0]
+
+
+@pytest.mark.parametrize(
+    ("method", "when"),
+    [("setpoint(self, *_)", "flying"), ("start_up(self, rates_hz)", "start"), ("speaks(self, _)", "start")],
+)
+def test_a_family_that_fails_is_commanded_as_its_kin_until_the_flight_has_ended(method, when, tmp_path):
+    late = "\n        if self.calls < 40:\n            self.calls += 1\n            return super().setpoint(*_)"
+    code = (
+        "from gcs_formation.extend.autopilots import ArduPlane\n"
+        + HEAD
+        + "@register_autopilot('it')\nclass It(ArduPlane):\n    calls = 0\n"
+        + f"    def changed(self, *_):\n        return list(self.setpoint(*_[:2]))\n    def {method}:"
+        + (late if when == "flying" else "")
+        + "\n        return 1 / 0\n"
+    )
+    file = own(tmp_path, code)
+    with pytest.raises(gcs_formation.RunAbortedError) as failed:
+        flown(tmp_path, file, vehicles=fleet("emulator", "it"))
+    assert "the autopilot family 'it' could not compute anything at" in str(failed.value)
+    assert f"ZeroDivisionError: division by zero ({file}, line " in str(failed.value)
+    if when == "flying":
+        texts = [each["text"] for each in events(tmp_path, "mode") if each["vehicle"] == "2"]
+        assert texts[-1] == "LOITER", "by the command of its kin"
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "said"),
+    [
+        (
+            {"autopilot": "forked_plan"},
+            "vehicles.1.autopilot: found 'forked_plan'; allowed: emulator, arduplane,",
+        ),
+        ({"autopilot": "forked_plane", "parameters": {"height_step_m": 0}}, "height_step_m: found 0; allowed"),
+        ({"parameters": {"height_step_m": 1}}, "none: emulator has its keys beside vehicles.1.autopilot"),
+    ],
+)
+def test_a_family_and_its_keys_are_checked_as_all_others(vehicle, said):
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, **vehicle}]
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(keys(vehicles=vehicles), plugins=[FORKED])
+    assert said in str(refused.value)
