@@ -14,23 +14,30 @@ from formation_scenario import extensions
 from formation_scenario.error_messages import bare, is_group, problems_of
 from formation_scenario.expectation import METRICS
 from formation_scenario.extensions import (
+    AUTOPILOT,
+    DELAY_ESTIMATOR,
     DISTURBANCE,
     EMULATED_FAMILY,
     FAULT,
+    GUIDANCE,
     LAW_KINDS,
     LINK,
     METRIC,
     NAVIGATION,
     OURS,
+    PREDICTOR,
     SWITCHED,
     Registered,
     Registry,
 )
 from formation_scenario.fields import Problem, did_you_mean
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS
 from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, plain_mapping, show
 from formation_scenario.surroundings import DISTURBANCES
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS
 
 OWN_WORDS = ("value_error", "assertion_error")
 """pydantic's errors of a model's own validators, whose words say what is allowed."""
@@ -46,6 +53,8 @@ class Named(NamedTuple):
     usual: str | None = None
     """What is meant where no word is given; None: nothing."""
     called: str = "a name"
+    inherits: bool = False
+    """Whether keys that aren't given are those of an earlier group, instead of the defaults."""
 
 
 EACH = "*"
@@ -58,6 +67,12 @@ IN_ACTS = (
 """What a program does to a flight."""
 IN_SCENARIOS = (
     Named(("law",), "type", LAW_KINDS, LAW_TYPES[0], "a law"),
+    Named(("law", "predictor"), "type", (PREDICTOR,), PREDICTORS[0], "a predictor"),
+    Named(("path", "guidance"), "type", (GUIDANCE,), GUIDANCES[0], "a guidance"),
+    Named(("telemetry",), "clock", (DELAY_ESTIMATOR,), CLOCKS[0], "an estimator"),
+    Named(("vehicles", EACH), "autopilot", (AUTOPILOT,), AUTOPILOTS[0], "a family"),
+    Named(("formation",), "shape", (SHAPE,), "diamond", "a shape"),
+    Named(("formation", "changes", EACH), "shape", (SHAPE,), None, "a shape", inherits=True),
     *(
         Named((*group, *way), "process", (LINK,))
         for group in (("links", "default"), ("links",), ("links", "changes", EACH))
@@ -119,6 +134,8 @@ def _with_own(
     if chosen is not None and not isinstance(chosen, str):
         return group
     entry, ours = registry.get(chosen, *named.kinds), OURS[named.kinds[0]]
+    if entry is not None and given is None and named.inherits:
+        return group
     if entry is not None:
         return group | {"parameters": own_keys(entry, given, (*path, "parameters"), source, problems)}
     if chosen is not None and chosen not in ours:

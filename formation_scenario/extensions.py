@@ -18,23 +18,24 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 from pydantic import BaseModel
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
 from formation_scenario.links import NO_PROCESS
 from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.register import MARKS, marks_of
+from formation_scenario.shapes import SHAPE
 from formation_scenario.shipped_aircraft import shipped_names
 from formation_scenario.surroundings import DISTURBANCES, FAULTS
-from formation_scenario.vehicles import FAMILIES
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, FAMILIES
 
 GROUP = "gcs_formation.extensions"
 """The group of entry points of installed packages."""
-MARKS = "__gcs_formation_registered__"
-"""The name in a module's namespace under which the register functions list what it brings."""
 RECORD = "extensions.json"
 """The file of a run directory that says which extensions were used."""
 OPTION = "--plugin"
@@ -54,6 +55,7 @@ LINK, FAULT, DISTURBANCE, AIRCRAFT, EMULATED_FAMILY, NAVIGATION = (
     "emulated family",
     "navigation source",
 )
+PREDICTOR, DELAY_ESTIMATOR, GUIDANCE, AUTOPILOT = "predictor", "delay estimator", "guidance", "autopilot family"
 LAW_KINDS = LAW, FORMATION_LAW
 """Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
 SWITCHED = FILTER, MONITOR, RECORDER
@@ -61,6 +63,11 @@ SWITCHED = FILTER, MONITOR, RECORDER
 OURS: Mapping[str, tuple[str, ...]] = {
     LAW: LAW_TYPES,
     METRIC: tuple(METRICS),
+    SHAPE: SHAPE_NAMES,
+    PREDICTOR: PREDICTORS,
+    DELAY_ESTIMATOR: CLOCKS,
+    GUIDANCE: GUIDANCES,
+    AUTOPILOT: AUTOPILOTS,
     LINK: (NO_PROCESS,),
     FAULT: FAULTS,
     DISTURBANCE: DISTURBANCES,
@@ -79,15 +86,6 @@ class NoKeys(BaseModel):
 
 class ExtensionError(Exception):
     """An extension that can't begin, or that failed; the message has its file and line."""
-
-
-class Mark(NamedTuple):
-    """What a register function notes in the namespace of the class's module."""
-
-    kind: str
-    name: str
-    made: type[Any]
-    line: int
 
 
 @dataclass(frozen=True)
@@ -359,6 +357,5 @@ def registered_in(module: ModuleType, kind: str) -> dict[str, Registered]:
 
 
 def _marked(module: ModuleType, origin: Origin) -> Iterator[Registered]:
-    marks: list[Mark] = vars(module).get(MARKS, [])
-    for mark in marks:
+    for mark in marks_of(module):
         yield Registered(mark.kind, mark.name, mark.made, mark.line, origin)

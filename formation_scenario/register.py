@@ -7,11 +7,28 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar
+from types import ModuleType
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
 
-from formation_scenario.extensions import MARKS, Mark
+MARKS = "__gcs_formation_registered__"
+"""The name in a module's namespace under which the register functions list what it brings."""
+
+
+class Mark(NamedTuple):
+    """What a register function notes in the namespace of the class's module."""
+
+    kind: str
+    name: str
+    made: type[Any]
+    line: int
+
+
+def marks_of(module: ModuleType) -> list[Mark]:
+    """Return what a module registers, in its order."""
+    marks: list[Mark] = vars(module).get(MARKS, [])
+    return marks
 
 
 class Extension:

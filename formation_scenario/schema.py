@@ -20,23 +20,29 @@ from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS, range_text
 from formation_scenario.extensions import (
     AIRCRAFT,
+    AUTOPILOT,
+    DELAY_ESTIMATOR,
     DISTURBANCE,
     EMULATED_FAMILY,
     FAULT,
+    GUIDANCE,
     LAW_KINDS,
     LINK,
     METRIC,
     NAVIGATION,
     OURS,
+    PREDICTOR,
     SWITCHED,
     Registered,
     Registry,
 )
 from formation_scenario.fields import DERIVED
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
 from formation_scenario.model import Fleet, Scenario
+from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Dumper, Plain, show
-from formation_scenario.vehicles import VehicleGroup
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, VehicleGroup
 
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
@@ -45,6 +51,11 @@ NULL = {"type": "null"}
 LINK_GROUPS = ("Impairment", "ImpairmentPatch", "DefaultLink", "LinkChange", "ScriptedLink")
 NAMED: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (
     ("Law", "type", LAW_KINDS, LAW_TYPES),
+    ("OwnPredictor", "type", (PREDICTOR,), PREDICTORS),
+    ("OwnGuidance", "type", (GUIDANCE,), GUIDANCES),
+    ("Telemetry", "clock", (DELAY_ESTIMATOR,), CLOCKS),
+    *((name, "autopilot", (AUTOPILOT,), AUTOPILOTS) for name in ("Vehicle", "VehicleGroup")),
+    *((name, "shape", (SHAPE,), SHAPE_NAMES) for name in ("Formation", "FormationChange")),
     *((name, "process", (LINK,), OURS[LINK]) for name in LINK_GROUPS),
     *((name, "kind", (FAULT,), OURS[FAULT]) for name in ("Fault", "ScriptedFault")),
     ("OwnDisturbance", "kind", (DISTURBANCE,), ()),

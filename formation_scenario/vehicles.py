@@ -39,8 +39,12 @@ LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
 BASE_PORT = 14550
 MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
-Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
+CLOCKS: Final = ("round_trip", "gnss")
+"""How we map vehicles' stamps to one clock ourselves."""
+AUTOPILOTS: Final = ("emulator", "arduplane", "arducopter", "px4")
 Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
+ARDUPILOTS: Final[dict[str, Family]] = {"arduplane": "arduplane", "arducopter": "arducopter"}
+"""Autopilots that are of one family whatever the model is."""
 FAMILIES: Final[tuple[str, ...]] = get_args(Family)
 Count = Annotated[
     int,
@@ -209,7 +213,11 @@ class VehicleCommon(Keys):
         "udpin:0.0.0.0:14552",
         derived="udpin:127.0.0.1, one port a network: 14549 + network",
     )
-    autopilot: Autopilot = key("emulator", "what flies the vehicle: an emulator, or one of the real autopilots")
+    autopilot: Annotated[str, Open(", ".join(AUTOPILOTS), AUTOPILOTS)] = key(
+        "emulator",
+        "what flies the vehicle: an emulator, a real autopilot, or one of a family that an extension registers",
+    )
+    parameters: OwnKeys | None = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
         "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
@@ -257,13 +265,13 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 
 def family_of(vehicle: VehicleCommon) -> Family:
-    """Return the autopilot family of a vehicle; an emulator's is its model's."""
+    """Return the autopilot family of a vehicle; an emulator's is its model's, and so is one's of an extension."""
     named, model = vehicle.autopilot, vehicle.model
-    if named == "px4" or (named == "emulator" and model.firmware == "px4"):
+    if named in ARDUPILOTS:
+        return ARDUPILOTS[named]
+    if named == "px4" or model.firmware == "px4":
         return "px4_copter" if model.hovers else "px4_plane"
-    if named == "emulator":
-        return "arducopter" if model.hovers else "arduplane"
-    return named
+    return "arducopter" if model.hovers else "arduplane"
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:

@@ -14,7 +14,7 @@ import pyarrow as pa
 from airlink.cli.output_directory import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.orders import Answer, parse_order
+from formation_scenario.orders import Answer, read_order
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
@@ -225,5 +225,5 @@ def tell(run_dir: str | Path, order: str) -> Answer:
         NothingRunningError: no flight answers there.
     """
     if order != STATUS:
-        parse_order(order, (STATUS,))
+        read_order(order, (STATUS,))
     return give_order(Path(run_dir), order)

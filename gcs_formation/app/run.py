@@ -30,6 +30,7 @@ from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.extensions import LINK, ExtensionError
+from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import columns, slot_schedule
@@ -65,10 +66,24 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     Raises:
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory can't be written.
+        ScenarioError: it is the record of a flight of which a program replaced setpoints.
     """
+    require_no_program(scenario)
     flown = _run_virtual if options.clock == "virtual" else _run_real
     with rare_garbage_collection():
         return flown(scenario, options, progress, interrupts)
+
+
+def require_no_program(scenario: Scenario) -> None:
+    """Refuse the record of a flight of which a program replaced setpoints: without it, another flight would be flown.
+
+    Raises:
+        ScenarioError: it is one.
+    """
+    for index, act in scenario.scripted:
+        if act.setpoints is not None:
+            found = f"found '{act.setpoints}' after tick {act.at_tick}"
+            raise refused(f"orders.{index}.setpoints", found, "with that program, by gcs_formation.Flight")
 
 
 Run = Callable[[Callable[[], bool]], None]

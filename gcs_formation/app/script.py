@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from operator import attrgetter, itemgetter
 
 from airlink.clock import Instant, after, seconds_between
@@ -11,9 +11,11 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.links import LinkChange
 from formation_scenario.orders import Answer
-from formation_scenario.scripted import ScriptedFault, ScriptedOrder
+from formation_scenario.scripted import REPLACED, ScriptedFault, ScriptedOrder
+from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Disturbance, Fault
 from gcs_formation.app.link_injection import LinkSchedule
+from gcs_formation.extend.cycle import Wanted
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
@@ -51,8 +53,34 @@ class Script:
         self._new: list[ScriptedOrder] = []
         self._lasting = set[tuple[str, str, VehicleId]]()
         """Faults that were injected for good, of each vehicle."""
+        self._replaces_since = dict[int, Instant]()
+        """When the program replaced a setpoint first, of each column."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
+
+    def replace(self, column: int, wanted: Wanted, now: Instant) -> None:
+        """Command a column otherwise than the law does, until `keep_replaced` without it.
+
+        Values aren't recorded: run.yaml says that this flight needs its program.
+        """
+        if not self._replaces_since:
+            self._new.append(ScriptedOrder(at_tick=self._station.recorded_ticks, setpoints=REPLACED))
+        if column not in self._replaces_since:
+            identity = column_ids(self._scenario)[column]
+            self._recorder.event(Event(now, "script", "its setpoint is replaced by the program", identity))
+        self._replaces_since.setdefault(column, now)
+        self._station.controller.outside(self._station.scenario).by_program[column] = wanted
+
+    @property
+    def replaces(self) -> bool:
+        """Whether a program has replaced any setpoint."""
+        return bool(self._replaces_since)
+
+    def keep_replaced(self, columns: Collection[int]) -> None:
+        """Give all columns but some back to the law."""
+        replaced = self._station.controller.outside(self._station.scenario).by_program
+        for column in [each for each in replaced if each not in columns]:
+            del replaced[column]
 
     @property
     def pending(self) -> bool:

@@ -273,13 +273,13 @@ class Session:
             summary = self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
-        if course.failure is not None:
-            raise RunAbortedError(course.failure + self._hurry())
+        if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
+            raise RunAbortedError(summary.figures["failure"] + self._hurry())
         return summary
 
     def _opened_sinks(self) -> Sinks | None:
         """Return the flight's recorders from outside, which are told every tick; None if it has none."""
-        found = sinks(self.scenario, self.station.controller.models, self.recorder.path)
+        found = sinks(self.scenario, self.recorder.path)
         if found is not None:
             self.recorder.tell_ticks_to(found.tick)
         return found
@@ -375,7 +375,7 @@ class Session:
         vehicle.end_silence(min(self._ended, due))
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
-        if not self._keeps_utc:
+        if not self._keeps_utc and vehicle.round_trips.own is None:
             probes[:, 2:] = np.nan  # a UTC error that all vehicles share would show up in the split
         return LinkFigures(
             delays_s=probes[:, 1:],

@@ -82,7 +82,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
         "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *safe.off_path, *outcome.unsafe],
-        "failure": outcome.failure,
+        "failure": None,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,
@@ -94,6 +94,8 @@ def summarise(outcome: RunOutcome) -> Summary:
         tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short, wanted))
         for wanted in (scenario.expect, outcome.measure)
     )
+    failed = (verdict.reason for verdict in (*verdicts, *measured) if verdict.failed)
+    parts["failure"] = outcome.failure or next(failed, None)
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     if scenario.used_extensions:
         parts["extensions"] = [each.to_dict() for each in scenario.used_extensions]
