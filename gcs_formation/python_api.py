@@ -176,6 +176,7 @@ def study(  # noqa: PLR0913 - options by name, as the command's
     *,
     workers: int | None = None,
     scheduler: str | None = None,
+    records: str | None = None,
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -191,6 +192,7 @@ def study(  # noqa: PLR0913 - options by name, as the command's
         out: the study's directory: flights.parquet, study.json and the records kept of each flight.
         workers: number of local processes; default: the number of cores.
         scheduler: fly on the cluster of this Dask scheduler instead, tcp://HOST:PORT.
+        records: a URL of fsspec to keep the flights' records at, such as s3://BUCKET/PATH, instead of `out`.
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
         quiet: show no progress on standard error.
@@ -203,13 +205,15 @@ def study(  # noqa: PLR0913 - options by name, as the command's
         RunAbortedError: no further flight can be flown; `resume` continues with those flown so far.
     """
     from gcs_formation.studies.campaign import StudyProgress, fly_study  # noqa: PLC0415 - what `run` needn't import
+    from gcs_formation.studies.cluster import Cluster  # noqa: PLC0415
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
-    from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
+    from gcs_formation.studies.workers import Processes  # noqa: PLC0415
 
     planned, base = prepare(Path(source) if isinstance(source, str) else source, plugins=plugins)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
     with StudyProgress(quiet=quiet, tell=progress) as shown:
-        return fly_study(planned, base, Path(out), chosen, shown, resume=resume, overwrite=overwrite).table
+        kept = {"resume": resume, "overwrite": overwrite}
+        return fly_study(planned, base, Path(out), chosen, shown, records=records, **kept).table
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:
