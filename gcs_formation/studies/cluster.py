@@ -13,6 +13,7 @@ from typing import Any, Self, TypeAlias
 
 from airlink.cli import COMPILED
 from airlink.clock import Stopwatch
+from airlink.installed import PACKAGE
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.records import keep
@@ -135,8 +136,8 @@ class Cluster:
             RunAbortedError: a worker has another version, isn't compiled, or lacks an extension.
         """
         assert self._shipment is not None
-        for worker, theirs in self._on_workers(workers, version, "gcs-formation").items():
-            if theirs != VERSION:
+        for worker, theirs in self._on_workers(workers, version, PACKAGE).items():
+            if theirs != version(PACKAGE):
                 has = "no gcs-formation" if isinstance(theirs, PackageNotFoundError) else f"gcs-formation {theirs}"
                 raise RunAbortedError(f"the Dask worker {worker} has {has}; here it is {VERSION}")
         sent = self._shipment.content, self._shipment.digest

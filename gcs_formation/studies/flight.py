@@ -8,12 +8,12 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 from airlink.cli import Status
 from airlink.clock import Stopwatch
+from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
 from formation_scenario.overrides import settings
@@ -31,7 +31,7 @@ from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
 from gcs_formation.studies.records import kept_at
 
-VERSION: Final = version("gcs-formation")
+VERSION: Final = installed_version()
 REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
