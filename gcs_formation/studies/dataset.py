@@ -23,12 +23,13 @@ import yaml
 from pydantic import ValidationError
 
 from airlink.cli.output_directory import refusal
+from airlink.host_system import lock
 from flight_model.arrays import Array, Mask
 from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
-from gcs_formation.record.run_directory import FIGURES, REPORT, lock
+from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.studies import LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.intervals import Chance, Unit, clusters_of
