@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -25,6 +25,9 @@ from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 from gcs_formation.station import Station
+
+if TYPE_CHECKING:
+    from gcs_formation.notebook import Picture
 
 OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress", "plugins")
 """Options of `run` besides scenario keys."""
@@ -48,6 +51,22 @@ class Summary(RecordedSummary):
         from gcs_formation.report.page import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
 
         return write_report(self.run_dir)
+
+    def figure(self, name: str = "errors") -> Picture:
+        """Return one of the report's figures, which a notebook shows inline: errors, plan, trajectory, separation, ….
+
+        Raises:
+            ValueError: no figure has that name, or this run has nothing to show in it.
+            RecordError: the run directory can't be read.
+        """
+        from gcs_formation.notebook import run_figure  # noqa: PLC0415 - as for `report`
+
+        return run_figure(self.run_dir, name)
+
+    def _repr_html_(self) -> str:
+        from gcs_formation.notebook import table_html  # noqa: PLC0415 - as for `report`
+
+        return table_html(self.table(), held_text(self), str(self.run_dir))
 
     def table(self) -> str:
         """Return a row of text for each follower: its errors' RMS and maximum, m, when it settled, s, its delay, ms."""
