@@ -56,7 +56,7 @@ MAY_BE_EMPTY = (
 )
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 MODELS = ("model", "true_model")
-FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS}
+FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS, "path": ("file",)}
 """Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""

@@ -20,11 +20,12 @@ from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
+from gcs_formation.studies.cluster import Cluster
 from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan, read_rows, read_study
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.plan import Plan, Planned
 from gcs_formation.studies.preparation import MANY, prepare, refly_task
-from gcs_formation.studies.workers import Cluster, Processes
+from gcs_formation.studies.workers import Processes
 
 STUDY_EXAMPLES = examples(
     "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss",
@@ -65,6 +66,7 @@ def study() -> None:
 @click.option("--out", type=OUT, required=True, help="The study's directory.")
 @click.option("--workers", type=WholeNumber(1), default=os.cpu_count() or 1, help="Local processes; default: cores.")
 @click.option("--scheduler", callback=_address, metavar="tcp://HOST:PORT", help="Fly on this Dask cluster instead.")
+@click.option("--records", metavar="URL", help="Keep flights' records there, as s3://BUCKET/PATH, not in --out.")
 @click.option("--resume", is_flag=True, help="Fly what an interrupted study in --out lacks.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier study in --out.")
 @PLUGINS
@@ -73,7 +75,11 @@ def study() -> None:
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
     workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
-    out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
+    out, again, kind = (
+        given["out"],
+        "--resume goes on with it",
+        {key: given[key] for key in ("resume", "overwrite", "records")},
+    )
     try:
         planned, base = prepare(study, many=given["yes"], plugins=given["plugins"])
         with interruptible(), StudyProgress(quiet=given["quiet"]) as progress:

@@ -53,7 +53,7 @@ class Summary:
 
 def summarise(outcome: RunOutcome) -> Summary:
     """Return the summary of a run, scored from the leader's start along its path."""
-    from importlib.metadata import version  # noqa: PLC0415 - short commands don't need it
+    from airlink.installed import installed_version  # noqa: PLC0415 - short commands don't need it
 
     scenario, flight = outcome.scenario, outcome.flight
     limits, off_path = flight.limits, flight.off_path
@@ -64,7 +64,7 @@ def summarise(outcome: RunOutcome) -> Summary:
     safe = safety(scenario, flight, limits)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
-        "version": version("gcs-formation"),
+        "version": installed_version(),
         "name": scenario.name,
         "seed": scenario.seed,
         "clock": outcome.clock,

@@ -17,7 +17,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.setpoint import TRAIL_S, Mixer
-from gcs_formation.stability.consensus_margins import consensus_delay_margin, ground_consensus_loops
+from gcs_formation.stability.consensus_loops import consensus_delay_margin, ground_consensus_loops
 from gcs_formation.stability.mismatch import LoopDelay, Usage
 from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
