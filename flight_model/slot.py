@@ -49,6 +49,14 @@ class Slot:
         self.forward_mps2, self.right_mps2 = acceleration_mps2[0], acceleration_mps2[1]
         self.up_mps2 = acceleration_mps2[2]
 
+    def raised(self, up_m: float, up_mps: float, up_mps2: float) -> Slot:
+        """Return the slot raised by a height, with its rate and its change of rate."""
+        return Slot(
+            [self.forward_m, self.right_m, self.up_m + up_m],
+            [self.forward_mps, self.right_mps, self.up_mps + up_mps],
+            [self.forward_mps2, self.right_mps2, self.up_mps2 + up_mps2],
+        )
+
 
 def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
     """Return a hovering vehicle's direction: its course, with the heading weighted as a ground speed of `nose_mps`."""

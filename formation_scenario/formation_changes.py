@@ -9,6 +9,7 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
+from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints, Route
 from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
@@ -16,7 +17,6 @@ from flight_model.path_lift_and_displacement import (
     PEAK_RATE,
     SLOPE_CHANGE,
     SLOPE_JERK,
-    STEP_M,
     DisplacedPath,
     Rise,
     least_lift,

@@ -9,8 +9,9 @@ import numpy as np
 
 from flight_model.arrays import Array, beside
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, places_along, room_along_m
+from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
+from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
