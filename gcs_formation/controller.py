@@ -19,6 +19,7 @@ from flight_model.autopilot_model import FlightState, finite, rate, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.finite import (
@@ -124,7 +125,8 @@ class FormationController:
         places = np.array([_place_at(each, now) for each in filters])
         north, east, up = (places - places[leader]).T
         heading_rad = (filters[leader].state or unknown_state()).heading_rad
-        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        axis = axis_rad(self._frame, heading_rad, heading_rad)
+        cos, sin = math.cos(axis), math.sin(axis)
         unlifted = up - np.array(self._lift_m)
         return np.stack((north * cos + east * sin, east * cos - north * sin, unlifted), axis=1)
 

@@ -22,8 +22,9 @@ from flight_model.path import Route
 from flight_model.path_lift_and_displacement import SAMPLES, Bounds, least_lift, sample_places
 from flight_model.slot import Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import FormationChange, Frame
+from formation_scenario.formation import FormationChange
 from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule
+from formation_scenario.slot_frame import Frame, axis_rad
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.terrain import Ground
 
@@ -68,6 +69,7 @@ class FormationPlan:
         self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
         """(C,) which columns fly beside the turning leader at its speed and heading: slots far aside can't be held."""
         self._anybody_beside = False
+        self._slots_turn = scenario.formation.frame != "north"
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
         """Their positions, (C, 3), at a time of the station's clock, and the leader's turn rate since then."""
         self._apart_m: Array | None = None
@@ -128,10 +130,10 @@ class FormationPlan:
         return SlotMotion.at_rest(self._beside_m).seen_from(self.leader, swing_rad).position_m
 
     def turn(self, now_s: float, turn_rps: float) -> None:
-        """Set the leader's turn rate from now on, clockwise, rad/s."""
+        """Set the leader's turn rate from now on, clockwise, rad/s: the frame's, unless it is fixed to north."""
         if self._anybody_beside:
             self._beside_m = self._turned_m(now_s)
-        self._beside_s, self._turn_rps = now_s, turn_rps
+        self._beside_s, self._turn_rps = now_s, turn_rps if self._slots_turn else 0.0
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
@@ -331,9 +333,8 @@ class SlotClearance:
         later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
         knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
         forward, right, up = np.moveaxis(_between(knots), -1, 0)
-        axis = np.broadcast_to(heading, forward.shape)
-        if self._frame == "follower_heading":
-            axis = axis + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        own = heading + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        axis = axis_rad(self._frame, np.broadcast_to(heading, forward.shape), own)
         ground_m = self._ground.height(*beside(north, east, axis, forward, right))
         return ground_m + self._clearance_m - (height + up)
 
