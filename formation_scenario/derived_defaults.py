@@ -30,6 +30,7 @@ from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
 from formation_scenario.mission_path import with_mission
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
+from formation_scenario.parameter_files import ParameterFileError, of_file
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import BASE_PORT, VehicleModel
 
@@ -55,7 +56,9 @@ MAY_BE_EMPTY = (
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
-FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS}
+PARAMETERS = "parameters"
+"""Key of a model that names a parameter file."""
+FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": (*MODELS, PARAMETERS)}
 """Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
@@ -252,13 +255,29 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
     """Return a vehicle, or a group, with its models; `read` caches models by name."""
     if not isinstance(vehicle, dict):
         return vehicle
-    names = {which: name for which in MODELS if isinstance(name := vehicle.get(which), str)}
-    if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
-        names["model"] = str(vehicle["autopilot"])
-    for which, name in names.items():
-        if name not in read:
-            read[name] = read_model(name, directory, source, (*path, which))
-    return vehicle | {which: read[name] for which, name in names.items()}
+    named = {which: model for which in MODELS if (model := vehicle.get(which)) is not None}
+    if "model" not in named and vehicle.get("autopilot") in FAMILIES:
+        named["model"] = str(vehicle["autopilot"])
+    found = dict[Key, Plain]()
+    for which, model in named.items():
+        at = (*path, which)
+        if isinstance(model, str):
+            if model not in read:
+                read[model] = read_model(model, directory, source, at)
+            found[which] = read[model]
+        elif isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+            if f"{PARAMETERS}:{file}" not in read:
+                read[f"{PARAMETERS}:{file}"] = read_parameter_model(file, directory, source, (*at, PARAMETERS))
+            found[which] = _over(read[f"{PARAMETERS}:{file}"], model | {PARAMETERS: str((directory / file).absolute())})
+    return vehicle | found
+
+
+def _over(base: Plain, given: dict[Key, Plain]) -> Plain:
+    """Return a mapping with the given keys in place of its own, in groups below too; null keys are left out."""
+    if not isinstance(base, dict):
+        return given
+    own = {key: value for key, value in given.items() if value is not None or key not in base}
+    return base | {key: _over(base.get(key), value) if isinstance(value, dict) else value for key, value in own.items()}
 
 
 def _models(vehicles: Plain) -> list[Plain]:
@@ -286,6 +305,24 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Ke
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
     return plain_mapping(model) if isinstance(model, dict) else {}
+
+
+def read_parameter_model(file: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
+    """Return the model of the aircraft that a parameter file is of; arguments as of `read_model`.
+
+    Raises:
+        ScenarioError: no such file, or one that isn't a fixed wing's, or has a line or a value that isn't allowed.
+    """
+    try:
+        return dict(of_file(directory / file, shipped_models()).model)
+    except ParameterFileError as error:
+        found, _, allowed = str(error).partition("; allowed: ")
+        raise ScenarioError([at.problem(path, found, allowed or "a parameter file that can be read")]) from error
+
+
+def shipped_models() -> dict[str, dict[Key, Plain]]:
+    """Return the models in the shipped vehicle files, as written there, by name."""
+    return {name: read_model(name, Path(), Source(None, {}), ()) for name in shipped_names()}
 
 
 def shipped_names() -> list[str]:

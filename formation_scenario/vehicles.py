@@ -142,6 +142,12 @@ class VehicleModel(Keys):
     )
     rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
     firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: the autopilot that is emulated", "px4")
+    parameters: Text | None = key(
+        None,
+        "a parameter file of the aircraft, ArduPilot's or QGroundControl's, which gives these keys where they are left "
+        "out; emulators answer with it",
+        "plane.parm",
+    )
     airframe: EnergyAirframe | None = key(
         None,
         "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",

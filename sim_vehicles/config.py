@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
@@ -10,6 +12,7 @@ from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.parameter_files import Parameter, read_parameters
 from formation_scenario.start_states_and_end_times import StartState, start_states
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
@@ -49,6 +52,8 @@ class VehicleConfig:
     clock: VehicleClock = field(default_factory=VehicleClock)
     navigation: Navigation = field(default_factory=TrueNavigation)
     """Source of its telemetry, with all keys of the resolved scenario."""
+    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    """Its own parameters, by name, where they differ from its firmware's defaults."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,11 @@ def stand_ins(scenario: Scenario) -> str:
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
-    """Return the fleet of a scenario, with each vehicle at the other end of its endpoint and at its start."""
+    """Return the fleet of a scenario, with each vehicle at the other end of its endpoint and at its start.
+
+    Raises:
+        ParameterFileError: a model's parameter file has gone since the scenario was read.
+    """
     vehicles = tuple(
         VehicleConfig(
             identity=vehicle.vehicle_id,
@@ -91,6 +100,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             pitot=_pitot(vehicle, scenario),
             clock=vehicle.clock,
             navigation=vehicle.true_navigation or vehicle.navigation,
+            parameters=_parameters(vehicle.true_model or vehicle.model),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)
     )
@@ -103,6 +113,10 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
     )
+
+
+def _parameters(model: VehicleModel) -> Mapping[str, Parameter]:
+    return {} if model.parameters is None else read_parameters(Path(model.parameters)).parameters
 
 
 def _pitot(vehicle: Vehicle, scenario: Scenario) -> Pitot | None:
