@@ -62,6 +62,7 @@ FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": (*MODELS, P
 """Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
+_FIRMWARE_OF = {"arduplane": "ardupilot", "px4": "px4"}
 SHIPPED = "aircraft"
 """Folder of the shipped files, inside this package."""
 SHIPPED_FILES = resources.files("formation_scenario") / SHIPPED
@@ -266,10 +267,20 @@ def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read:
                 read[model] = read_model(model, directory, source, at)
             found[which] = read[model]
         elif isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
-            if f"{PARAMETERS}:{file}" not in read:
-                read[f"{PARAMETERS}:{file}"] = read_parameter_model(file, directory, source, (*at, PARAMETERS))
-            found[which] = _over(read[f"{PARAMETERS}:{file}"], model | {PARAMETERS: str((directory / file).absolute())})
+            name = f"{PARAMETERS}: {file}"
+            if name not in read:
+                read[name] = read_parameter_model(file, directory, source, (*at, PARAMETERS))
+            found[which] = _over(read[name], model | {PARAMETERS: str((directory / file).absolute())})
+            _refuse_other_firmware(vehicle, found[which], source, (*at, PARAMETERS))
     return vehicle | found
+
+
+def _refuse_other_firmware(vehicle: dict[Key, Plain], model: Plain, source: Source, path: KeyPath) -> None:
+    """Refuse parameters of another autopilot than the one that a vehicle names."""
+    named, of = vehicle.get("autopilot"), _FIRMWARE_OF.get(str(vehicle.get("autopilot")))
+    firmware = model.get("firmware", "ardupilot") if isinstance(model, dict) else of
+    if of is not None and firmware != of:
+        raise ScenarioError([source.problem(path, f"found a file of {firmware} for an {named}", f"one of {of}")])
 
 
 def _over(base: Plain, given: dict[Key, Plain]) -> Plain:
@@ -287,7 +298,7 @@ def _models(vehicles: Plain) -> list[Plain]:
 
 
 def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
-    """Return the model in a vehicle file, or in a shipped one, as written there.
+    """Return the model in a vehicle file, or in a shipped one, as written there; with a parameter file's that it names.
 
     Args:
         name: a shipped name, or a file relative to `directory`.
@@ -304,6 +315,10 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Ke
     except ValidationError as error:
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
+    if isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+        beside = _directory(source)
+        of_parameters = read_parameter_model(file, beside, source, ("model", PARAMETERS))
+        model = _over(of_parameters, model | {PARAMETERS: str((beside / file).absolute())})
     return plain_mapping(model) if isinstance(model, dict) else {}
 
 

@@ -155,3 +155,19 @@ def test_a_file_that_cant_be_flown_is_refused_with_its_line_and_the_scenarios(
 def test_a_file_that_isnt_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="No such file"):
         scenario(tmp_path, NEW, model={"parameters": "other.parm"})
+
+
+def test_a_vehicle_file_names_one_relative_to_itself(tmp_path: Path) -> None:
+    (tmp_path / "planes").mkdir()
+    (tmp_path / "planes" / "plane.parm").write_text(NEW, encoding="utf-8")
+    own = {"schema": 1, "name": "mine", "model": {"parameters": "plane.parm", "climb_max_mps": 2}}
+    (tmp_path / "planes" / "mine.yaml").write_text(yaml.safe_dump(own), encoding="utf-8")
+    its = scenario(tmp_path, NEW, model="planes/mine.yaml").vehicles[0].model
+    assert (its.speed_min_mps, its.climb_max_mps) == (12.0, 2.0)
+    assert its.parameters == str(tmp_path / "planes" / "plane.parm")
+
+
+@pytest.mark.parametrize(("text", "autopilot", "allowed"), [(NEW, "px4", "px4"), (PX4, "arduplane", "ardupilot")])
+def test_parameters_of_another_autopilot_are_refused(tmp_path: Path, text: str, autopilot: str, allowed: str) -> None:
+    with pytest.raises(ScenarioError, match=f"for an {autopilot}; allowed: one of {allowed}"):
+        scenario(tmp_path, text, autopilot=autopilot)
