@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flight_model.vehicle_arrays import FlightStates
+from flight_model.vehicle_arrays import FlightStates, Setpoints
 from formation_scenario.slot_frame import Frame
 from gcs_formation.control.laws import FormationLaw, VelocityController
 from tests.gcs_formation import tables
@@ -53,16 +53,15 @@ def test_so_are_those_of_vehicles_that_hover() -> None:
 
 @pytest.mark.parametrize("turn_rps", [-0.1, 0.1])
 def test_in_a_turn_all_are_told_the_leaders_own(turn_rps: float) -> None:
-    """A slot outside the turn isn't faster, one inside not slower: each setpoint leads the turn by its own lag alone."""
+    """A slot outside the turn isn't faster, one inside not slower: each setpoint leads the turn by its own lag."""
     states = in_slots(0.7, np.zeros(3))
     told = states.table.copy()
     found = law(frame=NORTH).decide(
-        situation(states, tables.Setpoints(told[4], 0.7 + turn_rps * MODEL.tau_psi_s, told[2]), turn_rps), DT_S
+        situation(states, Setpoints(told[4], 0.7 + turn_rps * MODEL.tau_psi_s, told[2]), turn_rps), DT_S
     )
     speed_mps, heading_rad, _ = sent(found).T
     assert speed_mps == pytest.approx(np.full(COUNT - 1, SPEED_MPS), abs=1e-3)
     leads_rad = heading_rad - 0.7
     assert np.sign(leads_rad) == pytest.approx(np.full(COUNT - 1, math.copysign(1.0, turn_rps)))
-    assert leads_rad / MODEL.tau_psi_s[FOLLOWERS] == pytest.approx(
-        np.full(COUNT - 1, leads_rad[0] / MODEL.tau_psi_s[1]), rel=0.05
-    )
+    rates_rps = leads_rad / MODEL.tau_psi_s[FOLLOWERS]
+    assert rates_rps == pytest.approx(np.full(COUNT - 1, rates_rps[0]), rel=0.05)
