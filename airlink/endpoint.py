@@ -107,6 +107,17 @@ def parse_endpoint(text: str) -> Endpoint:
     return Endpoint("udpout" if kind == "udpout" else "udpin", Address(host, port))
 
 
+class ComponentId(NamedTuple):
+    """A sender on a MAVLink network: its system id and its component id there."""
+
+    system: int
+    component: int
+
+    def __str__(self) -> str:
+        """Return "system/component"."""
+        return f"{self.system}/{self.component}"
+
+
 class VehicleId(NamedTuple):
     """A vehicle's identity: the MAVLink network it is heard on, and its system id there."""
 

@@ -239,6 +239,7 @@ def _vehicle(
     endpoint, telemetry = endpoints[socket], scenario.telemetry
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
+    autopilot.station = scenario.station.ids
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
     return Vehicle(
         planned.vehicle_id,

@@ -11,6 +11,7 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.start_states_and_end_times import StartState, start_states
+from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
 
@@ -69,6 +70,8 @@ class FleetConfig:
     """Seed of every random stream."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
+    station_system: int = StationId().system
+    """System id of the ground station whose heartbeats hold off their failsafes."""
 
 
 def stand_ins(scenario: Scenario) -> str:
@@ -102,6 +105,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
+        station_system=scenario.station.system,
     )
 
 

@@ -183,7 +183,7 @@ class Plane(Vehicle):
 
     def make_parameters(self) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(plane_parameters(self.config, self.fleet.cruise_mps))
+        return ParameterServer(plane_parameters(self.config, self.fleet))
 
     def make_pilot(self) -> PlanePilot:
         """Return who flies a fixed wing."""
@@ -298,9 +298,9 @@ class Plane(Vehicle):
                 self.enter(Mode.RTL)
 
 
-def plane_parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
+def plane_parameters(config: VehicleConfig, fleet: FleetConfig) -> dict[str, ParameterKind]:
     """Return ArduPlane's parameters for a vehicle, by their names."""
-    model = config.model
+    model, cruise_mps = config.model, fleet.cruise_mps
     bank_deg = math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
     radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
     return {
@@ -314,7 +314,7 @@ def plane_parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, Para
         "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
         "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
         "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
-        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, fleet.station_system),
         "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(bank_deg))),
         "RTL_ALTITUDE": floating(-1, 1e5, 100),

@@ -24,7 +24,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, KnownSetpoints, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, KnownSetpoints, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
@@ -34,12 +34,6 @@ HEARTBEATS_S: Final = 3.0
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 STANDBY: Final = m.MAV_STATE_STANDBY
 
-OUR_HEARTBEATS = Check(
-    ("MAV_GCS_SYSID", "SYSID_MYGCS"),
-    f"{STATION_SYSTEM}, this ground station; heartbeats of others don't hold off the failsafe",
-    lambda value: value == STATION_SYSTEM,
-    lambda _: True,
-)
 LEAST_TAKE_OFF_M = 50
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 PLANE_LEADS_AWAY = (1, 4, 5)
@@ -65,6 +59,16 @@ COPTER_LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
 """FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 hovers where setpoints stopped."""
 TAKE_OFF_TO_M = 20.0
 CM = 0.01
+
+
+def our_heartbeats(system: int) -> Check:
+    """Return the check that the failsafe waits for heartbeats of our system id."""
+    return Check(
+        ("MAV_GCS_SYSID", "SYSID_MYGCS"),
+        f"{system}, this ground station; heartbeats of others don't hold off the failsafe",
+        lambda value: value == system,
+        lambda _: True,
+    )
 
 
 def heartbeat_timeout(name: str) -> Check:
@@ -144,7 +148,7 @@ class ArduPlane(ArduPilot):
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes, limits and the ground station's system id."""
         return (
-            OUR_HEARTBEATS,
+            our_heartbeats(self.station.system),
             Check(
                 ("FS_GCS_ENABL",),
                 "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
@@ -314,7 +318,7 @@ class ArduCopter(ArduPilot):
         """Return the checks of failsafe, limits and the ground station's system id."""
         fastest, speed = model.speed_max_mps, path.begin_mps
         return (
-            OUR_HEARTBEATS,
+            our_heartbeats(self.station.system),
             Check(
                 ("FS_GCS_ENABLE",),
                 "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from airlink import mavlink as m
+from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
@@ -16,15 +17,16 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.station import StationId
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 
-STATION_SYSTEM: Final = 255
-"""Our own system id."""
 NO_MODE: Final = -1
 """A mode that no heartbeat shows; differs from None, which is the mode before the first heartbeat."""
+STATION: Final = StationId().ids
+"""The ground station's ids by default."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
@@ -139,6 +141,8 @@ class Autopilot(ABC):
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
         self.airspeed_scale = airspeed_scale
+        self.station: ComponentId = STATION
+        """The ground station's ids: vehicles answer to them, and its heartbeats hold off their failsafe."""
 
     def stand_in(self) -> tuple[Message, ...]:
         """Return what to send while there are no setpoints, for a family that accepts its mode only with a stream."""
