@@ -21,11 +21,12 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
+from airlink.driver import Driver
 from airlink.endpoint import Endpoint, PortError, VehicleId
 from airlink.engine import MemoryNetwork
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
-from airlink.udp import UdpDriver, resolved
+from airlink.transports.udp import resolved
 from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
@@ -129,7 +130,7 @@ def over_udp(
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
+        with Driver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
             session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
             yield session, driver.run, partial(over, session, emulators)
     except PortError as error:
@@ -268,7 +269,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         session.recorder.event(Event(clock.now(), RECORDING, clock_behind(options, behind_s)))
     try:
         resolve_peers(session)
-        with UdpDriver(session.engine, clock, ports) as driver, session.listening():
+        with Driver(session.engine, clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
                 details: dict[str, Detail] = {"endpoint": endpoint, "port": port}
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
