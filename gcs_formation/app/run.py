@@ -292,7 +292,7 @@ def resolve_peers(session: Session) -> None:
     """Replace host names of vehicles' addresses by IP addresses, because answers come from these."""
     for vehicle in session.station.vehicles.values():
         link = vehicle.connection
-        if link.peer is not None:
+        if session.station.endpoints()[link.socket].kind == "udpout" and link.peer is not None:
             link.peer = resolved(Endpoint("udpout", link.peer)).address
 
 
