@@ -22,8 +22,9 @@ from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
 from airlink.driver import Driver
-from airlink.endpoint import Endpoint, PortError, VehicleId
-from airlink.engine import MemoryNetwork
+from airlink.endpoint import Address, ComponentId, Endpoint, PortError, VehicleId
+from airlink.engine import Engine, MemoryNetwork
+from airlink.forwarding import Forward, Forwarding, Remote
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.transports.udp import resolved
@@ -130,11 +131,31 @@ def over_udp(
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
-        with Driver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
-            session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
+        engine, replaced = forwarded(session)
+        with Driver(engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
+            session.script.emulators, session.replace = partial(_strike, emulators), replaced or driver.replace
             yield session, driver.run, partial(over, session, emulators)
     except PortError as error:
         raise session.port_failed(error) from error
+
+
+def forwarded(session: Session) -> tuple[Engine, Callable[[Engine], None] | None]:
+    """Return a session's engine with its second ground stations, and what replaces the engine beneath them."""
+    forwards, station = session.options.forward, session.station
+    if not forwards:
+        return session.engine, None
+    ends = tuple(Forward(resolved(each.endpoint), each.takes) for each in forwards)
+
+    def joined(sender: ComponentId, peer: Address, now: Instant) -> None:
+        details: dict[str, Detail] = {"peer": str(peer)}
+        session.recorder.event(Event(now, "forward", f"a second ground station, {sender}, is heard", None, details))
+
+    def remotes() -> list[Remote]:
+        links = [(each.identity.system, each.connection) for each in station.vehicles.values()]
+        return [Remote(system, link.socket, link.peer) for system, link in links if link.peer is not None]
+
+    engine = Forwarding(session.engine, ends, remotes, station.scenario.station.ids, joined)
+    return engine, engine.replace
 
 
 def _strike(emulators: subprocess.Popen[bytes], act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
@@ -269,7 +290,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         session.recorder.event(Event(clock.now(), RECORDING, clock_behind(options, behind_s)))
     try:
         resolve_peers(session)
-        with Driver(session.engine, clock, ports) as driver, session.listening():
+        with Driver(forwarded(session)[0], clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
                 details: dict[str, Detail] = {"endpoint": endpoint, "port": port}
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
