@@ -1,8 +1,9 @@
 """A second ground station beside an engine: it sees what vehicles send, and its commands reach them.
 
-Vehicles' datagrams go to every peer as they are. What a peer sends goes frame by frame to the vehicle that it names, or
-to all; but not what would disturb the first station: requests for other message rates, and heartbeats with its system
-id, which would hold off the vehicles' failsafe when it is no longer there.
+Vehicles' datagrams go to every peer as they are, but for acknowledgements to the first station. What a peer sends goes
+frame by frame to the vehicle that it names, or to all; but not what would disturb the first station: requests for other
+message rates, and heartbeats with its system id, which would hold off the vehicles' failsafe when it is no longer
+there.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, ComponentId, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, StreamParser
+from airlink.frame import HEADER_V2, Frame, StreamParser
+from airlink.frame_starts import MARKER_V2
 from airlink.messages.command import CommandLong, RequestDataStream
 from airlink.messages.system import Heartbeat
 
@@ -22,6 +24,11 @@ FORGOTTEN_S: Final = 30.0
 """A peer that hasn't sent for this long is sent nothing more."""
 MOST_PEERS: Final = 8
 """At each endpoint; further ones aren't heard."""
+ACK_ID: Final = m.MAVLINK_MSG_ID_COMMAND_ACK.to_bytes(3, "little")
+ACK_SYSTEM: Final = HEADER_V2 + 8
+ACK_COMPONENT: Final = HEADER_V2 + 9
+"""Where an acknowledgement says whom it answers."""
+CHECKSUM: Final = 2
 RATES: Final = (m.MAV_CMD_SET_MESSAGE_INTERVAL,)
 
 
@@ -92,12 +99,22 @@ class Forwarding(Engine):
         if ours:
             known = {(each.socket, each.peer) for each in remotes}
             for each in ours:
-                if each.remote in known:
+                if each.remote in known and not self._answers_us(each.data):
                     self._spread(each.data, now)
             self._engine.receive(ours, now)
         for each in datagrams:
             if each.socket >= self._first:
                 self._take(each, remotes, now)
+
+    def _answers_us(self, data: bytes) -> bool:
+        """Return whether a datagram holds only an acknowledgement to us: 30 a second, which others would print."""
+        return (
+            len(data) > ACK_COMPONENT
+            and data[0] == MARKER_V2
+            and data[7:10] == ACK_ID
+            and len(data) == data[1] + HEADER_V2 + CHECKSUM
+            and (data[ACK_SYSTEM], data[ACK_COMPONENT]) == self._station
+        )
 
     def _spread(self, data: bytes, now: Instant) -> None:
         for place, forward in enumerate(self._forwards):
