@@ -1,6 +1,6 @@
 """Instants, and the clocks that give them. Only drivers read a clock; engines are passed `now`.
 
-Elsewhere only `airlink.udp` (to pace itself) and `airlink.cli` (to name directories) read the machine's clocks.
+Elsewhere only `airlink.driver` (to pace itself) and `airlink.cli` (to name directories) read the machine's clocks.
 """
 
 from __future__ import annotations

@@ -17,6 +17,8 @@ from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, PortError
 
 T = TypeVar("T")
 FIRST_EPHEMERAL_PORT = 49152
+SHARED = frozenset({"serial", "mcast", "tcpin"})
+"""Kinds of endpoints of which several may have one address."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -115,7 +117,7 @@ class DelayQueue(Generic[T]):
 class _Socket:
     """A socket of an engine in memory."""
 
-    __slots__ = ("arrived", "number", "peer", "source", "target")
+    __slots__ = ("arrived", "members", "number", "peer", "source", "target")
 
     def __init__(self, number: int, source: Address, arrived: list[Datagram]) -> None:
         """Take its number, the source address of its datagrams, and the list of its engine's arrived datagrams."""
@@ -126,6 +128,8 @@ class _Socket:
         """Destination of its last datagram: most have the same."""
         self.target: _Socket | None = None
         """The socket listening there, None if there is none."""
+        self.members: list[_Socket] = []
+        """All sockets at its address, where several share it: a serial line's end, a multicast group."""
 
 
 class MemoryNetwork:
@@ -155,14 +159,17 @@ class MemoryNetwork:
         index, arrived = len(self._engines), list[Datagram]()
         sockets: list[_Socket] = []
         for number, endpoint in enumerate(engine.endpoints()):
-            address = endpoint.address if endpoint.kind == "udpin" else self._ephemeral()
+            address = self._ephemeral() if endpoint.kind in {"udpout", "tcp"} else endpoint.address
+            socket = _Socket(number, _source(address), arrived)
+            sockets.append(socket)
+            if endpoint.kind in SHARED and address in self._listeners:
+                _join(self._listeners[address], socket)
+                continue
             if self._is_taken(address):
                 raise PortError(f"cannot listen at {endpoint}: {address} is taken by another engine")
-            socket = _Socket(number, _source(address), arrived)
             self._listeners[address] = socket
             if address.host == ANY_HOST:
                 self._listeners_anywhere[address.port] = socket
-            sockets.append(socket)
         self._engines.append(engine)
         self._sockets.append(sockets)
         self._arrived.append(arrived)
@@ -222,9 +229,15 @@ class MemoryNetwork:
                 socket.peer = sent.peer
                 socket.target = self._listeners.get(sent.peer) or self._listeners_anywhere.get(sent.peer.port)
             target = socket.target
-            if target is not None:
-                sent.socket, sent.peer = target.number, socket.source
-                target.arrived.append(sent)
+            if target is None:
+                continue
+            if target.members:
+                for each in target.members:
+                    if each is not socket:
+                        each.arrived.append(Datagram(each.number, socket.source, sent.data))
+                continue
+            sent.socket, sent.peer = target.number, socket.source
+            target.arrived.append(sent)
 
     def _is_taken(self, address: Address) -> bool:
         """Return whether an address is in use; a socket on all interfaces uses its port on each of them."""
@@ -238,6 +251,12 @@ class MemoryNetwork:
             address = Address(LOOPBACK, address.port + 1)
         self._next_port = address.port + 1
         return address
+
+
+def _join(first: _Socket, socket: _Socket) -> None:
+    """Let a socket share the address of another."""
+    first.members.extend([socket] if first.members else [first, socket])
+    socket.members = first.members
 
 
 def _source(local: Address) -> Address:

@@ -12,12 +12,13 @@ from itertools import count
 from typing import Final, Self
 
 from airlink.clock import Instant, RealClock
+from airlink.driver import IDLE_WAIT_S, select_for
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
 from airlink.engine import DelayQueue
 from airlink.impaired_link import Channel, ChannelStatistics
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.random_streams import random_stream
-from airlink.udp import IDLE_WAIT_S, Inbox, open_socket, resolved, select_for
+from airlink.transports.udp import Inbox, open_socket, resolved
 
 MAX_REMOTES: Final = 256
 """Most sockets towards the target. The longest silent remote is dropped first, so strangers can't use up sockets."""

@@ -27,7 +27,7 @@ os.environ["MAVLINK20"] = "1"
 import yaml
 
 import gcs_formation
-from airlink.udp import Inbox
+from airlink.transports.udp import Inbox
 from benchmarks import parser, print_load
 from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario

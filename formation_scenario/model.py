@@ -63,6 +63,7 @@ from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.shapes import SHAPE
+from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.vehicles import CLOCKS, Vehicle, reads_equivalent_airspeed
@@ -208,6 +209,7 @@ class Scenario(Keys):
         [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3, "model": {"tau_v_s": 5.0}}],
         {"count": 4, "navigation": {"source": "noisy"}},
     )
+    station: StationId = StationId()
     telemetry: Telemetry = Telemetry()
     formation: Formation = key(Formation(), "", derived="its keys'")
     law: Law = key(..., "", derived="its keys'")

@@ -23,13 +23,16 @@ LEAST_FLYING_MPS = 1e-3
 
 
 def identities(scenario: Scenario) -> Iterator[Finding]:
-    """Yield system ids that occur twice on one network."""
+    """Yield system ids that occur twice on one network, or are the ground station's."""
     seen: dict[tuple[int, int], int] = {}
     for index, vehicle in enumerate(scenario.vehicles):
         first = seen.setdefault(vehicle.vehicle_id, index)
         if first != index:
             found = f"found {vehicle.id} again on network {vehicle.network}, first at vehicles.{first}"
             yield ("vehicles", index, "id"), found, "each id once on a network"
+        if vehicle.id == scenario.station.system:
+            found = f"found {vehicle.id}, the ground station's own system id (station.system)"
+            yield ("vehicles", index, "id"), found, "an id that the ground station doesn't have"
 
 
 def roles(scenario: Scenario) -> Iterator[Finding]:

@@ -263,8 +263,9 @@ def _vehicle(
     planned: PlannedVehicle, column: int, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario
 ) -> Vehicle:
     endpoint, telemetry = endpoints[socket], scenario.telemetry
-    connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
+    connection = Connection(socket, endpoint.peer)
     autopilot = autopilot_for(planned, scenario)
+    autopilot.station = scenario.station.ids
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
     vehicle = Vehicle(
         planned.vehicle_id,

@@ -35,8 +35,7 @@ from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
 from gcs_formation.mission.starting import UNCHECKED, PreFlight, PreFlightOptions, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
 """A timer overdue by more than this means that the station was held up and datagrams have waited in its queue."""
@@ -74,13 +73,13 @@ class Station(Engine):
         self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         # A socket is one of MAVLink's channels, and frames are numbered by channel (guide, "Packet Serialization").
-        self._channels = [FrameWriter(STATION_SYSTEM, STATION_COMPONENT) for _ in self._endpoints]
+        self._channels = [FrameWriter(*scenario.station.ids) for _ in self._endpoints]
         note, fleet = self._note, (self.vehicles, self._note)
         membership, self._dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
         self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
-        self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail)
+        self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail, scenario.station.ids)
         self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
         self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
@@ -17,8 +17,12 @@ from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.parameter_files import Parameter, read_parameters
 from formation_scenario.start_states_and_end_times import StartState, start_states
+from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
+
+STATION_SYSTEM: Final = StationId().system
+"""The ground station's system id by default."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,8 @@ class FleetConfig:
     """What extensions register."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
+    station_system: int = STATION_SYSTEM
+    """System id of the ground station whose heartbeats hold off their failsafes."""
 
 
 def stand_ins(scenario: Scenario) -> str:
@@ -123,6 +129,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
         registered=scenario.registered,
+        station_system=scenario.station.system,
     )
 
 

@@ -45,7 +45,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
 from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
 from sim_vehicles.autopilot.streams import UNASKED_NS
 from sim_vehicles.board_clock import delayed
-from sim_vehicles.config import VehicleConfig
+from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.vehicle import Vehicle
 
 TURNS_FROM_M = 2.0
@@ -188,7 +188,7 @@ class Copter(Vehicle):
 
     def make_parameters(self) -> ParameterServer:
         """Return ArduCopter's parameters."""
-        return ParameterServer(copter_parameters(self.config))
+        return ParameterServer(copter_parameters(self.config, self.fleet))
 
     def make_pilot(self) -> CopterPilot:
         """Return who flies a multirotor."""
@@ -301,7 +301,7 @@ class Copter(Vehicle):
             self.flier.turn_on(nose_rad, rate_rps)
 
 
-def copter_parameters(config: VehicleConfig) -> dict[str, ParameterKind]:
+def copter_parameters(config: VehicleConfig, fleet: FleetConfig) -> dict[str, ParameterKind]:
     """Return a multirotor's parameters by their names, in ArduCopter's cm."""
     model = config.model
     return {
@@ -311,7 +311,7 @@ def copter_parameters(config: VehicleConfig) -> dict[str, ParameterKind]:
         "FS_GCS_TIMEOUT": floating(2, 1e6, 5),
         "GUID_TIMEOUT": floating(0.1, 1e6, 3),
         "LAND_SPEED": ParameterKind(m.MAV_PARAM_TYPE_INT16, 30, 200, 50),
-        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, fleet.station_system),
         "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "RTL_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT32, 30, 300000, 1500),
         "RTL_LOIT_TIME": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 60000, 5000),

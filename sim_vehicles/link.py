@@ -39,8 +39,8 @@ class Peer:
 class Link:
     """Sends answers to the peer that asked, and everything else to all peers.
 
-    A `udpout` has one peer, a `udpin` all those heard recently. Frames are numbered separately for each peer, so that a
-    gap in the numbers is a loss on that peer's link.
+    An end that sends to an address has one peer, one that listens all those heard recently. Frames are numbered
+    separately for each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
     def __init__(self, socket: int, config: VehicleConfig, *, locks: bool) -> None:
@@ -52,7 +52,7 @@ class Link:
         self._socket = socket
         self.outbox: list[Datagram] = []
         self._system = config.identity.system
-        self._fixed_address = config.endpoint.address if config.endpoint.kind == "udpout" else None
+        self._fixed_address = config.endpoint.peer
         self._inbox: list[Datagram] = []
         self._peers: dict[Address, Peer] = {}
         """Peers by address, sorted by when they last sent."""

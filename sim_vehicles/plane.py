@@ -44,7 +44,7 @@ from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, Pa
 from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.streams import UNASKED
 from sim_vehicles.board_clock import delayed
-from sim_vehicles.config import FleetConfig, VehicleConfig
+from sim_vehicles.config import STATION_SYSTEM, FleetConfig, VehicleConfig
 from sim_vehicles.vehicle import Vehicle
 
 WIDER_THAN_TIGHTEST = 1.3
@@ -198,7 +198,7 @@ class Plane(Vehicle):
 
     def make_parameters(self) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return plane_parameters(self.config, self.fleet.cruise_mps)
+        return plane_parameters(self.config, self.fleet.cruise_mps, self.fleet.station_system)
 
     def make_pilot(self) -> PlanePilot:
         """Return who flies a fixed wing."""
@@ -313,9 +313,9 @@ class Plane(Vehicle):
                 self.enter(Mode.RTL)
 
 
-def plane_parameters(config: VehicleConfig, cruise_mps: float) -> ParameterServer:
+def plane_parameters(config: VehicleConfig, cruise_mps: float, station_system: int = STATION_SYSTEM) -> ParameterServer:
     """Return ArduPlane's parameters for a vehicle; those of an older version if a parameter file has its names."""
-    kinds, file = _defaults(config, cruise_mps), config.parameters
+    kinds, file = _defaults(config, cruise_mps, station_system), config.parameters
     older = {name: own for name, own in OLDER_NAMES.items() if own[0] in file and name not in file}
     for name, (own, unit) in older.items():
         kind = kinds.pop(name)
@@ -323,7 +323,7 @@ def plane_parameters(config: VehicleConfig, cruise_mps: float) -> ParameterServe
     return ParameterServer(as_in_file(kinds, file, SYSTEM_NAMES), older)
 
 
-def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
+def _defaults(config: VehicleConfig, cruise_mps: float, station_system: int) -> dict[str, ParameterKind]:
     model = config.model
     bank_deg = math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
     radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))
@@ -338,7 +338,7 @@ def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKi
         "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
         "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
         "LAND_DISARMDELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 20),
-        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, 255),
+        "MAV_GCS_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, station_system),
         "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(bank_deg))),
         "RTL_ALTITUDE": floating(-1, 1e5, 100),

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 from airlink.cli import counted
 from airlink.clock import Instant
+from airlink.forwarding import Forward
 from formation_scenario.expectation import Expectation
 from gcs_formation.recorder import Event, Recorder
 
@@ -58,6 +59,8 @@ class RunOptions:
     """`fly` only: whether the unfinished run in `out` is continued."""
     retake: bool = False
     """With `resume`: whether vehicles that are returning home are taken over too."""
+    forward: tuple[Forward, ...] = ()
+    """Second ground stations that see the vehicles, and may command them; under the real clock alone."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""
@@ -68,6 +71,9 @@ class RunOptions:
         if self.clock == "virtual" and self.speedup != 1.0:
             found = f"found {self.speedup:g} under the virtual clock, which is as fast as the processor allows"
             raise ValueError(f"speedup: {found}; allowed: none, or the real clock")
+        if self.clock == "virtual" and self.forward:
+            found = f"found {self.forward[0].endpoint} under the virtual clock, in which nobody else lives"
+            raise ValueError(f"forward: {found}; allowed: none, or the real clock")
         if self.until_s is not None and not _is_number(self.until_s, 0.0, sys.float_info.max):
             raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")
 

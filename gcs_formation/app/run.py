@@ -21,11 +21,13 @@ from typing import IO, Any
 from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
-from airlink.endpoint import Endpoint, PortError, VehicleId
-from airlink.engine import MemoryNetwork
+from airlink.driver import Driver
+from airlink.endpoint import Address, ComponentId, Endpoint, PortError, VehicleId
+from airlink.engine import Engine, MemoryNetwork
+from airlink.forwarding import Forward, Forwarding, Remote
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
-from airlink.udp import UdpDriver, resolved
+from airlink.transports.udp import resolved
 from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
@@ -159,19 +161,39 @@ def over_udp(
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
+        engine, replaced = forwarded(session)
         with (
             closing(_Said()) as said,
-            UdpDriver(session.engine, clock) as driver,
+            Driver(engine, clock) as driver,
             _emulators(session, clock) as emulators,
             session.listening(),
         ):
-            session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
+            session.script.emulators, session.replace = partial(_strike, emulators), replaced or driver.replace
             if scenario.registered:
                 session.emulators_failure = said.failure
                 session.link_processes.places = partial(_recorded_place, session)
             yield session, driver.run, partial(over, session, emulators, said)
     except PortError as error:
         raise session.could_not_begin(error) from error
+
+
+def forwarded(session: Session) -> tuple[Engine, Callable[[Engine], None] | None]:
+    """Return a session's engine with its second ground stations, and what replaces the engine beneath them."""
+    forwards, station = session.options.forward, session.station
+    if not forwards:
+        return session.engine, None
+    ends = tuple(Forward(resolved(each.endpoint), each.takes) for each in forwards)
+
+    def joined(sender: ComponentId, peer: Address, now: Instant) -> None:
+        details: dict[str, Detail] = {"peer": str(peer)}
+        session.recorder.event(Event(now, "forward", f"a second ground station, {sender}, is heard", None, details))
+
+    def remotes() -> list[Remote]:
+        links = [(each.identity.system, each.connection) for each in station.vehicles.values()]
+        return [Remote(system, link.socket, link.peer) for system, link in links if link.peer is not None]
+
+    engine = Forwarding(session.engine, ends, remotes, station.scenario.station.ids, joined)
+    return engine, engine.replace
 
 
 def _strike(emulators: subprocess.Popen[bytes], act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
@@ -340,7 +362,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
         session.recorder.event(Event(clock.now(), RECORDING, clock_behind(options, behind_s)))
     try:
         resolve_peers(session)
-        with UdpDriver(session.engine, clock, ports) as driver, session.listening():
+        with Driver(forwarded(session)[0], clock, ports) as driver, session.listening():
             for endpoint, port in driver.from_ports.items():
                 details: dict[str, Detail] = {"endpoint": endpoint, "port": port}
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
@@ -363,7 +385,7 @@ def resolve_peers(session: Session) -> None:
     """Replace host names of vehicles' addresses by IP addresses, because answers come from these."""
     for vehicle in session.station.vehicles.values():
         link = vehicle.connection
-        if link.peer is not None:
+        if session.station.endpoints()[link.socket].kind == "udpout" and link.peer is not None:
             link.peer = resolved(Endpoint("udpout", link.peer)).address
 
 

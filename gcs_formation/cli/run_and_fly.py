@@ -15,6 +15,8 @@ import click
 
 from airlink.cli import SECONDS, SEED, Number, Status, WholeNumber, examples, fail, say, tell
 from airlink.cli.output_directory import OUT, default_directory
+from airlink.endpoint import Endpoint, EndpointError, parse_endpoint
+from airlink.forwarding import Forward
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.check import never_reached
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
@@ -47,6 +49,21 @@ IDENTIFY_EXAMPLES = examples(
     "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
 )
 
+
+class EndpointType(click.ParamType[Endpoint]):
+    """A connection string."""
+
+    name = "endpoint"
+
+    def convert(self, value: str | Endpoint, param: click.Parameter | None, ctx: click.Context | None) -> Endpoint:
+        """Parse it."""
+        try:
+            return value if isinstance(value, Endpoint) else parse_endpoint(value)
+        except EndpointError as error:
+            self.fail(str(error), param, ctx)
+
+
+FORWARD = EndpointType()
 CLOCKS = click.Choice(["real", "virtual"])
 Command = TypeVar("Command", bound=Callable[..., Any])
 Result = TypeVar("Result")
@@ -65,6 +82,22 @@ def _options(command: Command) -> Command:
             PLUGINS,
             click.option("--out", type=OUT, help="Run directory; default: runs/NAME-TIME."),
             click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out when this one begins."),
+            click.option(
+                "--forward",
+                "forward",
+                type=FORWARD,
+                multiple=True,
+                metavar="ENDPOINT",
+                help="A second ground station sees and commands the vehicles there; repeatable.",
+            ),
+            click.option(
+                "--forward-only",
+                "forward_only",
+                type=FORWARD,
+                multiple=True,
+                metavar="ENDPOINT",
+                help="A second ground station sees the vehicles there; what it sends isn't taken.",
+            ),
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
         )
@@ -149,6 +182,9 @@ def _done(
 
 
 def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
+    seen: tuple[Endpoint, ...] = given.pop("forward_only", ())
+    heard: tuple[Endpoint, ...] = given.pop("forward", ())
+    given["forward"] = tuple(Forward(end, end in heard) for end in dict.fromkeys((*heard, *seen)))
     try:
         return RunOptions(out, **given)
     except ValueError as error:

@@ -15,7 +15,7 @@ from mypy_extensions import i64
 
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
-from airlink.endpoint import Address, VehicleId
+from airlink.endpoint import Address, ComponentId, VehicleId
 from airlink.engine import Datagram, DelayQueue
 from airlink.frame import Frame, ParserCounts
 from airlink.messages import MISSION_TIME, Message
@@ -25,7 +25,7 @@ from formation_scenario import Scenario
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note, Tick, VehicleLink
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
@@ -34,6 +34,8 @@ SYSTEMS: Final = 256
 MANY_COPIES: Final = 20
 """Number of copies of a vehicle's frames after which they are reported."""
 COPIES_TEXT: Final = "its frames come more than once, as by a second link; copies and what is overtaken are ignored"
+HOLDS_OFF: Final = "its heartbeats hold off the vehicles' failsafe when ours stop (another id: station.system)"
+
 EVERYONE = 0
 """MAVLink's broadcast id, which isn't allowed as a sender's id."""
 
@@ -48,8 +50,9 @@ class Senders:
         flight: Flight,
         note: Note,
         give_up: GiveUp,
+        station: ComponentId = STATION,
     ) -> None:
-        """Take the `vehicles`; `networks[s]` is the network of socket s."""
+        """Take the `vehicles`; `networks[s]` is the network of socket s; `station`: our own ids."""
         self._networks = networks
         self._vehicles: list[list[Vehicle | None]] = [[None] * SYSTEMS for _ in networks]
         """Vehicles by socket and system id."""
@@ -60,7 +63,10 @@ class Senders:
         self._flight = flight
         self._note = note
         self._give_up = give_up
+        self._station = station
         self._strangers: set[VehicleId] = set()
+        self._namesakes: set[ComponentId] = set()
+        """Other senders with our system id that have been reported."""
         self._connections = [vehicle.connection for vehicle in vehicles.values()]
         self._peers, self._peers_at = frozenset[Address](), NEVER
 
@@ -109,16 +115,26 @@ class Senders:
             self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
 
     def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
-        if not isinstance(frame.message, Heartbeat) or identity in self._strangers:
+        if not isinstance(frame.message, Heartbeat):
             return
-        self._strangers.add(identity)
         details = {"peer": str(datagram.peer)}
-        if identity.system == STATION_SYSTEM:
-            text = f"system {identity} is our own id: another ground station has it, or our own frames come back"
-            self._note(now, "own_id", text, None, details)
-        else:
+        if identity.system == self._station.system:
+            self._note_namesake(ComponentId(frame.system, frame.component), details, now)
+        elif identity not in self._strangers:
+            self._strangers.add(identity)
             why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+
+    def _note_namesake(self, sender: ComponentId, details: dict[str, str], now: Instant) -> None:
+        """Report a sender with our system id once, with what it means."""
+        if sender in self._namesakes:
+            return
+        self._namesakes.add(sender)
+        if sender == self._station:
+            text = f"{sender} are our own ids: another ground station has them, or our own frames come back"
+        else:
+            text = f"another ground station, {sender}, has our system id"
+        self._note(now, "own_id", f"{text}; {HOLDS_OFF}", None, dict(details))
 
 
 FLOOD_BYTES_PER_S: Final = 100e3

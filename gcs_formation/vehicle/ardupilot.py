@@ -27,7 +27,6 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import (
-    STATION_SYSTEM,
     Autopilot,
     Command,
     Craft,
@@ -49,12 +48,6 @@ HEARTBEATS_S: Final = 3.0
 ACTIVE: Final = m.MAV_STATE_ACTIVE
 STANDBY: Final = m.MAV_STATE_STANDBY
 
-OUR_HEARTBEATS = Check(
-    ("MAV_GCS_SYSID", "SYSID_MYGCS"),
-    f"{STATION_SYSTEM}, this ground station; heartbeats of others don't hold off the failsafe",
-    lambda value: value == STATION_SYSTEM,
-    lambda _: True,
-)
 LEAST_TAKE_OFF_M = 50
 CM = 0.01
 FAILSAFE_BY_HEARTBEAT = (1, 2)
@@ -87,6 +80,16 @@ PLANE_TYPES = frozenset(
 COPTER_LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
 """FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 hovers where setpoints stopped."""
 TAKE_OFF_TO_M = 20.0
+
+
+def our_heartbeats(system: int) -> Check:
+    """Return the check that the failsafe waits for heartbeats of our system id."""
+    return Check(
+        ("MAV_GCS_SYSID", "SYSID_MYGCS"),
+        f"{system}, this ground station; heartbeats of others don't hold off the failsafe",
+        lambda value: value == system,
+        lambda _: True,
+    )
 
 
 def heartbeat_timeout(name: str) -> Check:
@@ -170,7 +173,7 @@ class ArduPlane(ArduPilot):
         told_mps, (least, most, trim, bank) = self.airspeed_to_tell(path.begin_mps), tuple(BEFORE_4_5)
         envelope = envelope_checks(model, path, told_mps, least, most, trim, bank, ("refused", "refused"))
         return (
-            OUR_HEARTBEATS,
+            our_heartbeats(self.station.system),
             Check(
                 ("FS_GCS_ENABL",),
                 "1 or 2; without it a plane whose setpoints stop flies straight on for ever",
@@ -337,7 +340,7 @@ class ArduCopter(ArduPilot):
         """Return the checks of failsafe, limits and the ground station's system id."""
         fastest, speed = model.speed_max_mps, path.begin_mps
         return (
-            OUR_HEARTBEATS,
+            our_heartbeats(self.station.system),
             Check(
                 ("FS_GCS_ENABLE",),
                 "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",

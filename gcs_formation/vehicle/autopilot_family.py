@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Final, NamedTuple
 from mypy_extensions import mypyc_attr
 
 from airlink import mavlink as m
+from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
@@ -18,16 +19,17 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.station import StationId
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
 
-STATION_SYSTEM: Final = 255
-"""Our own system id."""
 NO_MODE: Final = -1
 """A mode that no heartbeat shows; differs from None, which is the mode before the first heartbeat."""
+STATION: Final = StationId().ids
+"""The ground station's ids by default."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 ASKED_S: Final = 30.0
@@ -162,6 +164,8 @@ class Autopilot(ABC):
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
         self.airspeed_scale = airspeed_scale
+        self.station: ComponentId = STATION
+        """The ground station's ids: vehicles answer to them, and its heartbeats hold off their failsafe."""
 
     @classmethod
     def of(cls, craft: Craft) -> Autopilot:

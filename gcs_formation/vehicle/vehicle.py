@@ -23,7 +23,7 @@ from gcs_formation.link.frame_history import TURN_S, FrameHistory
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.command_delivery import (
     GAP_S,
     UNDER_WAY,
@@ -38,7 +38,6 @@ from gcs_formation.vehicle.startup import StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
-STATION_COMPONENT: Final = m.MAV_COMP_ID_MISSIONPLANNER
 UNANSWERED_S: Final = 1.5
 """Longest time without an answer from a vehicle that hears the ground station."""
 LOSSY_S: Final = 10.0
@@ -385,9 +384,11 @@ class Vehicle:
         return StartUp((*self.autopilot.start_up(self.rates_hz), *self._at_last), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
-        self.sequence.answers += 1
-        if ack.target_system not in (0, STATION_SYSTEM):
+        # Older autopilots, and MAVLink 1, don't say whom they answer (0).
+        ours = self.autopilot.station
+        if ack.target_system not in (0, ours.system) or ack.target_component not in (0, ours.component):
             return
+        self.sequence.answers += 1
         self.round_trips.hear(now)
         if self.commands.outcome is Outcome.WAITING:
             accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())

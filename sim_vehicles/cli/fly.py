@@ -17,8 +17,18 @@ from pydantic import TypeAdapter
 
 from airlink.cli import SECONDS, Number, Status, WholeNumber, drop, fail
 from airlink.clock import NANOSECONDS, Instant, RealClock
-from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
-from airlink.udp import UdpDriver, resolved
+from airlink.driver import Driver
+from airlink.endpoint import (
+    LOOPBACK,
+    MAX_PORT,
+    Address,
+    Endpoint,
+    EndpointError,
+    PortError,
+    VehicleId,
+    parse_endpoint,
+)
+from airlink.transports.udp import resolved
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.extensions import ExtensionError
 from formation_scenario.fields import MAX_SYSTEM_ID
@@ -66,6 +76,13 @@ Their timeouts are the longest that the families allow, so that a station may be
 @click.option(
     "--vehicles", "chosen", metavar="IDS", help="Of the scenario's vehicles only these: 1,2; others fly elsewhere."
 )
+@click.option(
+    "--endpoint",
+    "ends",
+    multiple=True,
+    metavar="ID=ENDPOINT",
+    help="A vehicle's own end, where it isn't the scenario's other one; all=ENDPOINT: everyone's. Repeatable.",
+)
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
 @click.option("--until", "until_s", type=SECONDS, metavar="SECONDS", help="End after this time.")
@@ -82,6 +99,7 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
     count, base_port, one_port = (options.pop(name) for name in ("count", "base_port", "one_port"))
     chosen: str | None = options.pop("chosen")
     plugins: tuple[str, ...] = options.pop("plugins")
+    ends: tuple[str, ...] = options.pop("ends")
     if scenario is None and (overrides or chosen):
         fail(f"found {'--set' if overrides else '--vehicles'} without a scenario; allowed: with one")
     if scenario is not None and (count or base_port or one_port):
@@ -93,6 +111,7 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
         fail(str(error))
     if chosen is not None:
         config = replace(config, vehicles=_chosen(config.vehicles, chosen))
+    config = replace(config, vehicles=_ended(config.vehicles, ends))
     if ready_s is not None:
         config = replace(config, ready_s=ready_s)
 
@@ -135,7 +154,7 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
                 orders.poll()
             return bool(signals) or late or closed or extensions.over() or parent_pid not in (None, os.getppid())
 
-        with UdpDriver(fleet, clock) as driver:
+        with Driver(fleet, clock) as driver:
             if not quiet:
                 _greet("\n".join(map(_line, config.vehicles)))
             elif parent_pid is not None:
@@ -227,6 +246,22 @@ def _chosen(vehicles: tuple[VehicleConfig, ...], ids: str) -> tuple[VehicleConfi
     return tuple(each for each in vehicles if str(each.identity) in names)
 
 
+def _ended(vehicles: tuple[VehicleConfig, ...], ends: tuple[str, ...]) -> tuple[VehicleConfig, ...]:
+    """Return the vehicles with their own ends of links as texts like "2=serial:/dev/ttyUSB0:57600" give them."""
+    found, known = {str(each.identity): each for each in vehicles}, ", ".join(str(each.identity) for each in vehicles)
+    for text in ends:
+        name, given, end = text.partition("=")
+        if not given or (name not in found and name != "all"):
+            fail(f"--endpoint: found '{text}'; allowed: ID=ENDPOINT with an ID of {known}, or all=ENDPOINT")
+        try:
+            endpoint = parse_endpoint(end)
+        except EndpointError as error:
+            fail(f"--endpoint: {error}")
+        for each in found if name == "all" else (name,):
+            found[each] = replace(found[each], endpoint=endpoint)
+    return tuple(found.values())
+
+
 def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
     """Return the configuration of vehicles in a row on the ground, heading north."""
     last = base_port if one_port else base_port + count - 1
@@ -244,5 +279,7 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
 
 
 def _line(vehicle: VehicleConfig) -> str:
-    what = "sends to" if vehicle.endpoint.kind == "udpout" else "listens at"
+    if vehicle.endpoint.kind == "serial":
+        return f"vehicle {vehicle.identity} is at {vehicle.endpoint}"
+    what = "listens at" if vehicle.endpoint.peer is None else "sends to"
     return f"vehicle {vehicle.identity} {what} {vehicle.endpoint.address}"

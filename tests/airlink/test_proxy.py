@@ -13,7 +13,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.proxy import Proxy, Relay
-from airlink.udp import MAX_DATAGRAM, open_socket
+from airlink.transports.udp import MAX_DATAGRAM, open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
 ANY_PORT = ("127.0.0.1", 0)
@@ -224,7 +224,7 @@ def proxy_command(listen, *options):
         (["--rate-kbps", "1e-300"], "--rate-kbps: found '1e-300'; allowed: 0, or 0.001 to 1000000"),
         (["--uplink-delay-ms", "x"], "--uplink-delay-ms: found 'x'; allowed: 0 to 600000"),
         (["--to", "udpin:127.0.0.1:9"], "allowed: udpout:HOST:PORT"),
-        (["--to", "tcp:127.0.0.1:9"], "found 'tcp'"),
+        (["--to", "tcp:127.0.0.1:9"], "found 'tcp:127.0.0.1:9'; allowed: udpout:HOST:PORT"),
         (["--seed", "-1"], "--seed"),
     ],
 )

@@ -6,10 +6,10 @@ import socket
 import time
 
 from airlink.clock import Instant, RealClock, after
+from airlink.driver import Driver
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import Datagram
 from airlink.stranger_limit import ALL_AT_ONCE_BYTES, ALL_BYTES_PER_S, EACH_BYTES_PER_S, StrangerLimit
-from airlink.udp import UdpDriver
 from tests.airlink.engines import PlainEngine
 
 SECOND = 1_000_000_000
@@ -83,7 +83,7 @@ def test_of_a_stranger_s_flood_little_arrives_and_of_a_known_peer_everything() -
         here = probe.getsockname()
     engine = Knowing(f"udpin:{LOOPBACK}:{here[1]}")
     flood, vehicle = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-    with flood, vehicle, UdpDriver(engine, RealClock()) as driver:
+    with flood, vehicle, Driver(engine, RealClock()) as driver:
         vehicle.bind((LOOPBACK, 0))
         engine.known = Address(*vehicle.getsockname())
         for _ in range(200):

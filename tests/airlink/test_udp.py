@@ -6,9 +6,10 @@ import time
 import pytest
 
 from airlink.clock import Instant, RealClock, after
+from airlink.driver import PORTION, Driver, select_for
 from airlink.endpoint import Address, PortError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.udp import PORTION, Inbox, UdpDriver, open_socket, resolved, select_for
+from airlink.transports.udp import Inbox, open_socket, resolved
 from tests.airlink.engines import PlainEngine
 
 
@@ -38,7 +39,7 @@ def port():
 
 def test_datagrams_come_in_and_answers_go_back(port):
     engine = Echo(f"udpin:127.0.0.1:{port}")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, RealClock()) as driver:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, Driver(engine, RealClock()) as driver:
         remote.bind(("127.0.0.1", 0))
         remote.settimeout(120.0)
         remote.sendto(b"hello", ("127.0.0.1", port))
@@ -53,7 +54,7 @@ def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too
     engine, looks = Echo(f"udpin:127.0.0.1:{port}"), []
     engine.timer = None
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"on and on"))
-    with UdpDriver(engine, RealClock()) as driver:
+    with Driver(engine, RealClock()) as driver:
         driver.run(lambda: looks.append(len(engine.heard)) or looks[-1] >= 300)
     assert len(looks) < 100
 
@@ -61,7 +62,7 @@ def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too
 def test_a_taken_port_is_named_and_nothing_stays_open(port):
     taken = f"udpin:127.0.0.1:{port}"
     with open_socket(parse_endpoint(taken)), pytest.raises(PortError, match=f"{port} is taken"):
-        UdpDriver(Echo("udpout:127.0.0.1:9", taken), RealClock())
+        Driver(Echo("udpout:127.0.0.1:9", taken), RealClock())
 
 
 def test_an_address_of_another_machine_cannot_be_listened_at(port):
@@ -71,12 +72,12 @@ def test_an_address_of_another_machine_cannot_be_listened_at(port):
 
 def test_the_previous_source_port_is_used_again_unless_it_is_taken(port):
     to = "udpout:127.0.0.1:9"
-    with UdpDriver(Echo(to, f"udpin:127.0.0.1:{port}"), RealClock()) as first:
+    with Driver(Echo(to, f"udpin:127.0.0.1:{port}"), RealClock()) as first:
         before = first.from_ports
-        with UdpDriver(Echo(to), RealClock(), before) as beside:
+        with Driver(Echo(to), RealClock(), before) as beside:
             assert beside.from_ports != before
     assert list(before) == [to]
-    with UdpDriver(Echo(to), RealClock(), before) as again:
+    with Driver(Echo(to), RealClock(), before) as again:
         assert again.from_ports == before
 
 
@@ -84,7 +85,7 @@ def test_who_cannot_be_reached_is_no_error(port):
     engine = Echo(f"udpout:127.0.0.1:{port}")
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"x"))
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), bytes(70_000)))
-    with UdpDriver(engine, RealClock()) as driver:
+    with Driver(engine, RealClock()) as driver:
         driver.run(lambda: len(engine.timers) >= 2)
     assert engine.heard == []
 
@@ -157,7 +158,7 @@ def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, c
     """At 10 us a byte, the former speed for junk, a datagram of 60,000 bytes takes six ticks."""
     (flooded, other), endpoints = two_ports
     engine = Busy(clock, 10_000, *endpoints)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, Driver(engine, clock) as driver:
         for _ in range(4):
             remote.sendto(b"\xfe" * 60_000, ("127.0.0.1", flooded))
         remote.sendto(b"alive", ("127.0.0.1", other))
@@ -178,7 +179,7 @@ def test_no_timer_is_handled_before_what_arrived_during_a_long_receive(two_ports
                 remote.sendto(b"alive", ("127.0.0.1", other))
 
     engine = HeldUp(clock, 1_000_000_000, *endpoints)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, Driver(engine, clock) as driver:
         remote.sendto(b"seven s", ("127.0.0.1", slow))
         driver.run(lambda: "timer" in engine.log)
     assert engine.log == [(0, 7), (1, 5), "timer"]
@@ -187,7 +188,7 @@ def test_no_timer_is_handled_before_what_arrived_during_a_long_receive(two_ports
 def test_after_a_stop_all_that_came_meanwhile_is_read_first_however_much_that_is(two_ports, clock):
     (here, other), endpoints = two_ports
     engine = Busy(clock, 10_000, *endpoints)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, UdpDriver(engine, clock) as driver:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as remote, Driver(engine, clock) as driver:
         for each in (here, other) * 150:
             remote.sendto(bytes(100), ("127.0.0.1", each))
         clock.ns = 8_000_000_000

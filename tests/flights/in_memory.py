@@ -144,6 +144,7 @@ class World:
         between: type[Between] = Between,
         caution: PreFlightOptions = UNCHECKED,
         notes: Callable[[Scenario], Notes] = lambda _: Notes(),
+        around: Callable[[Engine, Station], Engine] = lambda engine, _: engine,
         **keys: Any,
     ) -> None:
         planned = load_scenario(scenario(**keys))
@@ -153,7 +154,7 @@ class World:
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)
         self.attach(self.between)
-        self.process = Sleeper(impair(planned, self.station) or self.station)
+        self.process = Sleeper(around(impair(planned, self.station) or self.station, self.station))
         self.attach(self.process)
 
     def attach(self, engine: Engine) -> None:

@@ -9,13 +9,13 @@ from airlink.clock import Instant, after
 from airlink.endpoint import LOOPBACK, Address, Endpoint, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2, FrameWriter
+from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat, Statustext
 from formation_scenario import load_scenario
 from formation_scenario.vehicles import VehicleClock
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT
+from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
@@ -202,10 +202,32 @@ def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_cloc
 def test_our_own_frames_that_come_back_change_nothing() -> None:
     world = World(Echoing, duration_s=10)
     world.run()
-    assert world.words("own_id") == [
-        "system 255 is our own id: another ground station has it, or our own frames come back"
-    ]
+    (said,) = world.words("own_id")
+    assert said.startswith("255/25 are our own ids: another ground station has them, or our own frames come back")
     assert world.words("stranger") == world.words("duplicate") == []
+    assert world.worst_m() < 0.05
+
+
+class SecondStation(Between):
+    """Another ground station, QGroundControl at its defaults, behind the same router: its commands are all refused."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._writer, self._turn = FrameWriter(255, 190), 0
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        super().take(datagram, now)
+        self._turn += 1
+        if self._turn % 5 == 0:
+            system = self.fleet.vehicles[datagram.socket].config.identity.system
+            nonsense = CommandInt(system, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_GUIDED_CHANGE_SPEED, param1=77.0)
+            super().take(Datagram(datagram.socket, datagram.peer, self._writer.encode(nonsense)), now)
+
+
+def test_what_vehicles_answer_to_another_ground_station_with_our_system_id_says_nothing_of_our_setpoints() -> None:
+    world = World(SecondStation, duration_s=8)
+    world.run()
+    assert world.words("disobeys") == world.words("refused") == []
     assert world.worst_m() < 0.05
 
 
@@ -223,8 +245,8 @@ def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port
     [
         (0, 1, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
         (254, 1, "stranger", "system 254 is heard, but isn't in the scenario"),
-        (255, 1, "own_id", "our own id"),
-        (STATION_SYSTEM, STATION_COMPONENT, "own_id", "our own id"),
+        (255, 190, "own_id", "another ground station, 255/190, has our system id"),
+        (*STATION, "own_id", "255/25 are our own ids"),
     ],
 )
 def test_systems_that_are_not_ours_are_reported_once(

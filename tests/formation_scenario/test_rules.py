@@ -11,8 +11,8 @@ from formation_scenario.source import read_text
         (["vehicles.3.id=2"], "vehicles.3.id: found 2 again on network 1, first at vehicles.1; each id once"),
         (["vehicles.2.role=leader"], "vehicles.2.role: found a second leader, first at vehicles.0"),
         (
-            ["vehicles.1.endpoint=tcp:127.0.0.1:1"],
-            "vehicles.1.endpoint: connection string 'tcp:127.0.0.1:1': found 'tcp'; udpin:HOST:PORT, udpout:HOST:PORT",
+            ["vehicles.1.endpoint=ble:127.0.0.1:1"],
+            "vehicles.1.endpoint: connection string 'ble:127.0.0.1:1': found 'ble'; udpin:HOST:PORT, udpout:HOST:PORT",
         ),
         (
             ["vehicles.1.endpoint=udpout:127.0.0.1:9", "vehicles.2.endpoint=udpout:127.0.0.1:9"],

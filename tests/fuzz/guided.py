@@ -22,8 +22,7 @@ from mypy_extensions import i64
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT
+from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.plane import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
@@ -113,14 +112,14 @@ class Ends:
         system = 1 + each.system % FOLLOWER.system if each.flags & OURS else each.system
         peer = Address(LOOPBACK, FIRST_EPHEMERAL_PORT + system - 1) if not each.flags & OTHERS_PORT else STRANGER
         header = _header(each, system, 1 if not each.flags & COMPONENT else each.payload[0] if each.payload else 0)
-        values = {"target_system": STATION_SYSTEM, "ts1": flight.probe()}
+        values = {"target_system": STATION.system, "ts1": flight.probe()}
         frame = framed(each.layout.message_id, _payload(each, values), header)
         flight.station.receive([Datagram(0, peer, frame)], flight.clock.now())
 
     def _tell_vehicle(self, flight: Flight, each: Said) -> None:
         ground = flight.station.endpoints()[0].address
         peer = ground if not each.flags & OTHERS_PORT else STRANGER
-        header = _header(each, STATION_SYSTEM if each.flags & OURS else each.system, STATION_COMPONENT)
+        header = _header(each, STATION.system if each.flags & OURS else each.system, STATION.component)
         values = {"target_system": FOLLOWER.system, "command": COMMANDS[each.system % len(COMMANDS)]}
         frame = framed(each.layout.message_id, _payload(each, values), header)
         flight.fleet.receive([Datagram(FOLLOWER.system - 1, peer, frame)], flight.clock.now())

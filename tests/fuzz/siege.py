@@ -26,7 +26,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.link_injection import impair
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
@@ -57,7 +57,7 @@ class Notes:
         """Keep the payloads of commands that the station sent; they are few, because only different ones are kept."""
         for raw in raws:
             message_id = int.from_bytes(raw[7:HEADER_V2], "little")
-            if raw[0] == MARKER_V2 and raw[5] == STATION_SYSTEM and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
+            if raw[0] == MARKER_V2 and raw[5] == STATION.system and message_id == m.MAVLINK_MSG_ID_COMMAND_INT:
                 self.commands.add(raw[HEADER_V2 : HEADER_V2 + raw[1]])
 
     def tick(self, tick: Tick) -> None:
@@ -135,7 +135,7 @@ class Siege:
 
     def source(self) -> Hostile:
         """Return the source of datagrams; forged frames are in the names of the end's peers."""
-        forged = Names(SYSTEMS, STATION_SYSTEM) if self.end == "station" else Names((STATION_SYSTEM,), SYSTEMS[0])
+        forged = Names(SYSTEMS, STATION.system) if self.end == "station" else Names((STATION.system,), SYSTEMS[0])
         return Hostile(self.seed, forged if self.forged else None)
 
 

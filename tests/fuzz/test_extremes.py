@@ -10,8 +10,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.frame import FrameWriter
 from airlink.messages.command import RequestDataStream, SetMode
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
-from gcs_formation.vehicle.vehicle import STATION_COMPONENT
+from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.plane import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
@@ -46,11 +45,11 @@ def test_no_value_that_a_vehicle_is_told_breaks_the_flight() -> None:
     flight = Flight()
     for layout in LAYOUTS:
         for payload in payloads(layout, 0):
-            flight.tell_vehicle(framed(layout.message_id, payload, Header(STATION_SYSTEM, STATION_COMPONENT)))
+            flight.tell_vehicle(framed(layout.message_id, payload, Header(*STATION)))
             flight.run(TURN_S)
         flight.check()
     # Some of it was valid, and carried out: no telemetry, other modes.
-    writer = FrameWriter(STATION_SYSTEM, STATION_COMPONENT)
+    writer = FrameWriter(*STATION)
     streams = RequestDataStream(FOLLOWER.system, 1, m.MAV_DATA_STREAM_ALL, 10, 1)
     flight.tell_vehicle(writer.encode(streams))
     flight.tell_vehicle(

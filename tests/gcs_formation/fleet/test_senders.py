@@ -19,7 +19,7 @@ from gcs_formation.fleet.routing_and_dispatch import FloodWatch, Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM
+from gcs_formation.vehicle.autopilot_family import STATION
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 
@@ -74,7 +74,11 @@ def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
     [
         (0, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
         (9, "stranger", "system 9 is heard, but isn't in the scenario"),
-        (STATION_SYSTEM, "own_id", "system 255 is our own id: another ground station has it, or our own frames come"),
+        (
+            STATION.system,
+            "own_id",
+            "another ground station, 255/1, has our system id; its heartbeats hold off the vehicles' failsafe",
+        ),
     ],
 )
 def test_who_is_not_ours_is_reported_once_by_its_heartbeat(ground: Ground, system: int, kind: str, words: str) -> None:

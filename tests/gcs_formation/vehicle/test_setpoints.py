@@ -44,8 +44,8 @@ class Told:
         self.now = after(self.now, later_s)
         return sent
 
-    def acknowledge(self, command: int, result: int = m.MAV_RESULT_ACCEPTED) -> None:
-        answer = CommandAck(command, result, 0, 0, 255, 190)
+    def acknowledge(self, command: int, result: int = m.MAV_RESULT_ACCEPTED, whom: tuple[int, int] = (255, 25)) -> None:
+        answer = CommandAck(command, result, 0, 0, *whom)
         self.hear(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
 
     def slow_link(self, one_way_s: float) -> None:
@@ -163,3 +163,15 @@ def test_families_that_must_hear_setpoints_get_each():
     copter = Vehicle(VehicleId(1, 2), 0, ArduCopter(2, ORIGIN, 0.25), Connection(0), 10.0)
     messages = copter.autopilot.setpoint(STEADY, SOMEWHERE)
     assert all(copter.new_setpoints(STEADY, SOMEWHERE, START) == [*messages] for _ in range(2))
+
+
+@pytest.mark.parametrize("whom", [(255, 190), (254, 25), (255, 1)])
+def test_refusals_of_another_ground_stations_commands_are_not_ours(whom: tuple[int, int]):
+    """QGroundControl (255/190) behind the same router sends commands with our ids of commands, and is refused."""
+    told = Told()
+    for _ in range(50):
+        for command in told.tick():
+            told.acknowledge(command)
+        told.acknowledge(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.MAV_RESULT_DENIED, whom)
+    assert not any(channel.is_refused(99) for channel in told.vehicle.setpoint_channels)
+    assert all(channel.accepted for channel in told.vehicle.setpoint_channels)
