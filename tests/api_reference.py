@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from inspect import cleandoc
 from pathlib import Path
 
+from formation_scenario import fields
+
 ROOT = Path(__file__).parents[1]
 MODULES = (
     "gcs_formation",
@@ -151,8 +153,21 @@ def _members(node: ast.ClassDef) -> Iterator[str]:
 def _described(value: ast.expr | None) -> str:
     """Return what a scenario's key is described by: `key(default, description, …)`."""
     if isinstance(value, ast.Call) and ast.unparse(value.func) == "key" and len(value.args) > 1:
-        return str(ast.literal_eval(value.args[1]))
+        return _words(value.args[1])
     return ""
+
+
+def _words(value: ast.expr) -> str:
+    """Return a text that may be made of others, which are constants of `formation_scenario.fields`."""
+    match value:
+        case ast.JoinedStr():
+            return "".join(map(_words, value.values))
+        case ast.FormattedValue():
+            return _words(value.value)
+        case ast.Name():
+            return str(getattr(fields, value.id))
+        case _:
+            return str(ast.literal_eval(value))
 
 
 def _row(member: str, said: str) -> str:

@@ -38,7 +38,7 @@ from gcs_formation.control.plain_values import (
 )
 from gcs_formation.extend.autopilots import Autopilot, register_autopilot
 from gcs_formation.extend.base import FollowerLaw, FormationLaw, Metric, Monitor, Recorder, SetpointFilter
-from gcs_formation.extend.cycle import Cycle, Vehicle
+from gcs_formation.extend.cycle import Cycle, TickView, Vehicle
 from gcs_formation.extend.flight_window import FlightWindow
 from gcs_formation.extend.register import (
     register_filter,
@@ -91,6 +91,7 @@ __all__ = [
     "SetpointFilter",
     "Shape",
     "State",
+    "TickView",
     "Vehicle",
     "VehicleFault",
     "register_aircraft",
