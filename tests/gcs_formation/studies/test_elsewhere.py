@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
+from airlink.cli import COMPILED
 from formation_scenario.bounded_read import read_bounded
 from formation_scenario.named_files import copies_below, noted
 from gcs_formation.cli import main
@@ -211,7 +212,7 @@ def test_a_worker_that_would_fly_otherwise_is_refused(monkeypatch, here, theirs,
     ],
 )
 def test_the_worker_that_is_not_fit_is_named_and_one_that_is_gone_is_not(found, received, said):
-    fine = {"version": version("gcs-formation"), "receive": Worker(VERSION, cluster.COMPILED, "")}
+    fine = {"version": version("gcs-formation"), "receive": Worker(VERSION, COMPILED, "")}
     theirs = {"version": found, "receive": received}
 
     def run(call, *_, workers, on_error):
