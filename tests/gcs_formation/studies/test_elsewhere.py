@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -360,3 +361,25 @@ def test_a_worker_that_comes_later_is_sent_everything_then(named, tmp_path):
         flown += rows
     assert sorted(each["exit"] for each in flown) == [0, 0, 0, 0]
     assert all(each["spread_m"] for each in flown)
+
+
+READERS = {
+    "bounded_read.py",  # what all others read by
+    "terrain.py",  # rasterio opens a file itself, at its place
+    "extensions.py",  # extensions go along with what they register
+    "derived_defaults.py",  # shipped aircraft, of the package
+    "schema.py",  # likewise, the head of a page
+}
+
+
+def test_whatever_a_scenario_reads_is_read_where_its_copies_are():
+    """So that every file that a key names goes along, also one of a key that is yet to come."""
+    package = Path(__file__).parents[3] / "formation_scenario"
+    found = set[str]()
+    for file in package.rglob("*.py"):
+        calls = [each.func for each in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(each, ast.Call)]
+        names = {each.attr for each in calls if isinstance(each, ast.Attribute)}
+        names |= {each.id for each in calls if isinstance(each, ast.Name) and each.id == "open"}
+        if names & {"open", "read_text", "read_bytes", "fromfile", "loadtxt"}:
+            found.add(file.name)
+    assert found == READERS
