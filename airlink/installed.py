@@ -6,11 +6,13 @@ reads it from the clone each time, since that moves on. A release from elsewhere
 
 from __future__ import annotations
 
-from importlib.metadata import version
+import tomllib
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
 PACKAGE: Final = "gcs-formation"
+PROJECT: Final = "pyproject.toml"
 COMMIT: Final = "COMMIT"
 """The file in which a wheel has its commit, beside this module."""
 LETTERS: Final = 8
@@ -20,8 +22,21 @@ HERE: Final = Path(__file__).parent
 
 def installed_version(here: Path = HERE) -> str:
     """Return the version, with `+g` and the commit if it is known (a local version of PEP 440)."""
-    number, commit = version(PACKAGE), commit_of(here)
+    try:
+        number = version(PACKAGE)
+    except PackageNotFoundError:  # a tree that is run in place
+        number = written_version(here.parent / PROJECT)
+    commit = commit_of(here)
     return f"{number}+g{commit}" if commit else number
+
+
+def written_version(project: Path) -> str:
+    """Return the version in a tree's pyproject.toml; 0 if there is none."""
+    try:
+        found = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
+    except (OSError, ValueError, KeyError):
+        return "0"
+    return str(found)
 
 
 def commit_of(here: Path) -> str:
@@ -29,7 +44,7 @@ def commit_of(here: Path) -> str:
     if (here / COMMIT).is_file():
         return (here / COMMIT).read_text(encoding="ascii", errors="replace").strip()
     root = here.parent
-    if not (root / ".git").exists() or not (root / "pyproject.toml").is_file():
+    if not (root / ".git").exists() or not (root / PROJECT).is_file():
         return ""
     try:
         return head_of(root / ".git")[:LETTERS]

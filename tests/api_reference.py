@@ -8,10 +8,9 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
-
-from formation_scenario import fields
 
 ROOT = Path(__file__).parents[1]
 MODULES = (
@@ -109,19 +108,19 @@ def markdown(docstring: str) -> Iterator[str]:
             yield f"- `{name}`: {said}"
 
 
-def entry(name: str, node: ast.stmt, text: str | None) -> Iterator[str]:
+def entry(name: str, node: ast.stmt, text: str | None, home: str) -> Iterator[str]:
     """Yield the lines of a public name."""
     if isinstance(node, ast.FunctionDef):
         yield from (f"### {name}", "", "```python", f"{name}{signature(node)}", "```", "")
         yield from markdown(ast.get_docstring(node) or "")
     elif isinstance(node, ast.ClassDef):
-        yield from _class(name, node)
+        yield from _class(name, node, home)
     else:
         yield from (f"### {name}", "", "```python", ast.unparse(node), "```", "", *(text or "").splitlines())
     yield ""
 
 
-def _class(name: str, node: ast.ClassDef) -> Iterator[str]:
+def _class(name: str, node: ast.ClassDef, home: str) -> Iterator[str]:
     bases = ", ".join(ast.unparse(each) for each in node.bases)
     made = next((each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"), None)
     called = f"{name}{signature(made, method=True)}" if made else f"class {name}({bases})" if bases else f"class {name}"
@@ -129,17 +128,17 @@ def _class(name: str, node: ast.ClassDef) -> Iterator[str]:
     yield from markdown(ast.get_docstring(node) or "")
     if made is not None and (own := ast.get_docstring(made)):
         yield from ("", *markdown(own))
-    members = list(_members(node))
+    members = list(_members(node, home))
     if name in KEYS_ELSEWHERE and "Keys" in bases:
         yield from ("", "Its members are the [scenario's keys](scenario.md).")
     elif members:
         yield from ("", "| member | meaning |", "| --- | --- |", *members)
 
 
-def _members(node: ast.ClassDef) -> Iterator[str]:
+def _members(node: ast.ClassDef, home: str) -> Iterator[str]:
     for each, following in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(each, ast.AnnAssign) and not ast.unparse(each.target).startswith("_"):
-            said = _text(following) or _described(each.value)
+            said = _text(following) or _described(each.value, home, node.name, ast.unparse(each.target))
             yield _row(f"{ast.unparse(each.target)}: {ast.unparse(each.annotation)}", said)
         elif isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
             attribute = any("property" in ast.unparse(decorator) for decorator in each.decorator_list)
@@ -150,24 +149,14 @@ def _members(node: ast.ClassDef) -> Iterator[str]:
             yield _row(f"{each.name}{returned}" if attribute else called, first)
 
 
-def _described(value: ast.expr | None) -> str:
+def _described(value: ast.expr | None, home: str, owner: str, name: str) -> str:
     """Return what a scenario's key is described by: `key(default, description, …)`."""
-    if isinstance(value, ast.Call) and ast.unparse(value.func) == "key" and len(value.args) > 1:
-        return _words(value.args[1])
-    return ""
-
-
-def _words(value: ast.expr) -> str:
-    """Return a text that may be made of others, which are constants of `formation_scenario.fields`."""
-    match value:
-        case ast.JoinedStr():
-            return "".join(map(_words, value.values))
-        case ast.FormattedValue():
-            return _words(value.value)
-        case ast.Name():
-            return str(getattr(fields, value.id))
-        case _:
-            return str(ast.literal_eval(value))
+    if not (isinstance(value, ast.Call) and ast.unparse(value.func) == "key" and len(value.args) > 1):
+        return ""
+    said = value.args[1]
+    if isinstance(said, ast.Constant):
+        return str(said.value)
+    return str(getattr(import_module(home), owner).model_fields[name].description)
 
 
 def _row(member: str, said: str) -> str:
@@ -185,7 +174,7 @@ def reference() -> str:
             if (where := seen.setdefault((home, name), module)) != module:
                 lines += [f"### {module}.{name}", "", f"The same as `{where}.{name}`.", ""]
             else:
-                lines += entry(name, node, text)
+                lines += entry(name, node, text, home)
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import tempfile
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +106,17 @@ def test_an_installation_says_of_which_commit_it_is_while_its_clone_moves_on(clo
     assert commit_of(root.parent / "aside" / "airlink") == second[:8], "a worktree"
     (root / "airlink" / "COMMIT").write_text("0123abcd\n")
     assert commit_of(root / "airlink") == "0123abcd", "of a wheel"
+
+
+def test_a_tree_that_is_run_in_place_has_the_version_of_its_project(clone, monkeypatch):
+    def version_of(_):
+        raise PackageNotFoundError
+
+    monkeypatch.setattr("airlink.installed.version", version_of)
+    root, commit = clone
+    assert installed_version(root / "airlink") == f"0+g{commit[:8]}"
+    (root / "pyproject.toml").write_text('[project]\nversion = "1.2"\n')
+    assert installed_version(root / "airlink") == f"1.2+g{commit[:8]}"
 
 
 def test_outside_of_a_clone_of_ours_there_is_no_commit(clone, tmp_path):

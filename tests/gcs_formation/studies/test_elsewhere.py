@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
 import subprocess
 import sys
 from collections import deque
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,10 +19,11 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
+from airlink.cli import COMPILED
 from formation_scenario.bounded_read import read_bounded
 from formation_scenario.named_files import copies_below, noted
 from gcs_formation.cli import main
-from gcs_formation.errors import RecordError, RecordingError
+from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies import cluster
 from gcs_formation.studies.cluster import Cluster
 from gcs_formation.studies.dataset import Dataset, read_plan
@@ -33,7 +36,10 @@ from tests.formation_scenario.test_terrain import plane, write_geotiff
 from tests.processes import wait_for
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "extensions"
-PLUGINS = "lqr_law", "chase_law", "keep_out_filter", "slot_monitor", "lines_recorder", "spread_metric"
+PLUGINS = (
+    *("lqr_law", "chase_law", "keep_out_filter", "lines_recorder", "spread_metric"),
+    *("radio_link", "drift_predictor", "vee_shape", "thermal_disturbance"),
+)
 MISSION = "lat,lon,alt\n35.5,125.5,260\n35.52,125.5,260\n35.55,125.51,270\n"
 TIMES = {"wall_s", "cpu_s", "real_time_factor", "compute_ms"}
 
@@ -60,12 +66,18 @@ def named(tmp_path) -> Path:
         "duration_s": 2,
         "path": {"file": "legs.csv", "speed_mps": 22},
         "terrain": {"file": "ground.tif"},
+        "formation": {"shape": "vee"},
+        "disturbances": [{"kind": "thermal", "at_s": 0, "parameters": {"north_m": 40, "up_mps": 0.5}}],
         "extensions": {"keep_out": {"north_m": 3000, "east_m": 300, "radius_m": 40}, "lines": {}},
     }
     (home / "base.yaml").write_text(json.dumps(base))
     study = {
         "base": "base.yaml",
-        "set": {"links.default.trace_file": "late.txt"},
+        "set": {
+            "links.default.trace_file": "late.txt",
+            "links.downlink": {"process": "radio", "parameters": {"range_m": 5000}},
+            "law.predictor": {"type": "drift"},
+        },
         "parameters": {
             "law.type": ["lqr", "chase"],
             "all": {"cases": {"mine": {"vehicles.model": "mine.yaml", "links.uplink": {"trace_file": "later.txt"}}}},
@@ -159,14 +171,11 @@ def test_a_worker_that_was_sent_nothing_flies_nothing(tmp_path):
 
 def test_a_worker_without_an_extension_s_package_says_which(tmp_path, monkeypatch):
     site = tmp_path / "site"
-    (site / "hive-1.2.dist-info").mkdir(parents=True)
-    (site / "hive-1.2.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: hive\nVersion: 1.2\n")
-    (site / "hive-1.2.dist-info" / "entry_points.txt").write_text("[gcs_formation.extensions]\nhive = hive\n")
-    shutil.copy(EXAMPLES / "lqr_law.py", site / "hive.py")
+    _package(site)
     base = {"vehicles": {"count": 2}, "path": {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}, "duration_s": 3}
     with monkeypatch.context() as installed:
         installed.syspath_prepend(str(site))
-        study, keys = prepare({"base": {**base, "law": {"type": "lqr"}}})
+        study, keys = prepare({"base": {**base, "extensions": {"in_slot": {"within_m": 2}}}})
         shipment = Shipment(study, keys)
     sys.modules.pop("hive")
     found = receive(shipment.content, shipment.digest, SimpleNamespace(local_directory=str(tmp_path)))
@@ -190,6 +199,34 @@ def test_a_worker_that_would_fly_otherwise_is_refused(monkeypatch, here, theirs,
     assert found is None if said is None else said in str(found)
 
 
+@pytest.mark.parametrize(
+    ("found", "received", "said"),
+    [
+        (PackageNotFoundError("x"), None, "the Dask worker b has no gcs-formation; here it is"),
+        ("0.0.1", None, "the Dask worker b has gcs-formation 0.0.1; here it is"),
+        (
+            version("gcs-formation"),
+            Worker(VERSION, False, "found no hive"),
+            "worker b can't fly the study: found no hive",
+        ),
+        (OSError("gone"), OSError("gone"), None),
+    ],
+)
+def test_the_worker_that_is_not_fit_is_named_and_one_that_is_gone_is_not(found, received, said):
+    fine = {"version": version("gcs-formation"), "receive": Worker(VERSION, COMPILED, "")}
+    theirs = {"version": found, "receive": received}
+
+    def run(call, *_, workers, on_error):
+        assert (workers, on_error) == (None, "return")
+        return {"a": fine[call.__name__], "b": theirs[call.__name__]}
+
+    connected: Any = Cluster("tcp://host:1")
+    connected._client = SimpleNamespace(run=run)
+    connected._shipment = SimpleNamespace(content=b"", digest="")
+    with nullcontext() if said is None else pytest.raises(RunAbortedError, match=said):
+        connected._send(None)
+
+
 def test_a_record_is_there_as_a_whole_and_replaces_what_a_cut_left(tmp_path):
     kept = tmp_path / "flights" / "000001"
     (kept / "figures").mkdir(parents=True)
@@ -203,6 +240,15 @@ def test_a_record_is_there_as_a_whole_and_replaces_what_a_cut_left(tmp_path):
 
 def command(*arguments: object) -> Any:
     return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+def _package(site: Path) -> None:
+    """Install a package that brings an extension, in a directory that is imported from."""
+    info = site / "hive-1.2.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hive\nVersion: 1.2\n")
+    (info / "entry_points.txt").write_text("[gcs_formation.extensions]\nhive = hive\n")
+    shutil.copy(EXAMPLES / "slot_monitor.py", site / "hive.py")
 
 
 @pytest.fixture
@@ -253,13 +299,14 @@ def test_a_study_s_directory_says_what_it_was_flown_with_and_a_resumed_one_needs
 
 
 @contextmanager
-def _elsewhere(scheduler: str, hidden: Path, place: Path):
+def _elsewhere(scheduler: str, hidden: Path, place: Path, site: Path):
     """A Dask worker in a mount namespace of its own, in which the directory `hidden` is empty."""
     user = [] if os.geteuid() == 0 else ["--map-root-user", "--user"]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1", "--no-dashboard"]
     shell = 'mount -t tmpfs none "$0" && exec "$@"'
     told = ["unshare", *user, "--mount", "sh", "-c", shell, str(hidden), *worker, "--local-directory", str(place)]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3]), "PYTHONSAFEPATH": "1"}
+    found = os.pathsep.join([str(Path(__file__).parents[3]), str(site)])
+    environment = os.environ | {"PYTHONPATH": found, "PYTHONSAFEPATH": "1"}
     process = subprocess.Popen(told, cwd="/", env=environment, stderr=subprocess.DEVNULL)
     try:
         yield process
@@ -269,14 +316,21 @@ def _elsewhere(scheduler: str, hidden: Path, place: Path):
 
 
 @pytest.mark.slow
-def test_workers_that_share_no_disk_leave_the_same_rows_and_records(named, tmp_path):
+def test_workers_that_share_no_disk_leave_the_same_rows_and_records(named, tmp_path, monkeypatch):
+    """With extensions from files, which go along, and from a package, which is installed there too."""
     distributed = pytest.importorskip("distributed")
+    site = tmp_path / "site"
+    _package(site)
+    monkeypatch.syspath_prepend(str(site))
+    keys = json.loads((named.parent / "base.yaml").read_text())
+    keys["extensions"]["in_slot"] = {"within_m": 2}
+    (named.parent / "base.yaml").write_text(json.dumps(keys))
     told = [named, "--quiet", *(part for each in plugins_of(named) for part in ("--plugin", each))]
     here, there, away = (tmp_path / each for each in ("here", "there", "away"))
     assert command("study", *told, "--out", here, "--workers", 1).exit_code == 0
     with distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
         address = empty.scheduler_address
-        with _elsewhere(address, named.parent, tmp_path / "worker"):
+        with _elsewhere(address, named.parent, tmp_path / "worker", site):
             with distributed.Client(address) as client:
                 wait_for(client.nthreads)
             assert command("study", *told, "--out", there, "--scheduler", address).exit_code == 0
@@ -307,3 +361,25 @@ def test_a_worker_that_comes_later_is_sent_everything_then(named, tmp_path):
         flown += rows
     assert sorted(each["exit"] for each in flown) == [0, 0, 0, 0]
     assert all(each["spread_m"] for each in flown)
+
+
+READERS = {
+    "bounded_read.py",  # what all others read by
+    "terrain.py",  # rasterio opens a file itself, at its place
+    "extensions.py",  # extensions go along with what they register
+    "derived_defaults.py",  # shipped aircraft, of the package
+    "schema.py",  # likewise, the head of a page
+}
+
+
+def test_whatever_a_scenario_reads_is_read_where_its_copies_are():
+    """So that every file that a key names goes along, also one of a key that is yet to come."""
+    package = Path(__file__).parents[3] / "formation_scenario"
+    found = set[str]()
+    for file in package.rglob("*.py"):
+        calls = [each.func for each in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(each, ast.Call)]
+        names = {each.attr for each in calls if isinstance(each, ast.Attribute)}
+        names |= {each.id for each in calls if isinstance(each, ast.Name) and each.id == "open"}
+        if names & {"open", "read_text", "read_bytes", "fromfile", "loadtxt"}:
+            found.add(file.name)
+    assert found == READERS
