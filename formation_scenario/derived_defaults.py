@@ -280,7 +280,7 @@ class _Models:
                 return model
             else:
                 model = self._file(model, path)
-        elif isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+        elif isinstance(model, dict) and "aircraft" not in model and isinstance(file := model.get(PARAMETERS), str):
             model = self._of_parameters(model, file, (*path, PARAMETERS))
         return model if self._registry is None else with_own_aircraft(model, self._registry, self._source, path)
 
@@ -338,7 +338,7 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Seque
     except ValidationError as error:
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
-    if isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+    if isinstance(model, dict) and "aircraft" not in model and isinstance(file := model.get(PARAMETERS), str):
         beside = _directory(source)
         of_parameters = read_parameter_model(file, beside, source, ("model", PARAMETERS))
         model = _over(of_parameters, model | {PARAMETERS: str((beside / file).absolute())})

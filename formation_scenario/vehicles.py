@@ -124,6 +124,11 @@ class EnergyAirframe(Keys):
         return AirframeParameters(**{each.name: keys[each.name] for each in fields(AirframeParameters)})
 
 
+ModelParameters: TypeAlias = Annotated[
+    Text | OwnKeys, Allowed("the name of a parameter file, or beside aircraft a mapping of its own keys")
+]
+
+
 class VehicleModel(Keys):
     """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
@@ -157,7 +162,7 @@ class VehicleModel(Keys):
     aircraft: Text | None = key(
         None, "the aircraft of an extension that has the keys that aren't given here", "skywalker"
     )
-    parameters: Text | OwnKeys | None = key(
+    parameters: ModelParameters | None = key(
         None,
         "a parameter file of the aircraft, ArduPilot's or QGroundControl's, which gives these keys where they are left "
         f"out; emulators answer with it. Beside aircraft: {OF_AN_EXTENSION}",

@@ -152,6 +152,11 @@ def test_a_file_that_cant_be_flown_is_refused_with_its_line_and_the_scenarios(
     assert said in f"{problem.found}; allowed: {problem.allowed}"
 
 
+def test_what_names_no_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="found 5; allowed: the name of a parameter file, or beside aircraft"):
+        scenario(tmp_path, NEW, model={"parameters": 5})
+
+
 def test_a_file_that_isnt_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="No such file"):
         scenario(tmp_path, NEW, model={"parameters": "other.parm"})
