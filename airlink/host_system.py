@@ -20,7 +20,7 @@ LINUX: Final = sys.platform == "linux"
 
 
 def recvmmsg() -> Any:  # noqa: ANN401 - a function of the C library
-    """Return the system call that receives many datagrams, where its structures are known (`transports.udp`), else None."""
+    """Return the system call that receives many datagrams, where its structures are known, else None."""
     if not LINUX or sys.maxsize <= 2**32 or sys.byteorder != "little":
         return None
     return getattr(ctypes.CDLL(None, use_errno=True), "recvmmsg", None)

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeAlias
 
-from pydantic import BaseModel
+from pydantic import BaseModel, create_model
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
@@ -71,17 +71,12 @@ OURS: Mapping[str, tuple[str, ...]] = {
     LINK: (NO_PROCESS,),
     FAULT: FAULTS,
     DISTURBANCE: DISTURBANCES,
-    AIRCRAFT: tuple(shipped_names()),
     EMULATED_FAMILY: FAMILIES,
     NAVIGATION: NAVIGATIONS,
 }
 """Names that are taken already, by kind."""
 HOW = f"{OPTION} FILE.py, or an installed package that registers it"
 Files: TypeAlias = "Sequence[str | Path]"
-
-
-class NoKeys(BaseModel):
-    """Keys of what has none."""
 
 
 class ExtensionError(Exception):
@@ -127,7 +122,7 @@ class Registered:
     @property
     def keys_model(self) -> type[BaseModel]:
         """The model of its own keys."""
-        model: type[BaseModel] = getattr(self.made, "Keys", NoKeys)
+        model: type[BaseModel] = getattr(self.made, "Keys", None) or create_model("NoKeys")
         return model
 
     @property
@@ -165,7 +160,10 @@ class Registry:
             ScenarioError: a name is taken twice.
         """
         self._each = tuple(found)
-        taken = {(_namespace(kind), name): "gcs_formation itself" for kind, names in OURS.items() for name in names}
+        if not self._each:
+            return
+        ours = {**OURS, AIRCRAFT: shipped_names()}
+        taken = {(_namespace(kind), name): "gcs_formation itself" for kind, names in ours.items() for name in names}
         for one in self._each:
             place = _namespace(one.kind), one.name
             if place in taken:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cast
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -21,7 +20,13 @@ from pydantic import (
 )
 from pydantic.config import JsonDict
 from pydantic_core import CoreSchema, PydanticCustomError
-from pydantic_core.core_schema import literal_schema, str_schema
+from pydantic_core.core_schema import (
+    dict_schema,
+    literal_schema,
+    no_info_after_validator_function,
+    nullable_schema,
+    str_schema,
+)
 
 Entry = TypeVar("Entry")
 
@@ -36,7 +41,7 @@ MAX_NEAR_M = 10_000.0
 class Keys(BaseModel):
     """Base of every group of keys: frozen, and unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with some keys changed; values cached from the keys are dropped."""
@@ -84,9 +89,34 @@ class _HashedKeys(dict[str, Any]):
         return hash(json.dumps(self, sort_keys=True))
 
 
+class _Written(Allowed):
+    """A type whose schema is written out, because pydantic takes long to find it, at every start."""
+
+    both: tuple[CoreSchema, dict[str, Any]]
+
+    def __init__(self, text: str, schema: CoreSchema, shown: dict[str, Any]) -> None:
+        super().__init__(text)
+        both = nullable_schema(schema), {"anyOf": [shown, {"type": "null"}]}
+        object.__setattr__(self, "both", both)  # it is frozen
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+        return self.both[0]
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: object) -> dict[str, Any]:
+        return self.both[1]
+
+
 OwnKeys: TypeAlias = Annotated[
-    Mapping[str, Any], AfterValidator(_HashedKeys), Allowed("a mapping of the own keys of what an extension registers")
+    Mapping[str, Any] | None,
+    _Written(
+        "a mapping of the own keys of what an extension registers",
+        no_info_after_validator_function(_HashedKeys, dict_schema(str_schema(strict=True))),
+        {"type": "object"},
+    ),
 ]
+"""Own keys, or None."""
+Word: TypeAlias = Annotated[str | None, _Written("text", str_schema(strict=True), {"type": "string"})]
+"""A word, or None."""
 OF_AN_EXTENSION = "the own keys of what an extension registers by that name"
 
 

@@ -65,7 +65,7 @@ class FormationChange(Keys):
 
     at_s: NonNegative = key(..., "when the change begins, s", 60)
     shape: ShapeName | None = key(None, "the new shape", "square", derived="the one before")
-    parameters: OwnKeys | None = key(
+    parameters: OwnKeys = key(
         None, f"beside shape: {OF_AN_EXTENSION}", {}, derived="those before, else the formation's, for that shape"
     )
     spacing_m: Spacing | None = key(
@@ -83,7 +83,7 @@ class Formation(Keys):
     shape: ShapeName = key(
         "diamond", "the shape at the start: one of these, or one that an extension registers", "arrow"
     )
-    parameters: OwnKeys | None = key(None, f"beside shape: {OF_AN_EXTENSION}", {})
+    parameters: OwnKeys = key(None, f"beside shape: {OF_AN_EXTENSION}", {})
     spacing_m: Spacing = key(30.0, "unit of the shape, m; no two slots are nearer", 40)
     frame: Frame = key(
         "leader_heading",
@@ -213,7 +213,7 @@ class OwnPredictor(Keys):
         "model: equation (7) through the setpoints in flight; or one that an extension registers",
         "smith",
     )
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
 class Law(Keys):

@@ -26,6 +26,7 @@ from formation_scenario.fields import (
     Text,
     Timed,
     Vector,
+    Word,
     key,
 )
 
@@ -113,12 +114,12 @@ class Impairment(Keys):
         "then from the beginning again; relative to the scenario's file",
         "lte.txt",
     )
-    process: Text | None = key(
+    process: Word = key(
         None,
         "delay and loss process of an extension, which adds to the other keys; none: no longer one",
         "none",
     )
-    parameters: OwnKeys | None = key(None, f"beside process: {OF_AN_EXTENSION}", {})
+    parameters: OwnKeys = key(None, f"beside process: {OF_AN_EXTENSION}", {})
 
     def __hash__(self) -> int:
         """Hash what usually differs; an extension's own keys are a mapping, which has no hash."""
@@ -147,8 +148,8 @@ class ImpairmentPatch(Keys):
     reorder: Flag | None = _patch("reorder")
     outage: Flag | None = _patch("outage")
     trace_file: Text | None = _patch("trace_file")
-    process: Text | None = _patch("process")
-    parameters: OwnKeys | None = _patch("parameters")
+    process: Word = _patch("process")
+    parameters: OwnKeys = _patch("parameters")
 
 
 class DefaultLink(Impairment):

@@ -174,7 +174,7 @@ class Telemetry(Keys):
         "which is independent of the links, or by an extension's estimator of delay and its asymmetry",
         "gnss",
     )
-    parameters: OwnKeys | None = key(None, f"beside clock: {OF_AN_EXTENSION}", {})
+    parameters: OwnKeys = key(None, f"beside clock: {OF_AN_EXTENSION}", {})
     station_utc: Flag | None = key(
         None,
         "with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "

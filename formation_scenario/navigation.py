@@ -139,7 +139,7 @@ class OwnNavigation(Keys):
     """A source that an extension registers by this name; the station takes it to be as good as the emulators' own."""
 
     source: Annotated[str, Open("a source that an extension registers")] = key(..., SOURCES, "camera")
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
 Navigation = Annotated[

@@ -64,7 +64,7 @@ class OwnGuidance(Keys):
     type: Annotated[str, Open(", ".join(GUIDANCES), GUIDANCES)] = key(
         GUIDANCES[0], "track: our own; or one that an extension registers", "pure_pursuit"
     )
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
 class PathPlan(Keys):

@@ -133,7 +133,7 @@ class OwnDisturbance(Passing):
     """A disturbance that an extension registers by this kind."""
 
     kind: Annotated[str, Open("a kind that an extension registers")] = key(..., KIND, "thermal")
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
 Disturbance = Annotated[
@@ -193,7 +193,7 @@ class Fault(Timed):
     )
     until_s: Positive | None = key(None, f"{', '.join(PASSING)}: when it ends, s", 50, derived="never")
     mode: PilotsMode | None = key(None, "pilot: the mode that the pilot chooses", "FBWA", derived=DEFAULT_MODE)
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
     @property
     def own_keys(self) -> dict[str, Any]:

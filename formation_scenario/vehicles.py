@@ -29,6 +29,7 @@ from formation_scenario.fields import (
     SystemId,
     Text,
     TimeConstant,
+    Word,
     key,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
@@ -159,9 +160,7 @@ class VehicleModel(Keys):
         None,
         "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",
     )
-    aircraft: Text | None = key(
-        None, "the aircraft of an extension that has the keys that aren't given here", "skywalker"
-    )
+    aircraft: Word = key(None, "the aircraft of an extension that has the keys that aren't given here", "skywalker")
     parameters: ModelParameters | None = key(
         None,
         "a parameter file of the aircraft, ArduPilot's or QGroundControl's, which gives these keys where they are left "
@@ -210,7 +209,7 @@ class OwnEmulator(Keys):
     """An emulated autopilot that an extension registers, in place of the family's own."""
 
     family: Annotated[str, Open("a family that an extension registers")] = key(..., "its name", "ours")
-    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+    parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
 class VehicleCommon(Keys):
@@ -227,7 +226,7 @@ class VehicleCommon(Keys):
         "emulator",
         "what flies the vehicle: an emulator, a real autopilot, or one of a family that an extension registers",
     )
-    parameters: OwnKeys | None = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
+    parameters: OwnKeys = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
         "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
