@@ -1,10 +1,15 @@
-"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it."""
+"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it.
+
+A fence is polygons and circles, to stay in (inclusion) or out of (exclusion). `FenceAreas.inside_m` is the signed
+distance by which paths, slots, laps, setpoints and flown tracks are judged.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -62,11 +67,93 @@ def inside_m(corners_m: Array, place_m: Array) -> Array:
     return sign * distance
 
 
-def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
+@dataclass(frozen=True)
+class Polygon:
+    """A polygon by its corners (K, 2), north and east, m, in either direction."""
+
+    corners_m: Array
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
+        return inside_m(self.corners_m, place_m)
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle by its centre (2,), north and east, and its radius, m."""
+
+    centre_m: Array
+    radius_m: float
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
+        distance: Array = self.radius_m - np.linalg.norm(place_m - self.centre_m, axis=-1)
+        return distance
+
+
+class FenceArea(NamedTuple):
+    """An area of a fence."""
+
+    shape: Polygon | Circle
+    inclusion: bool
+    key: str
+    """The scenario's key that it is from."""
+
+    def allowed_m(self, place_m: Array) -> Array:
+        """Return how far (…) points (…, 2) are on the side of its edge where vehicles may be, m; else negative."""
+        within_m = self.shape.inside_m(place_m)
+        return within_m if self.inclusion else -within_m
+
+    def __str__(self) -> str:
+        """Return what it is, in words."""
+        shape = "circle" if isinstance(self.shape, Circle) else "polygon"
+        return f"{'inclusion' if self.inclusion else 'exclusion'} {shape}"
+
+
+@dataclass(frozen=True)
+class FenceAreas:
+    """The areas of a fence, one or more.
+
+    Vehicles stay out of every exclusion and inside every inclusion, as ArduPilot has it, or with `any_inclusion`
+    inside at least one, as PX4 does.
+    """
+
+    areas: tuple[FenceArea, ...]
+    any_inclusion: bool = False
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) inside the fence, m; negative outside.
+
+        The sign is exact, and the distance never larger than that to the fence's edge. Inside it is exact, too, unless
+        one of several inclusions is enough and these overlap.
+        """
+        return reduce(np.minimum, [allowed_m for allowed_m, _ in self._binding(place_m)])
+
+    def nearest(self, place_m: Array) -> FenceArea:
+        """Return the area whose edge decides the distance of a point (2,)."""
+        return min(self._binding(place_m), key=lambda each: float(each[0]))[1]
+
+    def _binding(self, place_m: Array) -> list[tuple[Array, FenceArea]]:
+        """Return the distances that all must be positive inside, with their areas, for points (…, 2).
+
+        Of inclusions of which one is enough it is the largest, with the area that is the nearest of the first point.
+        """
+        each = [(area.allowed_m(place_m), area) for area in self.areas]
+        if not self.any_inclusion:
+            return each
+        inclusions = [one for one in each if one[1].inclusion]
+        others = [one for one in each if not one[1].inclusion]
+        if not inclusions:
+            return others
+        first = max(inclusions, key=lambda one: float(one[0].flat[0]))[1]
+        return [(reduce(np.maximum, [allowed_m for allowed_m, _ in inclusions]), first), *others]
+
+
+def room_m(areas: FenceAreas, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
     """Return the distance to the fence of circles to the left and to the right, (…, 2) m; negative: across it.
 
     Args:
-        corners_m: (K, 2) of the fence, north and east.
+        areas: of the fence.
         place_m: (…, 2) of the vehicles.
         velocity_mps: (…, 2) over ground.
         through_air_mps: (…,) airspeed plus wind, for the size of the circles.
@@ -77,7 +164,7 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
     right = np.stack((-velocity_mps[..., 1], velocity_mps[..., 0]), axis=-1) / speed[..., None]
     ahead = place_m + REACT_S * velocity_mps
     centres = np.stack([ahead + side * radius_m[..., None] * right for side in (-1.0, 1.0)], axis=-2)
-    return inside_m(corners_m, centres) - radius_m[..., None]
+    return areas.inside_m(centres) - radius_m[..., None]
 
 
 def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) -> Array:
@@ -89,14 +176,14 @@ def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) 
 
 
 def room_along_m(
-    corners_m: Array, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
+    areas: FenceAreas, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
 ) -> tuple[Array, Array]:
     """Return all vehicles' positions along the leader's way, (F, S, 2), and the room that is left, (F, S) m.
 
     The leader's heading includes the crab angle, and slots are relative to its heading.
 
     Args:
-        corners_m: (K, 2) of the fence, north and east.
+        areas: of the fence.
         way: (S,) of the leader: north, east, m, and course, rad.
         flyers: the vehicles.
         drift: airspeed and wind.
@@ -109,14 +196,14 @@ def room_along_m(
     velocity = np.stack((ground_mps * cos, ground_mps * sin), axis=-1)
     shape = places.shape[:-1]
     through_air, turn = np.full(shape, drift.through_air_mps), np.broadcast_to(turn_rps, shape)
-    return places, room_m(corners_m, places, velocity, through_air, turn).max(axis=-1)
+    return places, room_m(areas, places, velocity, through_air, turn).max(axis=-1)
 
 
 @dataclass(frozen=True)
 class LapFence:
     """The fence, the path's start, and the vehicles that fly a lap before it."""
 
-    corners_m: Array
+    areas: FenceAreas
     start: PathPoint
     flyers: Flyers
 
@@ -144,5 +231,5 @@ class LapFence:
         whole_m = way.length_m + straight_m
         points = [way.at(at_m) for at_m in np.linspace(0.0, whole_m, 2 + int(whole_m / STEP_M)).tolist()]
         north_m, east_m, course_rad = np.array([(each.north_m, each.east_m, each.course_rad) for each in points]).T
-        places, room = room_along_m(self.corners_m, (north_m, east_m, course_rad), self.flyers, drift)
+        places, room = room_along_m(self.areas, (north_m, east_m, course_rad), self.flyers, drift)
         return places, np.maximum(CHECKED_M - room, 0.0)

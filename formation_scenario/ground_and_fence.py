@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, beside
-from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, places_along, room_along_m
+from flight_model.fence_geometry import CHECKED_M, Drift, FenceAreas, Flyers, places_along, room_along_m
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
 from formation_scenario.formation import added
@@ -17,7 +18,7 @@ from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, pl
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
 from formation_scenario.source import Finding, KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
-from formation_scenario.surroundings import Fence, Terrain
+from formation_scenario.surroundings import FENCE_CORNERS, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
 
@@ -143,10 +144,20 @@ def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Itera
     if places[highest, 2] > most_m + OFF_M:
         allowed = f"{most_m:g} m or less (safety.fence.height_max_m)"
         yield OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed
-    within_m = np.array([np.inf]) if fence.corners_m is None else inside_m(np.array(fence.corners_m), places[:, :2])
-    if within_m.min() < 0.0:
-        found = f"{who[int(within_m.argmin())]} begins {-within_m.min():.0f} m outside the fence"
-        yield OFFSET, found, "inside it (safety.fence.corners_m)"
+    if fence.sides is not None:
+        within_m = fence.sides.inside_m(places[:, :2])
+        worst = int(within_m.argmin())
+        if within_m[worst] < 0.0:
+            found, allowed = _outside(fence.sides, places[worst, :2], float(-within_m[worst]))
+            yield OFFSET, f"{who[worst]} begins {found}", allowed
+
+
+def _outside(sides: FenceAreas, place_m: Array, by_m: float) -> tuple[str, str]:
+    """Return what is wrong with a place (2,) outside the fence, and what is allowed, in words."""
+    area = sides.nearest(place_m)
+    if area.inclusion:
+        return f"{by_m:.0f} m outside the {'fence' if area.key == FENCE_CORNERS else area}", f"inside it ({area.key})"
+    return f"{by_m:.0f} m inside the {area}", f"outside it ({area.key})"
 
 
 def check_steps(scenario: Scenario) -> Iterator[Finding]:
@@ -243,8 +254,8 @@ def check_fence(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...
     begin_m = -scenario.run_in_m if from_m <= 0.0 else from_m
     sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
     yield from _fence_heights(fence, sampled, flyers)
-    if fence.corners_m is not None:
-        yield from _fence_sides(np.array(fence.corners_m), scenario, sampled, flyers)
+    if fence.sides is not None:
+        yield from _fence_sides(fence.sides, scenario, sampled, flyers)
 
 
 def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
@@ -272,22 +283,24 @@ def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterat
             yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
 
 
-def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
+def _fence_sides(sides: FenceAreas, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
     """Yield the place farthest outside; if none is, the one with the least room to turn."""
     points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     way = points.north_m, points.east_m, points.course_rad
-    places, room = room_along_m(corners_m, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
-    within = inside_m(corners_m, places)
+    places, room = room_along_m(sides, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
+    within = sides.inside_m(places)
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
-        found = f"{list(flyers.values())[who][0]} is {-within.min():.0f} m outside the fence"
-        yield sampled.finding(int(index), found, "inside it (safety.fence.corners_m)")
+        found, allowed = _outside(sides, places[who, index], float(-within.min()))
+        yield sampled.finding(int(index), f"{list(flyers.values())[who][0]} is {found}", allowed)
         return
     if room.min() < CHECKED_M:
         who, index = np.unravel_index(int(room.argmin()), room.shape)
-        found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the fence and heads for it"
-        allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away (safety.fence.corners_m)"
+        area = sides.nearest(places[who, index])
+        what = "fence" if area.inclusion else area
+        found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the {what} and heads for it"
+        allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away ({area.key})"
         yield sampled.finding(int(index), found, allowed)
 
 
@@ -297,8 +310,13 @@ class FenceDistance(NamedTuple):
     who: str
     least_m: float
     at_m: float
+    north_m: float
+    """Place of the vehicle there; as all figures, infinite where there is nothing to be near to."""
+    east_m: float
     height_m: float
-    """Least distance to the fence's lowest and highest height; infinite without them."""
+    """Least distance to the fence's lowest and highest height."""
+    area: str
+    """The key of the polygon or circle that is so near; empty without any."""
 
 
 def fence_distances(scenario: Scenario) -> list[FenceDistance]:
@@ -317,15 +335,19 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     forward_m, right_m, up_m = np.array(list(flyers)).T
     way = points.north_m, points.east_m, points.course_rad
-    within = np.full((len(flyers), points.north_m.size), np.inf)
-    if fence.corners_m is not None:
-        corners_m = np.array(fence.corners_m)
-        within = inside_m(corners_m, places_along(way, Flyers(forward_m, right_m, turn_rps), drift(scenario)))
+    places = places_along(way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
     found = list[FenceDistance]()
     for row, (who, _) in enumerate(flyers.values()):
-        height_m = points.height_m + up_m[row]
-        index, room_m = int(within[row].argmin()), min(height_m.min() - lowest_m, highest_m - height_m.max())
-        found.append(FenceDistance(who, float(within[row, index]), float(sampled.places_m[index]), float(room_m)))
+        height_m, area = points.height_m + up_m[row], ""
+        least = math.inf, math.inf, math.inf, math.inf
+        if fence.sides is not None:
+            within_m = fence.sides.inside_m(places[row])
+            index = int(within_m.argmin())
+            north_m, east_m = places[row, index].tolist()
+            least = float(within_m[index]), float(sampled.places_m[index]), north_m, east_m
+            area = fence.sides.nearest(places[row, index]).key
+        room_m = float(min(height_m.min() - lowest_m, highest_m - height_m.max()))
+        found.append(FenceDistance(who, *least, room_m, area))
     return sorted(found, key=lambda each: min(each.least_m, each.height_m))
 
 

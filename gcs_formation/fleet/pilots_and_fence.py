@@ -8,7 +8,6 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.fence_geometry import inside_m
 from formation_scenario import Scenario
 from formation_scenario.surroundings import Fence
 from gcs_formation.recorder import Note
@@ -44,8 +43,7 @@ class PilotsAndFence:
 
 def outside_m(fence: Fence, north_m: float, east_m: float, height_m: float) -> float:
     """Return how far outside the fence a place is, m; 0 inside."""
-    lowest_m, highest_m = fence.heights_m
-    aside_m = 0.0
-    if fence.corners_m is not None:
-        aside_m = max(0.0, -float(inside_m(np.array(fence.corners_m), np.array((north_m, east_m)))))
+    (lowest_m, highest_m), sides, aside_m = fence.heights_m, fence.sides, 0.0
+    if sides is not None:
+        aside_m = max(0.0, -float(sides.inside_m(np.array((north_m, east_m)))))
     return math.hypot(aside_m, max(0.0, height_m - highest_m, lowest_m - height_m))

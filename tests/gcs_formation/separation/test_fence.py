@@ -24,10 +24,10 @@ BAY = ((-600.0, -600.0), (600.0, -600.0), (600.0, 100.0), (0.0, 100.0), (0.0, 60
 TICK_S = 0.15
 
 
-def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
+def fenced(corners: Any = None, count: int = 3, **keys: Any) -> Scenario:
     """Return vehicles with a fence that isn't checked against their path."""
     planned = load_scenario(scenario(vehicles={"count": count}))
-    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **heights)})
+    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **keys)})
     return planned.model_copy(update={"safety": safety})
 
 
