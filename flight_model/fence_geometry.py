@@ -67,7 +67,7 @@ def inside_m(corners_m: Array, place_m: Array) -> Array:
     return sign * distance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Polygon:
     """A polygon by its corners (K, 2), north and east, m, in either direction."""
 
@@ -78,7 +78,7 @@ class Polygon:
         return inside_m(self.corners_m, place_m)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Circle:
     """A circle by its centre (2,), north and east, and its radius, m."""
 
@@ -110,7 +110,7 @@ class FenceArea(NamedTuple):
         return f"{'inclusion' if self.inclusion else 'exclusion'} {shape}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FenceAreas:
     """The areas of a fence, one or more.
 

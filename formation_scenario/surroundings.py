@@ -66,6 +66,10 @@ class Area(Keys):
         return Circle(np.array(self.centre_m or (0.0, 0.0)), self.radius_m or 0.0)
 
 
+Areas = Annotated[tuple[Area, ...], Field(max_length=100)]
+Rally = Annotated[tuple[Vector, ...], Field(max_length=100), Allowed("a list of up to 100 [north, east, height]")]
+
+
 class Fence(Keys):
     """Where vehicles must stay; every limit is optional."""
 
@@ -74,7 +78,7 @@ class Fence(Keys):
         "corners of a polygon to stay in, one after another: north and east of the origin, m",
         [[-1000, -800], [4000, -800], [4000, 2000], [-1000, 2000]],
     )
-    areas: tuple[Area, ...] = key((), "further polygons and circles, to stay in or out of")
+    areas: Areas = key((), "further polygons and circles, to stay in or out of")
     inclusions: Literal["all", "any"] = key(
         "all",
         "of several inclusions, corners_m among them: stay inside all, as ArduPilot has it, or inside any, as PX4 does",
@@ -82,7 +86,7 @@ class Fence(Keys):
     )
     height_min_m: Number | None = key(None, "lowest height above the origin, m", 40)
     height_max_m: Number | None = key(None, "highest height above the origin, m", 120)
-    rally_m: tuple[Vector, ...] = key(
+    rally_m: Rally = key(
         (),
         "rally points: north, east and height above the origin, m: written by `check --export` into a plan, as where "
         "autopilots return to; nothing here flies to them",
@@ -104,6 +108,13 @@ class Fence(Keys):
         """The lowest and the highest height; infinite without a limit."""
         lowest = -np.inf if self.height_min_m is None else self.height_min_m
         return lowest, np.inf if self.height_max_m is None else self.height_max_m
+
+    def outside_m(self, north_m: float, east_m: float, height_m: float) -> float:
+        """Return how far outside a place is, m; 0 inside."""
+        (lowest_m, highest_m), lateral_m = self.heights_m, 0.0
+        if self.sides is not None:
+            lateral_m = max(0.0, -float(self.sides.inside_m(np.array((north_m, east_m)))))
+        return math.hypot(lateral_m, max(0.0, height_m - highest_m, lowest_m - height_m))
 
 
 class Passing(Timed):

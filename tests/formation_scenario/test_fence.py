@@ -10,7 +10,6 @@ import pytest
 from flight_model.fence_geometry import (
     REACT_S,
     TURN_SHARE,
-    Circle,
     Drift,
     FenceArea,
     FenceAreas,
