@@ -6,6 +6,7 @@ import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
@@ -90,4 +91,5 @@ def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
         command.build_lib, command.build_temp = str(place / "lib"), str(place / "temp")
         command.ensure_finalized()
         command.run()
-    return {file.relative_to(place / "lib").as_posix(): file for file in (place / "lib").rglob("*.so")}
+    made = (file for file in (place / "lib").rglob("*") if file.name.endswith(tuple(EXTENSION_SUFFIXES)))
+    return {file.relative_to(place / "lib").as_posix(): file for file in made}

@@ -18,6 +18,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 SWITCH = "GCS_FORMATION_COMPILE"
 COMPILING = "compile_wheel.py"
 """What compiles, beside this file: it imports what only a compiled build has installed."""
+INSTALLED = "airlink/installed.py"
+"""What finds a clone's commit, and reads it again in the wheel."""
 
 
 class CompilingHook(BuildHookInterface[Any]):
@@ -32,16 +34,20 @@ class CompilingHook(BuildHookInterface[Any]):
         return [] if os.environ.get(SWITCH, "") == "0" else list(self.config["compiling"])
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile the modules that pyproject.toml lists."""
+        """Compile the modules that pyproject.toml lists, and note the commit that the wheel is of."""
         wanted = os.environ.get(SWITCH, "")
-        if version == "editable" or wanted == "0":
+        if version == "editable":
             return
         self._place = TemporaryDirectory(prefix="gcs-formation-")
+        place = Path(self._place.name)
+        build_data["force_include"].update(noted_commit(Path(self.root), place))
+        if wanted == "0":
+            return
         try:
-            built = compiled(Path(self.root), self.config["modules"], Path(self._place.name))
+            built = compiled(Path(self.root), self.config["modules"], place)
         except (Exception, SystemExit) as error:
-            self._clean_up()
             if wanted == "1":
+                self._clean_up()
                 raise
             self.app.display_warning(f"not compiled, so flights take longer: {error}")
             return
@@ -59,7 +65,26 @@ class CompilingHook(BuildHookInterface[Any]):
 
 
 def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
-    """Compile modules in the directory `place`; return the files made, by their places in a wheel."""
+    """Compile modules in the directory `place`; return the files made, by their places in a wheel.
+
+    Raises:
+        RuntimeError: a module is missing among them, so that the wheel would be called compiled and not be it.
+    """
     compile_modules = runpy.run_path(str(Path(__file__).with_name(COMPILING)))["compiled"]
     built: dict[str, Path] = compile_modules(root, modules, place)
+    made = {name.partition(".")[0] for name in built}
+    missing = [each for each in modules if each.removesuffix(".py") not in made]
+    if missing or not built:
+        raise RuntimeError(f"of {len(modules)} modules these weren't compiled: {', '.join(missing) or 'all'}")
     return built
+
+
+def noted_commit(root: Path, place: Path) -> dict[str, str]:
+    """Note the commit of a clone in a file, and return the file's place in a wheel; nothing elsewhere."""
+    installed = runpy.run_path(str(root / INSTALLED)) if (root / INSTALLED).is_file() else {}
+    commit: str = installed["commit_of"]((root / INSTALLED).parent) if installed else ""
+    if not commit:
+        return {}
+    file = place / installed["COMMIT"]
+    file.write_text(f"{commit}\n", encoding="ascii")
+    return {str(file): f"{Path(INSTALLED).parent.as_posix()}/{file.name}"}

@@ -110,9 +110,16 @@ class Channel:
         departure = self._departure(size_bytes, now)
         if impairment.outage or self._lost_last or departure is None:
             return []
-        deliveries = [after(departure, impairment.delay_of(draws[2], number))]
+        more_s = 0.0
+        process = impairment.process
+        if process is not None:
+            found_s = process(size_bytes, now)
+            if found_s is None:
+                return []
+            more_s = found_s
+        deliveries = [after(departure, impairment.delay_of(draws[2], number) + more_s)]
         if draws[1] < impairment.duplicate:
-            deliveries.append(after(departure, impairment.delay_of(draws[3], number)))
+            deliveries.append(after(departure, impairment.delay_of(draws[3], number) + more_s))
             deliveries.sort()
         if not impairment.reorder:
             deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]

@@ -14,6 +14,10 @@ from functools import cached_property
 from statistics import NormalDist
 from typing import Final, Literal
 
+from airlink.clock import Instant
+
+Process = Callable[[int, Instant], float | None]
+"""Returns by how much longer a datagram of so many bytes takes that enters the link at an instant, s; None: lost."""
 Distribution = Literal["normal", "uniform", "pareto", "trace"]
 
 _NORMAL = NormalDist()
@@ -67,6 +71,9 @@ class Impairment:
     """Whether a datagram may overtake others; if not, it waits until those before it have arrived."""
     outage: bool = False
     """Whether everything is lost."""
+
+    process: Process | None = None
+    """Delay and loss from outside, which add to the rest."""
 
     @cached_property
     def transparent(self) -> bool:

@@ -8,7 +8,6 @@ import mmap
 import selectors
 import socket
 import struct
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -20,6 +19,7 @@ from librt.strings import read_i64_le
 from airlink.clock import RealClock
 from airlink.endpoint import Address, Endpoint, PortError
 from airlink.engine import Datagram, Engine
+from airlink.host_system import recvmmsg
 from airlink.stranger_limit import StrangerLimit
 
 MAX_DATAGRAM: Final = 65535
@@ -122,9 +122,7 @@ class Inbox:
         """Make room for a batch."""
         self._known = dict[bytes, Address]()
         """Addresses of senders, by the kernel's sockaddr_in."""
-        self._receive: Any = None
-        if sys.platform == "linux" and sys.maxsize > 2**32 and sys.byteorder == "little":
-            self._receive = getattr(ctypes.CDLL(None, use_errno=True), "recvmmsg", None)
+        self._receive: Any = recvmmsg()
         if self._receive is not None:
             self._make_room()
 

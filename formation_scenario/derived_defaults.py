@@ -5,15 +5,15 @@ A vehicle file has the model of one kind of aircraft: shipped by name, or writte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, ValidationError
 
 from formation_scenario.error_messages import problems_of
+from formation_scenario.extensions import AIRCRAFT, Registry, missing
 from formation_scenario.fields import (
     MAX_NUMBER,
     MAX_SYSTEM_ID,
@@ -30,6 +30,8 @@ from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
 from formation_scenario.mission_path import with_mission
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
+from formation_scenario.own_aircraft import with_own_aircraft
+from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import BASE_PORT, VehicleModel
 
@@ -53,15 +55,11 @@ MAY_BE_EMPTY = (
     "expect",
 )
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
-SUFFIXES = (".yaml", ".yml")
 MODELS = ("model", "true_model")
-FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS}
+FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS, "path": ("file",)}
 """Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
-SHIPPED = "aircraft"
-"""Folder of the shipped files, inside this package."""
-SHIPPED_FILES = resources.files("formation_scenario") / SHIPPED
 
 
 def resolve(source: Source) -> Source:
@@ -216,16 +214,18 @@ class VehicleFile(Keys):
     fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
 
 
-def with_files(source: Source) -> Source:
+def with_files(source: Source, registry: Registry | None = None) -> Source:
     """Return the scenario with the contents of vehicle files and of a mission file in place of their names.
+
+    `registry` has the aircraft of extensions; without it their names stay, for a later call.
 
     Raises:
         ScenarioError: no such file, or one that can't be used.
     """
-    return with_models(with_mission(source, _directory(source)))
+    return with_models(with_mission(source, _directory(source)), registry)
 
 
-def with_models(source: Source) -> Source:
+def with_models(source: Source, registry: Registry | None = None) -> Source:
     """Return the scenario with vehicle files' models in place of their names.
 
     If any model comes from a file, has an airframe or hovers, gains are by design unless the scenario names others.
@@ -234,11 +234,11 @@ def with_models(source: Source) -> Source:
         ScenarioError: no such file, or one with values that aren't allowed.
     """
     vehicles, directory = source.data.get("vehicles"), _directory(source)
-    read = dict[str, Plain]()
+    read = _Models(directory, source, registry)
     if isinstance(vehicles, list):
-        whole: Plain = [_whole(each, directory, source, ("vehicles", i), read) for i, each in enumerate(vehicles)]
+        whole: Plain = [read.whole(each, ("vehicles", i)) for i, each in enumerate(vehicles)]
     else:
-        whole = _whole(vehicles, directory, source, ("vehicles",), read)
+        whole = read.whole(vehicles, ("vehicles",))
     law, models = source.data.get("law") or {}, _models(whole)
     changed: dict[Key, Plain] = {"vehicles": whole}
     written = (each for each in models if isinstance(each, dict))
@@ -248,17 +248,37 @@ def with_models(source: Source) -> Source:
     return Source(source.file, source.data | changed, source.places)
 
 
-def _whole(vehicle: Plain, directory: Path, source: Source, path: KeyPath, read: dict[str, Plain]) -> Plain:
-    """Return a vehicle, or a group, with its models; `read` caches models by name."""
-    if not isinstance(vehicle, dict):
-        return vehicle
-    names = {which: name for which in MODELS if isinstance(name := vehicle.get(which), str)}
-    if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
-        names["model"] = str(vehicle["autopilot"])
-    for which, name in names.items():
-        if name not in read:
-            read[name] = read_model(name, directory, source, (*path, which))
-    return vehicle | {which: read[name] for which, name in names.items()}
+class _Models:
+    """Models of a scenario's vehicles by their names."""
+
+    def __init__(self, directory: Path, source: Source, registry: Registry | None) -> None:
+        self._directory, self._source, self._registry = directory, source, registry
+        self._read = dict[str, Plain]()
+
+    def whole(self, vehicle: Plain, path: KeyPath) -> Plain:
+        """Return a vehicle, or a group, with its models."""
+        if not isinstance(vehicle, dict):
+            return vehicle
+        written = {which: vehicle[which] for which in MODELS if vehicle.get(which) is not None}
+        if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
+            written["model"] = vehicle["autopilot"]
+        return vehicle | {which: self._whole(model, (*path, which)) for which, model in written.items()}
+
+    def _whole(self, model: Plain, path: KeyPath) -> Plain:
+        if isinstance(model, str):
+            if self._registry is not None and self._registry.get(model, AIRCRAFT) is not None:
+                model = {"aircraft": model}
+            elif self._registry is None and not (model.endswith(SUFFIXES) or model in shipped_names()):
+                return model
+            else:
+                model = self._file(model, path)
+        return model if self._registry is None else with_own_aircraft(model, self._registry, self._source, path)
+
+    def _file(self, name: str, path: KeyPath) -> Plain:
+        if name not in self._read:
+            own = [] if self._registry is None else self._registry.names(AIRCRAFT)
+            self._read[name] = read_model(name, self._directory, self._source, path, own)
+        return self._read[name]
 
 
 def _models(vehicles: Plain) -> list[Plain]:
@@ -267,7 +287,7 @@ def _models(vehicles: Plain) -> list[Plain]:
     return [one.get("model") for one in each if isinstance(one, dict)]
 
 
-def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
+def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Sequence[str] = ()) -> dict[Key, Plain]:
     """Return the model in a vehicle file, or in a shipped one, as written there.
 
     Args:
@@ -275,11 +295,12 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Ke
         directory: directory of the scenario.
         at: the scenario, for the place of problems.
         path: the key that names the file.
+        own: names of aircraft that extensions register, for messages.
 
     Raises:
         ScenarioError: no such file, or one with values that aren't allowed.
     """
-    source = _read(name, directory, at, path)
+    source = _read(name, directory, at, path, own)
     try:
         VehicleFile.model_validate(source.data)
     except ValidationError as error:
@@ -288,17 +309,13 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath) -> dict[Ke
     return plain_mapping(model) if isinstance(model, dict) else {}
 
 
-def shipped_names() -> list[str]:
-    """Return the names of the shipped vehicle files."""
-    files = [each.name for each in SHIPPED_FILES.iterdir()]
-    return sorted(name.removesuffix(SUFFIXES[0]) for name in files if name.endswith(SUFFIXES[0]))
-
-
-def _read(name: str, directory: Path, at: Source, path: KeyPath) -> Source:
+def _read(name: str, directory: Path, at: Source, path: KeyPath, own: Sequence[str]) -> Source:
     if not name.endswith(SUFFIXES):
         names = shipped_names()
         if name not in names:
-            allowed = f"a vehicle file (*.yaml), or one that is shipped: {', '.join(names)}{did_you_mean(name, names)}"
+            near = f"{did_you_mean(name, [*names, *own])}{missing(name, at.home)}"
+            others = f"; an extension's: {', '.join(own)}" if own else ""
+            allowed = f"a vehicle file (*.yaml), or one that is shipped: {', '.join(names)}{others}{near}"
             raise ScenarioError([at.problem(path, f"found '{name}'", allowed)])
         file = f"{name}{SUFFIXES[0]}"
         return read_text((SHIPPED_FILES / file).read_text(encoding="utf-8"), f"{SHIPPED}/{file}")

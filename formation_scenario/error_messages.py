@@ -10,7 +10,7 @@ from annotated_types import MaxLen
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
-from formation_scenario.fields import CHOICE, Allowed, Problem, did_you_mean
+from formation_scenario.fields import CHOICE, EXTENSION, Allowed, Problem, did_you_mean
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
 MAPPING_KEY = "[key]"
@@ -51,7 +51,10 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     expected = _expected(model, loc)
     path = (*above, *expected.path)
     if error.startswith(CHOICE):
-        path, words = (*path, error.removeprefix(CHOICE)), [str(word) for word in members(expected.type)]
+        path, words = (
+            (*path, error.removeprefix(CHOICE)),
+            [str(word) for word in members(expected.type) if word != EXTENSION],
+        )
         word = _value_at(source.data, path)
         near = did_you_mean(word, words) if isinstance(word, str) else ""
         return source.problem(path, f"found {show(word)}", ", ".join(words) + near)

@@ -18,16 +18,24 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
+
+from pydantic import BaseModel
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
+from formation_scenario.links import NO_PROCESS
+from formation_scenario.navigation import NAVIGATIONS
+from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.register import MARKS, marks_of
+from formation_scenario.shapes import SHAPE
+from formation_scenario.shipped_aircraft import shipped_names
+from formation_scenario.surroundings import DISTURBANCES, FAULTS
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, FAMILIES
 
 GROUP = "gcs_formation.extensions"
 """The group of entry points of installed packages."""
-MARKS = "__gcs_formation_registered__"
-"""The name in a module's namespace under which the register functions list what it brings."""
 RECORD = "extensions.json"
 """The file of a run directory that says which extensions were used."""
 OPTION = "--plugin"
@@ -39,21 +47,45 @@ LAW, FORMATION_LAW, FILTER, MONITOR, RECORDER, METRIC = (
     "recorder",
     "metric",
 )
+LINK, FAULT, DISTURBANCE, AIRCRAFT, EMULATED_FAMILY, NAVIGATION = (
+    "link process",
+    "fault",
+    "disturbance",
+    "aircraft",
+    "emulated family",
+    "navigation source",
+)
+PREDICTOR, DELAY_ESTIMATOR, GUIDANCE, AUTOPILOT = "predictor", "delay estimator", "guidance", "autopilot family"
 LAW_KINDS = LAW, FORMATION_LAW
 """Kinds that `law.type` names; a metric is named in `expect`, others in `extensions`."""
 SWITCHED = FILTER, MONITOR, RECORDER
 """Kinds that are on if `extensions` names them."""
+OURS: Mapping[str, tuple[str, ...]] = {
+    LAW: LAW_TYPES,
+    METRIC: tuple(METRICS),
+    SHAPE: SHAPE_NAMES,
+    PREDICTOR: PREDICTORS,
+    DELAY_ESTIMATOR: CLOCKS,
+    GUIDANCE: GUIDANCES,
+    AUTOPILOT: AUTOPILOTS,
+    LINK: (NO_PROCESS,),
+    FAULT: FAULTS,
+    DISTURBANCE: DISTURBANCES,
+    AIRCRAFT: tuple(shipped_names()),
+    EMULATED_FAMILY: FAMILIES,
+    NAVIGATION: NAVIGATIONS,
+}
+"""Names that are taken already, by kind."""
 HOW = f"{OPTION} FILE.py, or an installed package that registers it"
 Files: TypeAlias = "Sequence[str | Path]"
 
 
-class Mark(NamedTuple):
-    """What a register function notes in the namespace of the class's module."""
+class NoKeys(BaseModel):
+    """Keys of what has none."""
 
-    kind: str
-    name: str
-    made: type[Any]
-    line: int
+
+class ExtensionError(Exception):
+    """An extension that can't begin, or that failed; the message has its file and line."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +124,25 @@ class Registered:
     def __str__(self) -> str:
         return f"{self.kind} '{self.name}'"
 
-    def instance(self, keys: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a class from outside
-        """Return a new instance with its keys, typed by its own model."""
-        return self.made(self.made.Keys.model_validate_json(json.dumps(keys)))
+    @property
+    def keys_model(self) -> type[BaseModel]:
+        """The model of its own keys."""
+        model: type[BaseModel] = getattr(self.made, "Keys", NoKeys)
+        return model
+
+    @property
+    def works_by_defaults(self) -> bool:
+        """Whether none of its keys must be given."""
+        return not any(field.is_required() for field in self.keys_model.model_fields.values())
+
+    def instance(self, keys: Mapping[str, Any], **given: Any) -> Any:  # noqa: ANN401 - a class from outside
+        """Return a new instance with its keys, typed by its own model; it has the attributes `given` when it begins."""
+        typed = self.keys_model.model_validate_json(json.dumps(keys))
+        one = self.made.__new__(self.made, typed)
+        for name, value in given.items():
+            setattr(one, name, value)
+        self.made.__init__(one, typed)
+        return one
 
     def said(self, error: BaseException) -> str:
         """Return an error that its code raised in words, with the file and line of that code."""
@@ -117,10 +165,9 @@ class Registry:
             ScenarioError: a name is taken twice.
         """
         self._each = tuple(found)
-        taken: dict[tuple[str, str], str] = {(LAW, name): "gcs_formation itself" for name in LAW_TYPES}
-        taken |= {(METRIC, name): "gcs_formation itself" for name in METRICS}
+        taken = {(_namespace(kind), name): "gcs_formation itself" for kind, names in OURS.items() for name in names}
         for one in self._each:
-            place = LAW if one.kind in LAW_KINDS else METRIC if one.kind == METRIC else FILTER, one.name
+            place = _namespace(one.kind), one.name
             if place in taken:
                 raise refused(f"{one}", f"found twice: {taken[place]} and {one.where}", "each name once")
             taken[place] = one.where
@@ -138,13 +185,17 @@ class Registry:
         """The files among them, which another command needs named."""
         return tuple(origin.file for origin in self.origins if origin.content is not None)
 
-    def get(self, name: str, *kinds: str) -> Registered | None:
+    def get(self, name: str | None, *kinds: str) -> Registered | None:
         """Return what is registered by a name, of one of the kinds."""
         return next((one for one in self._each if one.name == name and one.kind in kinds), None)
 
     def names(self, *kinds: str) -> list[str]:
         """Return the names of all things of some kinds."""
         return [one.name for one in self._each if one.kind in kinds]
+
+    def of(self, *kinds: str) -> list[Registered]:
+        """Return all things of some kinds."""
+        return [one for one in self._each if one.kind in kinds]
 
     def __iter__(self) -> Iterator[Registered]:
         return iter(self._each)
@@ -161,6 +212,11 @@ class Registry:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the modules by content; installed packages by name, version and hash."""
         return _restored, (self.origins,)
+
+
+def _namespace(kind: str) -> str:
+    """Return the kind within which a name is taken once: `law.type` names both kinds of laws, `extensions` three."""
+    return LAW if kind in LAW_KINDS else FILTER if kind in SWITCHED else kind
 
 
 def load_extensions(plugins: Files | Registry = ()) -> Registry:
@@ -294,7 +350,12 @@ def _unusable(error: Exception, file: str, what: str) -> Exception:
     return refused("", f"{type(error).__name__}: {error}", "", f"{what} {file}{f':{line}' if line else ''}")
 
 
+def registered_in(module: ModuleType, kind: str) -> dict[str, Registered]:
+    """Return what one of our own modules registers of a kind, by its names."""
+    origin = Origin(str(module.__file__), "")
+    return {one.name: one for one in _marked(module, origin) if one.kind == kind}
+
+
 def _marked(module: ModuleType, origin: Origin) -> Iterator[Registered]:
-    marks: list[Mark] = vars(module).get(MARKS, [])
-    for mark in marks:
+    for mark in marks_of(module):
         yield Registered(mark.kind, mark.name, mark.made, mark.line, origin)

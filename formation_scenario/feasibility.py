@@ -13,7 +13,7 @@ from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
-from formation_scenario.orders import Order, not_standing, parse_order, why_not_set_out
+from formation_scenario.orders import Order, not_standing, read_order, why_not_set_out
 from formation_scenario.path_limits import TOLERANCE, SampledPath, climbs, excesses
 from formation_scenario.slot_assignment import (
     Arrangement,
@@ -84,7 +84,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
     """
     path, flown, at_m, since_s = scenario.leader_path, _Flown(scenario, first_arrangement(scenario)), 0.0, 0.0
     changes = [(change.at_s, None, Order("", change)) for change in scenario.formation.changes]
-    orders = [(order.at_s, index, parse_order(order.order)) for index, order in scenario.timed_orders]
+    orders = [(order.at_s, index, read_order(order.order)) for index, order in scenario.timed_orders]
     for at_s, index, order in sorted([*changes, *orders], key=lambda entry: entry[0]):
         at_m, since_s = flown.scenario.speeds.later_m(at_m, at_s - since_s), at_s
         lands_not = why_not_land if order.end == "land" else None

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import difflib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StrictBool, StrictStr, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StrictBool,
+    StrictStr,
+    WithJsonSchema,
+)
 from pydantic.config import JsonDict
 from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import literal_schema, str_schema
@@ -66,6 +77,19 @@ class Open(Allowed):
         return {"enum": list(self.choices), "type": "string"}
 
 
+class _HashedKeys(dict[str, Any]):
+    """An extension's own keys, which have been checked; a group of keys that has them can be in a set."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(json.dumps(self, sort_keys=True))
+
+
+OwnKeys: TypeAlias = Annotated[
+    Mapping[str, Any], AfterValidator(_HashedKeys), Allowed("a mapping of the own keys of what an extension registers")
+]
+OF_AN_EXTENSION = "the own keys of what an extension registers by that name"
+
+
 DERIVED = "x-default"
 """The JSON schema's keyword for the source of a derived default."""
 
@@ -85,13 +109,20 @@ def key(default: object, description: str = "", *examples: object, derived: str 
     )
 
 
-def one_of(key: str, default: str) -> Discriminator:
-    """Return a discriminator that selects a group of keys, each with a `Tag`, by the word at `key`."""
+EXTENSION = "of an extension"
+"""The tag of a group of keys for every word that is nobody's of ours: one that an extension registers."""
+
+
+def one_of(key: str, default: str, ours: Sequence[str]) -> Discriminator:
+    """Return a discriminator that selects a group of keys, each with a `Tag`, by the word at `key`.
+
+    A word that isn't one of `ours` selects `EXTENSION`; whether there is such an extension is checked elsewhere.
+    """
 
     def word(value: object) -> str:
-        if isinstance(value, Mapping):
-            return str(cast("Mapping[str, Any]", value).get(key, default))
-        return str(getattr(value, key, default))
+        given = cast("Mapping[str, Any]", value).get(key, default) if isinstance(value, Mapping) else None
+        named = getattr(value, key, default) if given is None else given
+        return str(named) if named in ours or not isinstance(named, str) else EXTENSION
 
     return Discriminator(word, custom_error_type=f"{CHOICE}{key}", custom_error_message="no such group of keys")
 

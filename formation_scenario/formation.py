@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from formation_scenario import shapes
 from formation_scenario.fields import (
     MAX_NEAR_M,
+    OF_AN_EXTENSION,
     Allowed,
     AtMost,
     Flag,
@@ -19,13 +21,19 @@ from formation_scenario.fields import (
     Number,
     Offset,
     Open,
+    OwnKeys,
     Positive,
     Rate,
     VehicleRef,
     key,
 )
+from formation_scenario.register import marks_of
 
-Shape = Literal["follower", "diamond", "triangle", "square", "plus", "arrow", "line", "echelon", "circle", "custom"]
+CUSTOM: Final = "custom"
+"""The shape whose slots are keys."""
+SHAPE_NAMES: Final = (*(mark.name for mark in marks_of(shapes)), CUSTOM)
+"""The shapes of `formation_scenario.shapes`, and that of `slots_m`; others come from extensions."""
+ShapeName = Annotated[str, Open(", ".join(SHAPE_NAMES), SHAPE_NAMES)]
 Frame = Literal["leader_heading", "follower_heading"]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
@@ -44,6 +52,9 @@ RuleTable = Annotated[
 LAW_TYPES = "fuzzy_pid", "pid", "consensus"
 """The laws of `gcs_formation.control.laws`; others come from extensions."""
 LawType = Annotated[str, Open(", ".join(LAW_TYPES), LAW_TYPES)]
+PREDICTORS: Final = ("model",)
+"""The predictors of `gcs_formation.control.predictors`; others come from extensions."""
+PredictorType = Annotated[str, Open(", ".join(PREDICTORS), PREDICTORS)]
 OF_THE_SET = "of the set that law.gains names"
 K1, K2, K3 = 0.1, 0.6, 0.25
 """Gains of the consensus protocol for vehicles that fly by equation (7)."""
@@ -53,7 +64,10 @@ class FormationChange(Keys):
     """Another shape, spacing or leader, from a time on."""
 
     at_s: NonNegative = key(..., "when the change begins, s", 60)
-    shape: Shape | None = key(None, "the new shape", "square", derived="the one before")
+    shape: ShapeName | None = key(None, "the new shape", "square", derived="the one before")
+    parameters: OwnKeys | None = key(
+        None, f"beside shape: {OF_AN_EXTENSION}", {}, derived="those before, else the formation's, for that shape"
+    )
     spacing_m: Spacing | None = key(
         None, "the new spacing, m", 50, derived="with a shape formation.spacing_m, else the one before"
     )
@@ -66,7 +80,10 @@ class FormationChange(Keys):
 class Formation(Keys):
     """Where each follower is to be."""
 
-    shape: Shape = key("diamond", "the shape at the start", "arrow")
+    shape: ShapeName = key(
+        "diamond", "the shape at the start: one of these, or one that an extension registers", "arrow"
+    )
+    parameters: OwnKeys | None = key(None, f"beside shape: {OF_AN_EXTENSION}", {})
     spacing_m: Spacing = key(30.0, "unit of the shape, m; no two slots are nearer", 40)
     frame: Frame = key("leader_heading", "frame of the slots and of the errors")
     slots_m: Slots | None = key(
@@ -179,12 +196,24 @@ class Consensus(Keys):
     )
 
 
+class OwnPredictor(Keys):
+    """What predicts the states over the links' delays."""
+
+    type: PredictorType = key(
+        PREDICTORS[0],
+        "model: equation (7) through the setpoints in flight; or one that an extension registers",
+        "smith",
+    )
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 class Law(Keys):
     """The control law and its parameters."""
 
     type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
+    predictor: OwnPredictor | None = key(None, "with delay_compensation: by what they are predicted")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
     on_delay: Literal["degrade", "hold", "warn"] = key(
         "warn",

@@ -14,6 +14,7 @@ from pydantic_core import PydanticCustomError
 from formation_scenario.bounded_read import read_bounded
 from formation_scenario.fields import (
     MAX_NUMBER,
+    OF_AN_EXTENSION,
     Allowed,
     FileError,
     Flag,
@@ -21,8 +22,10 @@ from formation_scenario.fields import (
     Keys,
     NonNegative,
     Number,
+    OwnKeys,
     Text,
     Timed,
+    Vector,
     key,
 )
 
@@ -110,6 +113,18 @@ class Impairment(Keys):
         "then from the beginning again; relative to the scenario's file",
         "lte.txt",
     )
+    process: Text | None = key(
+        None,
+        "delay and loss process of an extension, which adds to the other keys; none: no longer one",
+        "none",
+    )
+    parameters: OwnKeys | None = key(None, f"beside process: {OF_AN_EXTENSION}", {})
+
+    def __hash__(self) -> int:
+        """Hash what usually differs; an extension's own keys are a mapping, which has no hash."""
+        return hash(
+            (self.delay_ms, self.jitter_ms, self.loss, self.rate_kbps, self.outage, self.trace_file, self.process)
+        )
 
 
 def _patch(name: str) -> Any:  # noqa: ANN401 - as pydantic types the defaults of fields
@@ -132,6 +147,8 @@ class ImpairmentPatch(Keys):
     reorder: Flag | None = _patch("reorder")
     outage: Flag | None = _patch("outage")
     trace_file: Text | None = _patch("trace_file")
+    process: Text | None = _patch("process")
+    parameters: OwnKeys | None = _patch("parameters")
 
 
 class DefaultLink(Impairment):
@@ -148,12 +165,23 @@ class LinkChange(ImpairmentPatch, Timed):
     downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
 
 
+NO_PROCESS = "none"
+"""The word for no delay and loss process."""
+
+
 class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
     uplink: ImpairmentPatch | None = key(None, "the same as default.uplink, over which it takes precedence")
     downlink: ImpairmentPatch | None = key(None, "the same as default.downlink, over which it takes precedence")
+    station_m: Vector | None = key(
+        None,
+        "where the ground station's antenna is, for processes of extensions: north and east of the origin, and height "
+        "above it, m",
+        [-200, 0, 3],
+        derived="the origin",
+    )
     changes: Annotated[tuple[LinkChange, ...], Field(max_length=MOST_CHANGES)] = key(
         (),
         "changes in flight",

@@ -62,7 +62,7 @@ def load_scenario(
         ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
     """
     registry = source.registered if isinstance(source, Scenario) and not plugins else load_extensions(plugins)
-    read = with_files(apply_overrides(_read(source), overrides, option))
+    read = with_files(apply_overrides(_read(source), overrides, option), registry)
     scenario, resolved = _to_the_paths_end(read, *_typed(read, registry))
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from math import hypot, radians
 from pathlib import Path
@@ -19,9 +19,26 @@ from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.expectation import Expectation
-from formation_scenario.extensions import LAW_KINDS, METRIC, SWITCHED, Registered, Registry
+from formation_scenario.extensions import (
+    AIRCRAFT,
+    AUTOPILOT,
+    DELAY_ESTIMATOR,
+    DISTURBANCE,
+    EMULATED_FAMILY,
+    FAULT,
+    GUIDANCE,
+    LAW_KINDS,
+    LINK,
+    METRIC,
+    NAVIGATION,
+    PREDICTOR,
+    SWITCHED,
+    Registered,
+    Registry,
+)
 from formation_scenario.fields import (
     MOST_ENTRIES,
+    OF_AN_EXTENSION,
     WHOLE,
     Allowed,
     AtMost,
@@ -32,6 +49,8 @@ from formation_scenario.fields import (
     NonNegative,
     Number,
     Offset,
+    Open,
+    OwnKeys,
     Positive,
     Vector,
     VehicleSelection,
@@ -39,13 +58,14 @@ from formation_scenario.fields import (
 )
 from formation_scenario.formation import Formation, Law
 from formation_scenario.links import Links, LinkStep, RecordedDelays, link_steps, read_trace
-from formation_scenario.orders import PlannedOrder
+from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
+from formation_scenario.shapes import SHAPE
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
-from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
+from formation_scenario.vehicles import CLOCKS, Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
@@ -147,12 +167,13 @@ class Telemetry(Keys):
     rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = key(
         10.0, "position and attitude messages a second, Hz; at most the rate of an autopilot's main loop", 5
     )
-    clock: Literal["round_trip", "gnss"] = key(
-        "round_trip",
-        "how stamps are mapped to one clock: by half of each link's round trip, or by the vehicles' UTC "
-        "(SYSTEM_TIME), which is independent of the links",
+    clock: Annotated[str, Open(", ".join(CLOCKS), CLOCKS)] = key(
+        CLOCKS[0],
+        "how stamps are mapped to one clock: by half of each link's round trip, by the vehicles' UTC (SYSTEM_TIME), "
+        "which is independent of the links, or by an extension's estimator of delay and its asymmetry",
         "gnss",
     )
+    parameters: OwnKeys | None = key(None, f"beside clock: {OF_AN_EXTENSION}", {})
     station_utc: Flag | None = key(
         None,
         "with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
@@ -251,12 +272,60 @@ class Scenario(Keys):
 
     @property
     def used_extensions(self) -> tuple[Registered, ...]:
-        """What it uses of them: its law, what `extensions` names, and metrics in `expect`."""
+        """What it uses of them, each once."""
         known = self._registered
+        if not known:
+            return ()
         named = [known.get(self.law.type, *LAW_KINDS)]
         named += [known.get(name, *SWITCHED, METRIC) for name in self.extensions]
         named += [known.get(each.metric, METRIC) for each in self.expect]
+        named += [known.get(name, SHAPE) for name in self._shapes()]
+        named += self._used_by_station()
+        named += self._used_by_emulators()
         return tuple(dict.fromkeys(each for each in named if each is not None))
+
+    def crashes(self, fault: Fault) -> bool:
+        """Return whether a fault crashes vehicles."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind == "crash" if own is None else bool(own.made.crashes)
+
+    def silences(self, fault: Fault) -> bool:
+        """Return whether vehicles send nothing while a fault lasts."""
+        own = self._registered.get(fault.kind, FAULT)
+        return fault.kind in {"crash", "freeze"} if own is None else bool(own.made.crashes or own.made.silences)
+
+    def _shapes(self) -> Iterator[str | None]:
+        """Yield the names of the formation's shapes: at the start, planned, and ordered."""
+        yield self.formation.shape
+        yield from (change.shape for change in self.formation.changes)
+        texts = [order.order for _, order in self.timed_orders] + [act.order for _, act in self.scripted]
+        changes = (read_order(text).change for text in texts if text is not None)
+        yield from (change.shape for change in changes if change is not None)
+
+    def _used_by_station(self) -> Iterator[Registered | None]:
+        """Yield what prediction, estimation and guidance use of the extensions, and the vehicles' autopilots."""
+        known, predictor, guidance = self._registered, self.law.predictor, self.path.guidance
+        yield known.get(None if predictor is None else predictor.type, PREDICTOR)
+        yield known.get(self.telemetry.clock, DELAY_ESTIMATOR)
+        yield known.get(None if guidance is None else guidance.type, GUIDANCE)
+        yield from (known.get(each.autopilot, AUTOPILOT) for each in self.vehicles)
+
+    def _used_by_emulators(self) -> Iterator[Registered | None]:
+        """Yield what links, faults, the air and vehicles use of the extensions; None for each that is ours."""
+        known, acts = self._registered, [act for _, act in self.scripted]
+        for group in (self.links.default, self.links, *self.links.changes, *(act.link for act in acts)):
+            for patch in (group, getattr(group, "uplink", None), getattr(group, "downlink", None)):
+                yield known.get(getattr(patch, "process", None), LINK)
+        faults = (*self.faults, *(act.fault for act in acts if act.fault is not None))
+        yield from (known.get(each.kind, FAULT) for each in faults)
+        air = (*self.disturbances, *(act.disturbance for act in acts if act.disturbance is not None))
+        yield from (known.get(each.kind, DISTURBANCE) for each in air)
+        for vehicle in self.vehicles:
+            for navigation in (vehicle.navigation, vehicle.true_navigation):
+                yield known.get(None if navigation is None else navigation.source, NAVIGATION)
+            for model in (vehicle.model, vehicle.true_model):
+                yield known.get(None if model is None else model.aircraft, AIRCRAFT)
+            yield known.get(vehicle.own_family, EMULATED_FAMILY)
 
     @cached_property
     def ground(self) -> Ground:

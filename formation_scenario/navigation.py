@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, Tag
 
-from formation_scenario.fields import WHOLE, Allowed, Keys, NonNegative, Number, Positive, Rate, key, one_of
+from formation_scenario.fields import (
+    EXTENSION,
+    OF_AN_EXTENSION,
+    WHOLE,
+    Allowed,
+    Keys,
+    NonNegative,
+    Number,
+    Open,
+    OwnKeys,
+    Positive,
+    Rate,
+    key,
+    one_of,
+)
 
+NAVIGATIONS: Final = ("truth", "noisy", "ins")
 SOURCES = "where its telemetry comes from: the true state, the true state with noise, or inertial navigation"
 
 
@@ -120,9 +135,17 @@ class InertialNavigation(Keys):
     barometer: BarometerKeys = BarometerKeys()
 
 
+class OwnNavigation(Keys):
+    """A source that an extension registers by this name; the station takes it to be as good as the emulators' own."""
+
+    source: Annotated[str, Open("a source that an extension registers")] = key(..., SOURCES, "camera")
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 Navigation = Annotated[
     Annotated[TrueNavigation, Tag("truth")]
     | Annotated[NoisyNavigation, Tag("noisy")]
-    | Annotated[InertialNavigation, Tag("ins")],
-    one_of("source", default="truth"),
+    | Annotated[InertialNavigation, Tag("ins")]
+    | Annotated[OwnNavigation, Tag(EXTENSION)],
+    one_of("source", "truth", NAVIGATIONS),
 ]

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.fields import MAX_NEAR_M, Allowed, Keys, NonNegative, VehicleRef, did_you_mean, key
-from formation_scenario.formation import FormationChange, Shape
+from formation_scenario.formation import SHAPE_NAMES, FormationChange
 
 End = Literal["loiter", "rtl", "land"]
 
 ENDS: tuple[End, ...] = get_args(End)
-SHAPES: tuple[Shape, ...] = get_args(Shape)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
-EXAMPLES = (*(f"shape {shape}" for shape in SHAPES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
+EXAMPLES = (*(f"shape {shape}" for shape in SHAPE_NAMES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
 FACES_RAD = math.radians(15.0)
 """Largest angle between a hovering formation's heading and its path when it sets out."""
@@ -39,8 +39,21 @@ class Order(NamedTuple):
     end: End | None = None
 
 
-def parse_order(text: str, also: tuple[str, ...] = ()) -> Order:
-    """Return the order in `text`; `also` are other words that the caller accepts.
+def parse_order(text: str, also: tuple[str, ...] = (), shapes: Sequence[str] = ()) -> Order:
+    """Return the order in `text`; `also` are other words that the caller accepts, `shapes` those of extensions.
+
+    Raises:
+        OrderError: the text isn't an order.
+    """
+    order = read_order(text, also)
+    name, known = None if order.change is None else order.change.shape, (*SHAPE_NAMES, *shapes)
+    if name is not None and name not in known:
+        raise OrderError(f"found shape '{name}'; allowed: {', '.join(known)}{did_you_mean(name, known)}")
+    return order
+
+
+def read_order(text: str, also: tuple[str, ...] = ()) -> Order:
+    """Return the order in `text`, of any shape: whether there is such a one depends on the run's extensions.
 
     Raises:
         OrderError: the text isn't an order.
@@ -53,7 +66,7 @@ def parse_order(text: str, also: tuple[str, ...] = ()) -> Order:
         return Order(said, end=word)
     match word, rest:
         case "shape", [name, *spacing] if len(spacing) <= 1:
-            return Order(said, FormationChange(at_s=0.0, shape=_shape(name), spacing_m=_spacing(spacing)))
+            return Order(said, FormationChange(at_s=0.0, shape=name, spacing_m=_spacing(spacing)))
         case "spacing", [_]:
             return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
         case "speed", [number]:
@@ -81,12 +94,6 @@ def why_not_set_out(facing_rad: float, course_rad: float) -> str | None:
 def not_standing(speed_mps: float) -> str:
     """Return why a formation that flies at a speed doesn't turn on the spot."""
     return f"found a formation that flies at {speed_mps:g} m/s; allowed: after `speed 0`"
-
-
-def _shape(name: str) -> Shape:
-    if name not in SHAPES:
-        raise OrderError(f"found shape '{name}'; allowed: {', '.join(SHAPES)}{did_you_mean(name, SHAPES)}")
-    return name
 
 
 def _spacing(given: list[str]) -> float | None:
@@ -119,7 +126,7 @@ def _vehicle(ref: str) -> VehicleRef:
 def known_order(value: object) -> object:
     """Return a text that is an order; the validator of keys that hold one."""
     try:
-        parse_order(value if isinstance(value, str) else "")
+        read_order(value if isinstance(value, str) else "")
     except OrderError as error:
         raise PydanticCustomError("order", "no order") from error
     return value

@@ -8,12 +8,15 @@ from pydantic import Field
 
 from formation_scenario.fields import (
     MAX_NEAR_M,
+    OF_AN_EXTENSION,
     WHOLE,
     Allowed,
     AtMost,
     Keys,
     NonNegative,
     Number,
+    Open,
+    OwnKeys,
     Positive,
     Speed,
     Text,
@@ -49,6 +52,19 @@ class CirclesPlan(Keys):
         "side with more room, m",
         -90,
     )
+
+
+GUIDANCES: Final = ("track",)
+"""Our own guidance of the leader along its path."""
+
+
+class OwnGuidance(Keys):
+    """What guides the leader along its route."""
+
+    type: Annotated[str, Open(", ".join(GUIDANCES), GUIDANCES)] = key(
+        GUIDANCES[0], "track: our own; or one that an extension registers", "pure_pursuit"
+    )
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
 
 
 class PathPlan(Keys):
@@ -109,6 +125,7 @@ class PathPlan(Keys):
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
     circles: AtMost[CirclesPlan] = key((), "legs: circles that end at a waypoint, which they touch")
+    guidance: OwnGuidance | None = key(None, "by what the leader is guided along its route")
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )

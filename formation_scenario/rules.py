@@ -19,6 +19,7 @@ from formation_scenario.expectation import (
     Expectation,
     pointless,
 )
+from formation_scenario.extensions import FAULT
 from formation_scenario.fields import FileError, Timed, VehicleSelection, distinct_texts
 from formation_scenario.links import (
     ALLOWED,
@@ -294,7 +295,8 @@ def faults(scenario: Scenario) -> Iterator[Finding]:
     scripted = ((i, act.fault) for i, act in scenario.scripted)
     planned += [(("orders", i, "fault"), each) for i, each in scripted if each is not None]
     for path, fault in planned:
-        if fault.until_s is not None and fault.kind not in PASSING:
+        own = scenario.registered.get(fault.kind, FAULT)
+        if fault.until_s is not None and not (fault.kind in PASSING if own is None else own.made.lasts):
             yield (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
         elif fault.until_s is not None and fault.until_s <= fault.at_s:
             yield (*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}"
@@ -387,6 +389,7 @@ RULES = (
     vehicle_rules.speeds,
     vehicle_rules.climbing,
     vehicle_rules.hovering,
+    vehicle_rules.emulators,
     references,
     disturbances,
     faults,

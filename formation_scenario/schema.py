@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin
 
@@ -18,16 +18,54 @@ from pydantic_core import PydanticUndefined
 from formation_scenario.derived_defaults import MAY_BE_EMPTY, MODELS
 from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS, range_text
-from formation_scenario.extensions import LAW_KINDS, METRIC, Registered, Registry
+from formation_scenario.extensions import (
+    AIRCRAFT,
+    AUTOPILOT,
+    DELAY_ESTIMATOR,
+    DISTURBANCE,
+    EMULATED_FAMILY,
+    FAULT,
+    GUIDANCE,
+    LAW_KINDS,
+    LINK,
+    METRIC,
+    NAVIGATION,
+    OURS,
+    PREDICTOR,
+    SWITCHED,
+    Registered,
+    Registry,
+)
 from formation_scenario.fields import DERIVED
+from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
 from formation_scenario.model import Fleet, Scenario
+from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Dumper, Plain, show
-from formation_scenario.vehicles import VehicleGroup
+from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, VehicleGroup
 
 Schema = dict[str, Any]
 ANNOTATIONS = ("title", "description", "default", "examples", DERIVED)
 """Keywords without effect on validation."""
 NULL = {"type": "null"}
+LINK_GROUPS = ("Impairment", "ImpairmentPatch", "DefaultLink", "LinkChange", "ScriptedLink")
+NAMED: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("Law", "type", LAW_KINDS, LAW_TYPES),
+    ("OwnPredictor", "type", (PREDICTOR,), PREDICTORS),
+    ("OwnGuidance", "type", (GUIDANCE,), GUIDANCES),
+    ("Telemetry", "clock", (DELAY_ESTIMATOR,), CLOCKS),
+    *((name, "autopilot", (AUTOPILOT,), AUTOPILOTS) for name in ("Vehicle", "VehicleGroup")),
+    *((name, "shape", (SHAPE,), SHAPE_NAMES) for name in ("Formation", "FormationChange")),
+    *((name, "process", (LINK,), OURS[LINK]) for name in LINK_GROUPS),
+    *((name, "kind", (FAULT,), OURS[FAULT]) for name in ("Fault", "ScriptedFault")),
+    ("OwnDisturbance", "kind", (DISTURBANCE,), ()),
+    ("OwnNavigation", "source", (NAVIGATION,), ()),
+    ("OwnEmulator", "family", (EMULATED_FAMILY,), ()),
+    ("VehicleModel", "aircraft", (AIRCRAFT,), ()),
+)
+"""Groups of keys, the word in each that an extension may register, of which kinds, and ours."""
+NAMED_KINDS = {name: kinds for name, _, kinds, _ in NAMED}
+ONLY_OF_EXTENSIONS = ("OwnDisturbance", "OwnNavigation", "OwnEmulator")
 METRICS_HEAD = """
 ## Metrics
 
@@ -83,27 +121,55 @@ def scenario_schema(registry: Registry | None = None) -> Schema:
 
 def _allow_extensions(generated: Schema, registry: Registry) -> None:
     """Allow the names that extensions register, each with its own keys; without any, none."""
-    law: Schema = generated["$defs"]["Law"]["properties"]
-    law["type"]["enum"] += registry.names(*LAW_KINDS)
-    generated["$defs"]["Expectation"]["properties"]["metric"]["enum"] += registry.names(METRIC)
-    laws = [_keys_of(each) for each in registry if each.kind in LAW_KINDS]
-    parameters: Schema = {"type": "object"} | (
-        {"anyOf": [{"maxProperties": 0}, *laws]} if laws else {"maxProperties": 0}
-    )
-    law["parameters"] = _said(law["parameters"]) | parameters
-    known = {each.name: _or(_keys_of(each), NULL) for each in registry if each.kind not in LAW_KINDS}
+    groups: Schema = generated["$defs"]
+    groups["Expectation"]["properties"]["metric"]["enum"] += registry.names(METRIC)
+    for name, word, kinds, ours in NAMED:
+        if name in groups:
+            _allow_named(groups[name]["properties"], word, [*ours, *registry.names(*kinds)], registry.of(*kinds))
+    nobody = [name for name in ONLY_OF_EXTENSIONS if not registry.of(*NAMED_KINDS[name])]
+    for name in nobody:
+        del groups[name]
+    _without(generated, [{"$ref": f"#/$defs/{name}"} for name in nobody])
+    known = {each.name: _or(_keys_of(each), NULL) for each in registry.of(*SWITCHED, METRIC)}
     allowed: Schema = {"properties": known, "additionalProperties": False}
     generated["properties"]["extensions"] = _said(generated["properties"]["extensions"]) | {"type": "object"} | allowed
 
 
+def _allow_named(keys: Schema, word: str, names: list[str], registered: Sequence[Registered]) -> None:
+    """Allow the names of a word, and beside it the keys of what some of them register."""
+    if word in keys:
+        allowed: Schema = {"type": "string", "enum": names}
+        keys[word] = _said(keys[word]) | (_or(allowed, NULL) if _is_optional(keys[word]) else allowed)
+    own: Schema = {"anyOf": [{"type": "object", "maxProperties": 0}, *map(_keys_of, registered)]}
+    keys["parameters"] = _said(keys["parameters"]) | (_or(own, NULL) if _is_optional(keys["parameters"]) else own)
+
+
+def _is_optional(value: Schema) -> bool:
+    return NULL in value.get("anyOf", [])
+
+
+def _without(value: object, refused: list[Schema]) -> None:
+    """Take some choices from every union in a schema."""
+    each: Iterable[object] = ()
+    if isinstance(value, dict):
+        for union in ("anyOf", "oneOf"):
+            if union in value:
+                value[union] = [choice for choice in value[union] if choice not in refused]
+        each = value.values()
+    elif isinstance(value, list):
+        each = value
+    for inner in each:
+        _without(inner, refused)
+
+
 def _said(value: Schema) -> Schema:
     """Return a schema's description and default; an example would need an extension."""
-    return {name: value[name] for name in ("description", "default")}
+    return {name: value[name] for name in ("description", "default") if name in value}
 
 
 def _keys_of(extension: Registered) -> Schema:
     """Return the schema of an extension's own keys, without those that it doesn't have."""
-    model: type[BaseModel] = extension.made.Keys
+    model = extension.keys_model
     return {"additionalProperties": False} | model.model_json_schema(ref_template="#/$defs/{model}")
 
 

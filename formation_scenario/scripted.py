@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, TypeAlias, cast
+from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -13,7 +13,8 @@ from formation_scenario.orders import ALLOWED, EXAMPLES, PlannedOrder, known_ord
 from formation_scenario.surroundings import Disturbance, Fault
 
 TickNumber = Annotated[int, Field(strict=True, ge=0, le=2**31), WHOLE, Allowed("a whole number from 0")]
-ACTS = ("order", "link", "fault", "disturbance")
+REPLACED: Final = "replaced by a program"
+ACTS = ("order", "link", "fault", "disturbance", "setpoints")
 
 
 class ScriptedLink(ImpairmentPatch):
@@ -37,7 +38,7 @@ class ScriptedFault(Fault):
 
 
 class ScriptedOrder(Keys):
-    """What a program did at a control tick, one of the four; `gcs_formation.Flight` records it.
+    """What a program did at a control tick, one of the five; `gcs_formation.Flight` records it.
 
     Ticks are rows of the time series, from 1; those of 0 were before the first. Times of faults and disturbances count
     from the tick, so that they may begin before t = 0.
@@ -51,6 +52,9 @@ class ScriptedOrder(Keys):
     link: ScriptedLink | None = key(None, "a change of links")
     fault: ScriptedFault | None = key(None, "a fault")
     disturbance: Disturbance | None = key(None, "a velocity that the air adds")
+    setpoints: Literal["replaced by a program"] | None = key(
+        None, "from here on the program replaced setpoints: only with it the flight is flown again", REPLACED
+    )
 
     @property
     def given(self) -> list[str]:

@@ -6,22 +6,23 @@ scenario's order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import chain, count, islice
-from math import cos, pi, sin, sqrt
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
-from formation_scenario.fields import Vector, VehicleRef
-from formation_scenario.formation import Formation, FormationChange, Shape
+from formation_scenario import shapes
+from formation_scenario.extensions import Registry, registered_in
+from formation_scenario.fields import Vector, VehicleRef, did_you_mean
+from formation_scenario.formation import SHAPE_NAMES, Formation, FormationChange
+from formation_scenario.shapes import SHAPE, Shape
 from formation_scenario.vehicles import Vehicle, VehicleModel
 
-Place = tuple[float, float]
-"""Forward and right of the leader, in units of the spacing."""
-ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
+OURS: Final = registered_in(shapes, SHAPE)
+"""Our shapes by their names."""
+NO_KEYS: Final[Mapping[str, Any]] = {}
 
 
 class Members(Protocol):
@@ -47,66 +48,40 @@ class Members(Protocol):
         """The vehicles that follow, in the scenario's order."""
         ...
 
-
-def _diamond(k: int) -> Iterator[Place]:
-    """A square lattice on its corner, (i, j) at (-(i + j), i - j), grown by whole diamonds of (k + 1)²."""
-    for i in range(k):
-        yield from ((-(i + k), i - k), (-(i + k), k - i))
-    yield -2 * k, 0.0
+    @property
+    def registered(self) -> Registry:
+        """What extensions register."""
+        ...
 
 
-def _triangle(k: int) -> Iterator[Place]:
-    """Equilateral triangle: row k has k + 1 places, the middle ones first."""
-    for right in sorted((j - k / 2.0 for j in range(k + 1)), key=lambda right: (abs(right), right)):
-        yield -k * ROW_OF_TRIANGLE, right
-
-
-def _square(k: int) -> Iterator[Place]:
-    """Columns are added right and left in turn, with a row at the back each time."""
-    left, right = -(k // 2), (k + 1) // 2
-    side = right if k % 2 else left
-    yield from ((-row, side) for row in range(k))
-    yield from ((-k, column) for column in range(left, right + 1))
-
-
-RINGS: dict[str, Callable[[int], Iterable[Place]]] = {
-    "follower": lambda k: [(-k, 0.0)],
-    "diamond": _diamond,
-    "triangle": _triangle,
-    "square": _square,
-    "plus": lambda k: [(-k, 0.0), (0.0, -k), (0.0, k), (k, 0.0)],
-    "arrow": lambda k: [(-k, -k), (-k, k)],
-    "line": lambda k: [(0.0, -k), (0.0, k)],
-    "echelon": lambda k: [(-k, k)],
-}
-"""The k-th places, k from 1, of each shape but the circle, nearest to the leader first."""
-
-
-def _circle(followers: int) -> Iterator[Place]:
-    radius = max(1.0, 0.5 / sin(pi / followers)) if followers > 1 else 1.0
-    for k in range(followers):
-        angle = pi + 2.0 * pi * k / followers
-        yield radius * cos(angle), radius * sin(angle)
-
-
-def slots(shape: str, followers: int, spacing_m: float) -> Array:
+def slots(shape: str, followers: int, spacing_m: float, own: Shape | None = None) -> Array:
     """Return the slots (followers, 3) of a shape, in m forward, right and up of the leader.
 
-    No two vehicles, the leader included, are nearer to each other than the spacing. Only circle and plus, with the
-    leader in their middle, have slots ahead of it. Except in the circle, further vehicles don't move the slots.
+    No two vehicles, the leader included, are nearer to each other than the spacing. Of our shapes only circle and plus,
+    with the leader in their middle, have slots ahead of it. Except in the circle, further vehicles don't move them.
+
+    Args:
+        shape: its name.
+        followers: how many.
+        spacing_m: unit of the shape.
+        own: the shape, if it is an extension's.
     """
-    each = _circle(followers) if shape == "circle" else chain.from_iterable(map(RINGS[shape], count(1)))
-    places = np.array(list(islice(each, followers)), dtype=np.float64).reshape(followers, 2)
-    return np.column_stack((spacing_m * places, np.zeros(followers)))
+    made = OURS[shape].instance({}) if own is None else own
+    found = np.zeros((followers, 3))
+    for row, place in zip(found, made.slots(followers, spacing_m) if followers else (), strict=True):
+        row[: len(place)] = place
+    return found
 
 
 class Arrangement(NamedTuple):
     """A formation without its assignment to vehicles: shape, spacing, a custom shape's slots, leading column."""
 
-    shape: Shape
+    shape: str
     spacing_m: float
     slots_m: Mapping[VehicleRef, Vector] | None
     leader: int
+    parameters: Mapping[str, Any] = NO_KEYS
+    """The own keys of a shape that an extension registers."""
 
     def changed(self, change: FormationChange, scenario: Members) -> Arrangement:
         """Return the arrangement after a change; what the change doesn't name is kept."""
@@ -115,7 +90,16 @@ class Arrangement(NamedTuple):
             change.spacing_m or self.spacing_m,
             change.slots_m if change.slots_m is not None else self.slots_m,
             self.leader if change.leader is None else column_of(scenario, change.leader),
+            self._parameters(change, scenario.formation),
         )
+
+    def _parameters(self, change: FormationChange, formation: Formation) -> Mapping[str, Any]:
+        """Return the own keys of the shape after a change; where it gives none, those before or the formation's."""
+        if change.parameters is not None:
+            return change.parameters
+        if change.shape in (None, self.shape):
+            return self.parameters
+        return (formation.parameters if change.shape == formation.shape else None) or NO_KEYS
 
 
 class SlotStep(NamedTuple):
@@ -126,7 +110,7 @@ class SlotStep(NamedTuple):
     places_m: Array
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> str:
         """The arrangement's shape."""
         return self.arrangement.shape
 
@@ -167,7 +151,15 @@ def column_of(scenario: Members, ref: VehicleRef) -> int:
 def first_arrangement(scenario: Members) -> Arrangement:
     """Return the formation at the start."""
     formation = scenario.formation
-    return Arrangement(formation.shape, formation.spacing_m, formation.slots_m, 0)
+    return Arrangement(formation.shape, formation.spacing_m, formation.slots_m, 0, formation.parameters or NO_KEYS)
+
+
+def arrangements(scenario: Members) -> list[Arrangement]:
+    """Return the shapes at the start and after each of `formation.changes`, in the keys' order, led by column 0."""
+    found = [first_arrangement(scenario)]
+    for change in scenario.formation.changes:
+        found.append(found[-1].changed(change.model_copy(update={"leader": None}), scenario))
+    return found
 
 
 def slot_table(scenario: Members) -> Array:
@@ -231,12 +223,34 @@ def _in_order(scenario: Members, arrangement: Arrangement) -> Array:
     followers, leader = len(scenario.followers), arrangement.leader
     places = np.zeros((1 + followers, 3))
     if arrangement.shape != "custom":
-        places[np.arange(1 + followers) != leader] = slots(arrangement.shape, followers, arrangement.spacing_m)
+        places[np.arange(1 + followers) != leader] = shape_slots(scenario, arrangement, followers)
         return places
     table = arrangement.slots_m or {}
     places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(followers, 3)
     places[0], places[leader] = places[leader].copy(), 0.0
     return places
+
+
+def shape_slots(scenario: Members, arrangement: Arrangement, followers: int) -> Array:
+    """Return the slots (F, 3) of a shape that isn't custom.
+
+    Raises:
+        ValueError: there is no such shape, or an extension's can't make them.
+    """
+    name, spacing_m = arrangement.shape, arrangement.spacing_m
+    if name in OURS:
+        return slots(name, followers, spacing_m)
+    entry = scenario.registered.get(name, SHAPE)
+    if entry is None:
+        known = (*SHAPE_NAMES, *scenario.registered.names(SHAPE))
+        raise ValueError(f"found shape '{name}'; allowed: {', '.join(known)}{did_you_mean(name, known)}")
+    try:
+        found = slots(name, followers, spacing_m, entry.instance(arrangement.parameters))
+    except Exception as error:
+        raise ValueError(f"found no slots by shape '{name}': {entry.said(error)}") from error
+    if not np.isfinite(found).all():
+        raise ValueError(f"found a slot by shape '{name}' that isn't finite ({entry.where})")
+    return found
 
 
 def _own(table: Mapping[VehicleRef, Vector], vehicle: Vehicle) -> Vector:

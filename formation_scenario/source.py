@@ -65,6 +65,11 @@ class Source:
         enclosing = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
         return next(filter(None, enclosing), Place(self.file))
 
+    @property
+    def home(self) -> Path | None:
+        """The directory of its file; None if it isn't one."""
+        return None if self.file is None else Path(self.file).parent
+
     def problem(self, path: KeyPath, found: str, allowed: str = "") -> Problem:
         """Return a problem at a key's place."""
         return Problem(*self.place(path), dotted(path), found, allowed)

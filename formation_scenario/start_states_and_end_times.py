@@ -11,7 +11,7 @@ import numpy as np
 
 from flight_model.arrays import Array, beside
 from formation_scenario.model import Scenario
-from formation_scenario.orders import Order, parse_order
+from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import slot_table
 
 POINTS = 1000
@@ -129,7 +129,7 @@ def _progress(scenario: Scenario) -> tuple[Array, Array]:
 
 def planned_end_s(scenario: Scenario) -> float:
     """Return the planned mission time of the flight's end, s; with orders that may slow it, `duration_s`."""
-    slowed = any(_may_slow(parse_order(each.order)) for _, each in scenario.timed_orders)
+    slowed = any(_may_slow(read_order(each.order)) for _, each in scenario.timed_orders)
     return scenario.duration_s if slowed else min(scenario.duration_s, path_end_s(scenario))
 
 

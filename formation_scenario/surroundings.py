@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from pydantic import Field, Tag
@@ -13,12 +13,16 @@ from pydantic import Field, Tag
 from flight_model.arrays import Array
 from flight_model.fence_geometry import Circle, FenceArea, FenceAreas, Polygon
 from formation_scenario.fields import (
+    EXTENSION,
+    OF_AN_EXTENSION,
     Allowed,
     AtMost,
     Keys,
     Name,
     NonNegative,
     Number,
+    Open,
+    OwnKeys,
     Positive,
     Text,
     Timed,
@@ -40,8 +44,10 @@ Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a
 KIND = "how the velocity varies with time"
 HillShape = Literal["gaussian", "cosine"]
 FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
+FAULTS: Final[tuple[str, ...]] = get_args(FaultKind)
+DISTURBANCES: Final = ("step", "ramp", "sine", "dryden")
 PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
-PASSING: tuple[FaultKind, ...] = ("freeze", "ignore", "pilot")
+PASSING: tuple[str, ...] = ("freeze", "ignore", "pilot")
 """Kinds of faults that may end."""
 DEFAULT_MODE: PilotsMode = "LOITER"
 
@@ -179,12 +185,20 @@ class DrydenTurbulence(Passing):
         return np.stack((across_mps, across_mps, down_mps)), FOOT_M * np.stack((across_ft, across_ft, height_ft))
 
 
+class OwnDisturbance(Passing):
+    """A disturbance that an extension registers by this kind."""
+
+    kind: Annotated[str, Open("a kind that an extension registers")] = key(..., KIND, "thermal")
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 Disturbance = Annotated[
     Annotated[StepDisturbance, Tag("step")]
     | Annotated[RampDisturbance, Tag("ramp")]
     | Annotated[SineDisturbance, Tag("sine")]
-    | Annotated[DrydenTurbulence, Tag("dryden")],
-    one_of("kind", default="step"),
+    | Annotated[DrydenTurbulence, Tag("dryden")]
+    | Annotated[OwnDisturbance, Tag(EXTENSION)],
+    one_of("kind", "step", DISTURBANCES),
 ]
 """Several disturbances add up."""
 
@@ -230,9 +244,17 @@ class Fault(Timed):
     - pilot: its pilot changes the mode, and changes it back to GUIDED at the end.
     """
 
-    kind: FaultKind = key(..., "the kind of fault", "freeze")
+    kind: Annotated[str, Open(", ".join(FAULTS), FAULTS)] = key(
+        ..., "the kind of fault: one of these, or one that an extension registers", "freeze"
+    )
     until_s: Positive | None = key(None, f"{', '.join(PASSING)}: when it ends, s", 50, derived="never")
     mode: PilotsMode | None = key(None, "pilot: the mode that the pilot chooses", "FBWA", derived=DEFAULT_MODE)
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+    @property
+    def own_keys(self) -> dict[str, Any]:
+        """The keys of its kind alone."""
+        return {"mode": self.mode or DEFAULT_MODE} if self.kind == "pilot" else dict(self.parameters or {})
 
     def moments(self) -> Iterator[tuple[float, bool]]:
         """Yield the mission times at which it begins and, if it does, ends, s, each with whether it is the end."""

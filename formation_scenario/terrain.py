@@ -18,6 +18,7 @@ from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
+from formation_scenario.named_files import place_of
 from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
@@ -135,7 +136,9 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
         found = f"found {path.name}, and rasterio isn't installed: pip install 'gcs-formation[terrain]'"
         raise FileError(found) from error
     try:
-        with rasterio.open(path) as file:
+        with rasterio.open(place_of(path)) as file:
+            for part in file.files:  # a file beside it with its scale, or those that a .vrt joins
+                place_of(Path(part))
             if file.crs is None:
                 raise FileError(f"found {path.name} without a coordinate system")
             with vrt.WarpedVRT(file, crs=WGS_84, resampling=rasterio.enums.Resampling.bilinear) as warped:

@@ -9,11 +9,14 @@ import numpy as np
 from airlink.endpoint import EndpointError, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.energy import steepest_climb_mps
-from formation_scenario.fields import VehicleRef
-from formation_scenario.formation import LAW_TYPES, Formation, FormationChange
+from formation_scenario.extensions import EMULATED_FAMILY
+from formation_scenario.fields import VehicleRef, did_you_mean
+from formation_scenario.formation import CUSTOM, LAW_TYPES, SHAPE_NAMES, Formation, FormationChange
 from formation_scenario.model import Scenario
-from formation_scenario.orders import parse_order
-from formation_scenario.source import Finding, KeyPath
+from formation_scenario.orders import ALLOWED, read_order
+from formation_scenario.shapes import SHAPE
+from formation_scenario.slot_assignment import arrangements, shape_slots
+from formation_scenario.source import Finding, KeyPath, show
 from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
 
 LEAST_FLYING_MPS = 1e-3
@@ -110,6 +113,15 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
         yield ("law", "type"), "found consensus of vehicles that hover", others
 
 
+def emulators(scenario: Scenario) -> Iterator[Finding]:
+    """Yield emulated families of extensions in place of a family that they aren't like."""
+    for index, vehicle in enumerate(scenario.vehicles):
+        entry = scenario.registered.get(vehicle.own_family, EMULATED_FAMILY)
+        if entry is not None and entry.made.emulates != family_of(vehicle):
+            found = f"found {show(entry.name)}, which emulates {entry.made.emulates}"
+            yield ("vehicles", index, "emulator", "family"), found, f"one that emulates {family_of(vehicle)}"
+
+
 def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator[Finding]:
     """Yield keys of a model that contradict its vehicle's kind."""
     if model.hovers and vehicle.autopilot == "arduplane":
@@ -160,6 +172,12 @@ def slots(scenario: Scenario) -> Iterator[Finding]:
             if missing:
                 ids = ", ".join(str(vehicle.vehicle_id) for vehicle in missing)
                 yield path, f"found no slot for follower {ids}", "a slot for each follower"
+    for above, arrangement in zip(steps, arrangements(scenario), strict=True):
+        if arrangement.shape != CUSTOM:
+            try:
+                shape_slots(scenario, arrangement, len(scenario.followers))
+            except ValueError as error:
+                yield (*above, "shape"), str(error), ""
 
 
 def changes(scenario: Scenario) -> Iterator[Finding]:
@@ -178,11 +196,16 @@ def changes(scenario: Scenario) -> Iterator[Finding]:
 def orders(scenario: Scenario) -> Iterator[Finding]:
     """Yield planned orders that name vehicles which don't exist, or a turn on the spot of vehicles that can't hover."""
     for index, planned in scenario.timed_orders:
-        order, path = parse_order(planned.order), ("orders", index, "order")
+        order, path = read_order(planned.order), ("orders", index, "order")
         if order.heading_rad is not None and not scenario.hovers:
             yield path, f"found '{planned.order}'", "only of vehicles that hover"
         if order.change is not None and order.change.leader is not None:
             yield from one_vehicle(order.change.leader, scenario.vehicles, path)
+        if order.change is not None and order.change.shape is not None:
+            known = (*SHAPE_NAMES, *scenario.registered.names(SHAPE))
+            if order.change.shape not in known:
+                near = did_you_mean(order.change.shape, known)
+                yield path, f"found '{planned.order}'", f"{ALLOWED}; NAME: {', '.join(known)}{near}"
 
 
 def consensus(scenario: Scenario) -> Iterator[Finding]:

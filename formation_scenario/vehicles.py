@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias, get_args
 
 from pydantic import Field
 
@@ -13,6 +13,7 @@ from flight_model.autopilot_model import AutopilotModel
 from flight_model.energy import AirframeParameters
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
+    OF_AN_EXTENSION,
     WHOLE,
     Allowed,
     Flag,
@@ -21,6 +22,8 @@ from formation_scenario.fields import (
     NetworkId,
     NonNegative,
     Number,
+    Open,
+    OwnKeys,
     Positive,
     Speed,
     SystemId,
@@ -36,8 +39,13 @@ LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
 BASE_PORT = 14550
 MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
-Autopilot = Literal["emulator", "arduplane", "arducopter", "px4"]
+CLOCKS: Final = ("round_trip", "gnss")
+"""How we map vehicles' stamps to one clock ourselves."""
+AUTOPILOTS: Final = ("emulator", "arduplane", "arducopter", "px4")
 Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
+ARDUPILOTS: Final[dict[str, Family]] = {"arduplane": "arduplane", "arducopter": "arducopter"}
+"""Autopilots that are of one family whatever the model is."""
+FAMILIES: Final[tuple[str, ...]] = get_args(Family)
 Count = Annotated[
     int,
     Field(strict=True, ge=1, le=MAX_SYSTEM_ID),
@@ -146,6 +154,10 @@ class VehicleModel(Keys):
         None,
         "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",
     )
+    aircraft: Text | None = key(
+        None, "the aircraft of an extension that has the keys that aren't given here", "skywalker"
+    )
+    parameters: OwnKeys | None = key(None, f"beside aircraft: {OF_AN_EXTENSION}", {})
 
     def autopilot(self) -> AutopilotModel:
         """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
@@ -184,6 +196,13 @@ class VehicleClock(Keys):
     utc_error_s: Annotated[Number, Field(ge=-1e6, le=1e6)] = key(0.0, "error of its receiver's UTC, s", 0.05)
 
 
+class OwnEmulator(Keys):
+    """An emulated autopilot that an extension registers, in place of the family's own."""
+
+    family: Annotated[str, Open("a family that an extension registers")] = key(..., "its name", "ours")
+    parameters: OwnKeys | None = key(None, OF_AN_EXTENSION, {})
+
+
 class VehicleCommon(Keys):
     """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
@@ -194,7 +213,11 @@ class VehicleCommon(Keys):
         "udpin:0.0.0.0:14552",
         derived="udpin:127.0.0.1, one port a network: 14549 + network",
     )
-    autopilot: Autopilot = key("emulator", "what flies the vehicle: an emulator, or one of the real autopilots")
+    autopilot: Annotated[str, Open(", ".join(AUTOPILOTS), AUTOPILOTS)] = key(
+        "emulator",
+        "what flies the vehicle: an emulator, a real autopilot, or one of a family that an extension registers",
+    )
+    parameters: OwnKeys | None = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
         "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
@@ -212,6 +235,12 @@ class VehicleCommon(Keys):
         derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()
+    emulator: OwnEmulator | None = key(None, "emulators only: the autopilot to emulate, of an extension")
+
+    @property
+    def own_family(self) -> str | None:
+        """The emulated family of an extension; None: the one of its `autopilot` and `model`."""
+        return None if self.emulator is None else self.emulator.family
 
 
 class VehicleIdentity(Keys):
@@ -236,13 +265,13 @@ class Vehicle(VehicleCommon, VehicleIdentity):
 
 
 def family_of(vehicle: VehicleCommon) -> Family:
-    """Return the autopilot family of a vehicle; an emulator's is its model's."""
+    """Return the autopilot family of a vehicle; an emulator's is its model's, and so is one's of an extension."""
     named, model = vehicle.autopilot, vehicle.model
-    if named == "px4" or (named == "emulator" and model.firmware == "px4"):
+    if named in ARDUPILOTS:
+        return ARDUPILOTS[named]
+    if named == "px4" or model.firmware == "px4":
         return "px4_copter" if model.hovers else "px4_plane"
-    if named == "emulator":
-        return "arducopter" if model.hovers else "arduplane"
-    return named
+    return "arducopter" if model.hovers else "arduplane"
 
 
 def reads_equivalent_airspeed(vehicle: VehicleCommon) -> bool:

@@ -9,12 +9,14 @@ if TYPE_CHECKING:
     from formation_scenario import Scenario, ScenarioError, load_scenario
     from formation_scenario.orders import OrderError
     from gcs_formation.errors import NothingRunningError, RecordError, RunAbortedError, StationError
+    from gcs_formation.notebook import FlightFigure
     from gcs_formation.python_api import Answer, Summary, run, study, tell
     from gcs_formation.stepped_flight import Flight
 
 _HOME = {
     "Answer": "gcs_formation.python_api",
     "Flight": "gcs_formation.stepped_flight",
+    "FlightFigure": "gcs_formation.notebook",
     "NothingRunningError": "gcs_formation.errors",
     "OrderError": "formation_scenario.orders",
     "RecordError": "gcs_formation.errors",
@@ -45,6 +47,7 @@ def __dir__() -> list[str]:
 __all__ = [
     "Answer",
     "Flight",
+    "FlightFigure",
     "NothingRunningError",
     "OrderError",
     "RecordError",

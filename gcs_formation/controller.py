@@ -15,7 +15,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, finite, rate, within, wrap
+from flight_model.autopilot_model import FlightState, Setpoint, finite, rate, within, wrap
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
@@ -39,7 +39,7 @@ from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.extend.in_flight import on_ticks
+from gcs_formation.extend.in_flight import OnTicks, on_ticks
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
@@ -69,8 +69,8 @@ class FormationController:
 
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
-        self.guidance = from_scenario.leader_guidance(scenario)
-        self.plan = FormationPlan(scenario)
+        self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
+        self._own_guidance = from_scenario.own_guidance(scenario)
         self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
         self.assembly, self._steps = Assembly(scenario), scenario.path.steps
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
@@ -111,6 +111,14 @@ class FormationController:
         if self._outside is not None:
             self._outside.forget()
         self._leader_commands.forget()
+        if self._own_guidance is not None:
+            self.fault = self.fault or self._own_guidance.forget()
+
+    def outside(self, scenario: Scenario) -> OnTicks:
+        """Return what changes and watches ticks from outside, from now on also if the scenario names nothing."""
+        if self._outside is None:
+            self._outside = OnTicks(scenario, self.models)
+        return self._outside
 
     def retune(self, scenario: Scenario) -> None:
         """Use another scenario's gains and filters from now on."""
@@ -349,11 +357,9 @@ class FormationController:
         ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
         guided, place_mps, wind_mps2 = self._leader_wind.guided(state, ahead_s)
         wanted, turn_rps = self.guidance.steer(guided, model, assembled=assembled), 0.0
-        if self._steps:
-            speed_mps, heading_rad, height_m = added(self._steps, tick.mission_time_s)
-            wanted.speed_mps += speed_mps
-            wanted.heading_rad += heading_rad
-            wanted.height_m += height_m
+        if self._own_guidance is not None:
+            wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
+        self._add_steps(wanted, tick.mission_time_s)
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
@@ -373,6 +379,14 @@ class FormationController:
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
+
+    def _add_steps(self, wanted: Setpoint, mission_time_s: float) -> None:
+        """Add the scenario's steps to the leader's setpoint."""
+        if self._steps:
+            speed_mps, heading_rad, height_m = added(self._steps, mission_time_s)
+            wanted.speed_mps += speed_mps
+            wanted.heading_rad += heading_rad
+            wanted.height_m += height_m
 
     def _goes_on(self, leader: int, commanded: Triple) -> Triple:
         """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""

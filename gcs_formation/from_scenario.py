@@ -13,6 +13,7 @@ from flight_model.fence_geometry import Flyers, LapFence
 from flight_model.path_lift_and_displacement import Bounds
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
+from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
 from formation_scenario.model import Wind
@@ -22,21 +23,22 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
 from gcs_formation.control.laws import law_kind
+from gcs_formation.control.own_guidance import OwnGuidance
+from gcs_formation.control.own_predictor import OwnPrediction
 from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
 from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.extend.autopilots import FAMILIES, own_autopilot
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 from gcs_formation.guidance.tracking import LEAST_MPS
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
-from gcs_formation.vehicle.autopilot_family import Autopilot
+from gcs_formation.link.own_delays import OwnDelays
+from gcs_formation.vehicle.autopilot_family import Autopilot, Craft
 from gcs_formation.vehicle.command_delivery import GAP_S
-from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
-from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, SpeedLead, VelocityLead
 
 MOST_REPEATED_S = 1.0
 """Longest averaging time: in gusts, averages over more follow model (7) instead of the vehicle."""
@@ -78,8 +80,17 @@ def as_known(scenario: Scenario) -> Scenario:
 def projection(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
-        return Prediction(history, models, scenario.telemetry.rate_hz).take
+        return _predictor(scenario, history, models)
     return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
+
+
+def _predictor(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
+    """Return what predicts the states over the links' delays: by equation (7), or by an extension."""
+    chosen = scenario.law.predictor
+    entry = None if chosen is None else scenario.registered.get(chosen.type, PREDICTOR)
+    if chosen is None or entry is None:
+        return Prediction(history, models, scenario.telemetry.rate_hz).take
+    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
 
 
 def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
@@ -147,6 +158,19 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     )
 
 
+def own_guidance(scenario: Scenario) -> OwnGuidance | None:
+    """Return the leader's guidance from outside; None if our own steers it.
+
+    Raises:
+        RunAbortedError: it can't begin.
+    """
+    chosen = scenario.path.guidance
+    entry = None if chosen is None else scenario.registered.get(chosen.type, GUIDANCE)
+    if chosen is None or entry is None:
+        return None
+    return OwnGuidance(entry, chosen.parameters or {}, 1.0 / scenario.law.rate_hz)
+
+
 def slot_clearance(scenario: Scenario) -> SlotClearance | None:
     """Return the ground clearance of followers' slots; None without terrain."""
     if scenario.terrain is None:
@@ -202,19 +226,19 @@ def hold_turn_rps(scenario: Scenario) -> float:
 
 
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
-    """Return the autopilot interface of a vehicle of the scenario."""
-    model, family, period_s = vehicle.model, family_of(vehicle), 1.0 / scenario.law.rate_hz
-    who = vehicle.id, scenario.origin.geodetic, model.turn_rate_max_rps
-    share, rest_s, limits_mps = model.prompt_share, model.rest_s, (model.speed_min_mps, model.speed_max_mps)
+    """Return the autopilot interface of a vehicle of the scenario.
+
+    Raises:
+        RunAbortedError: that of an extension can't begin.
+    """
+    model, entry = vehicle.model, scenario.registered.get(vehicle.autopilot, AUTOPILOT)
+    limits_mps = model.speed_min_mps, model.speed_max_mps
     scale = AirspeedScale(scenario.origin.alt_m, *limits_mps) if reads_equivalent_airspeed(vehicle) else None
-    if family == "arduplane":
-        return ArduPlane(*who, scale)
-    if family == "px4_plane":
-        return Px4Plane(*who, scale, SpeedLead(share, rest_s, limits_mps, period_s) if share < 1.0 else None)
-    most_mps = model.speed_max_mps if share < 1.0 else math.inf
-    height_s = max(HEIGHT_S, model.tau_ha_s + model.tau_hb_s)
-    lead = VelocityLead(share, rest_s, most_mps, period_s, model.climb_max_mps, height_s)
-    return ArduCopter(*who, lead) if family == "arducopter" else Px4Copter(*who, lead)
+    craft = Craft(vehicle.id, scenario.origin.geodetic, model, scale, 1.0 / scenario.law.rate_hz)
+    if entry is not None:
+        return own_autopilot(entry, vehicle.parameters or {}, craft)
+    made: type[Autopilot] = FAMILIES[family_of(vehicle)].made
+    return made.of(craft)
 
 
 def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
@@ -240,7 +264,7 @@ def _vehicle(
     connection = Connection(socket, endpoint.address if endpoint.kind == "udpout" else None)
     autopilot = autopilot_for(planned, scenario)
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
-    return Vehicle(
+    vehicle = Vehicle(
         planned.vehicle_id,
         column,
         autopilot,
@@ -250,3 +274,7 @@ def _vehicle(
         airspeed_check=check,
         setpoint_gap_s=max(GAP_S, GAP_TICKS / scenario.law.rate_hz),
     )
+    entry = scenario.registered.get(telemetry.clock, DELAY_ESTIMATOR)
+    if entry is not None:
+        vehicle.round_trips.own = OwnDelays(entry, telemetry.parameters or {}, planned.vehicle_id)
+    return vehicle

@@ -7,14 +7,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from airlink.cli.output_directory import default_directory
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.orders import Answer, parse_order
+from formation_scenario.orders import Answer, read_order
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS
@@ -25,6 +25,9 @@ from gcs_formation.app.run import run as run_scenario
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 from gcs_formation.station import Station
+
+if TYPE_CHECKING:
+    from gcs_formation.notebook import Picture
 
 OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress", "plugins")
 """Options of `run` besides scenario keys."""
@@ -48,6 +51,22 @@ class Summary(RecordedSummary):
         from gcs_formation.report.page import write_report  # noqa: PLC0415 - drawing needs twice the imports of flying
 
         return write_report(self.run_dir)
+
+    def figure(self, name: str = "errors") -> Picture:
+        """Return one of the report's figures, which a notebook shows inline: errors, plan, trajectory, separation, ….
+
+        Raises:
+            ValueError: no figure has that name, or this run has nothing to show in it.
+            RecordError: the run directory can't be read.
+        """
+        from gcs_formation.notebook import run_figure  # noqa: PLC0415 - as for `report`
+
+        return run_figure(self.run_dir, name)
+
+    def _repr_html_(self) -> str:
+        from gcs_formation.notebook import table_html  # noqa: PLC0415 - as for `report`
+
+        return table_html(self.table(), held_text(self), str(self.run_dir))
 
     def table(self) -> str:
         """Return a row of text for each follower: its errors' RMS and maximum, m, when it settled, s, its delay, ms."""
@@ -176,6 +195,7 @@ def study(  # noqa: PLR0913 - options by name, as the command's
     *,
     workers: int | None = None,
     scheduler: str | None = None,
+    records: str | None = None,
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -191,6 +211,7 @@ def study(  # noqa: PLR0913 - options by name, as the command's
         out: the study's directory: flights.parquet, study.json and the records kept of each flight.
         workers: number of local processes; default: the number of cores.
         scheduler: fly on the cluster of this Dask scheduler instead, tcp://HOST:PORT.
+        records: a URL of fsspec to keep the flights' records at, such as s3://BUCKET/PATH, instead of `out`.
         resume: fly what an interrupted study in `out` lacks.
         overwrite: replace an earlier study in `out`.
         quiet: show no progress on standard error.
@@ -203,13 +224,15 @@ def study(  # noqa: PLR0913 - options by name, as the command's
         RunAbortedError: no further flight can be flown; `resume` continues with those flown so far.
     """
     from gcs_formation.studies.campaign import StudyProgress, fly_study  # noqa: PLC0415 - what `run` needn't import
+    from gcs_formation.studies.cluster import Cluster  # noqa: PLC0415
     from gcs_formation.studies.preparation import prepare  # noqa: PLC0415
-    from gcs_formation.studies.workers import Cluster, Processes  # noqa: PLC0415
+    from gcs_formation.studies.workers import Processes  # noqa: PLC0415
 
     planned, base = prepare(Path(source) if isinstance(source, str) else source, plugins=plugins)
     chosen = Cluster(scheduler) if scheduler else Processes(workers or os.cpu_count() or 1)
     with StudyProgress(quiet=quiet, tell=progress) as shown:
-        return fly_study(planned, base, Path(out), chosen, shown, resume=resume, overwrite=overwrite).table
+        kept = {"resume": resume, "overwrite": overwrite}
+        return fly_study(planned, base, Path(out), chosen, shown, records=records, **kept).table
 
 
 def tell(run_dir: str | Path, order: str) -> Answer:
@@ -225,5 +248,5 @@ def tell(run_dir: str | Path, order: str) -> Answer:
         NothingRunningError: no flight answers there.
     """
     if order != STATUS:
-        parse_order(order, (STATUS,))
+        read_order(order, (STATUS,))
     return give_order(Path(run_dir), order)

@@ -16,6 +16,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
@@ -206,7 +207,7 @@ class Station(Engine):
         """Watch what changes slowly, once a second."""
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
-        self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
+        self._watch_parts(now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         for each in self.losses.values():
@@ -217,6 +218,18 @@ class Station(Engine):
                 self.course.fail(all_down, now)
         self._flood.watch(now, self.received(), self.frames_refused)
         self._pilots_and_fence.watch(now)
+
+    def _watch_parts(self, now: Instant) -> None:
+        """Watch what vehicles have from outside, and delay margins, which a law may fail to state."""
+        for each in self._each:
+            own = each.round_trips.own
+            failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
+            if failure is not None:
+                self.course.fail_by(failure, now, begun=self.commands_anybody)
+        try:
+            self.margins.watch(now, self._reconfiguration.leader, self.controller.lags.misfit)
+        except NotFiniteError as error:
+            self.controller.fault = self.controller.fault or error
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,54 +13,31 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.autopilot_model import FlightState
+from airlink.endpoint import VehicleId
 from formation_scenario import Scenario, ScenarioError
 from formation_scenario.error_messages import problems_of
+from formation_scenario.extension_keys import IN_ACTS, with_parameters
 from formation_scenario.fields import refused
 from formation_scenario.orders import Answer, OrderError, parse_order
 from formation_scenario.rules import refused_act
 from formation_scenario.scripted import ScriptedOrder
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.shapes import SHAPE
+from formation_scenario.slot_assignment import column_ids, column_of
 from formation_scenario.source import Source, plain_mapping
 from gcs_formation.app.operator_at_terminal import ClockName
 from gcs_formation.app.stepping import Stepped, Stop, asynchronously, stepped
+from gcs_formation.control.plain_values import vehicle_name
+from gcs_formation.extend.cycle import Replace, TickView, Vehicle, Wanted
 from gcs_formation.phases import OVER
 from gcs_formation.python_api import Summary, flown_by, summary_of
-from gcs_formation.recorder import Event, Tick
+from gcs_formation.recorder import Event
 
 Vehicles = int | str | list[int | str] | tuple[int | str, ...]
 """A vehicle's id, "network:id", a list of these, or "all"."""
 END = "loiter"
 """The order that ends a flight whose program has left it."""
 
-__all__ = ["Flight", "FlightEvent", "FlightTick", "FlightVehicle"]
-
-
-@dataclass(frozen=True, slots=True)
-class FlightVehicle:
-    """One vehicle at a control tick, as the ground station knows it."""
-
-    id: int | str
-    """System id, or "network:id" beyond the first network."""
-    state: FlightState
-    """North, east and height above the origin in m (`north_m`, `east_m`, `height_m`), `airspeed_mps`, `heading_rad` and
-    more, predicted to when a setpoint sent now takes effect; all NaN of one that was never heard."""
-    error_m: tuple[float, float, float]
-    """Formation error forward, right and up, m; NaN of the leader, and while it isn't commanded."""
-    setpoint: tuple[float, float, float]
-    """What it is sent: airspeed in m/s, heading in rad and height in m; NaN if nothing."""
-    slot_m: tuple[float, float, float]
-    """Its slot forward, right and up of the leader, m; NaN of the leader."""
-    delay_s: float
-    """Measured one-way delay, half the round trip, s."""
-    margin_used: float
-    """Share of the delay margin that its loops use; NaN of the leader."""
-    age_s: float
-    """Age of the newest state, s; NaN if there is none."""
-    active: bool
-    """Whether it is commanded in the formation."""
-    yielding: bool
-    """Whether the separation rule replaces its setpoint."""
+__all__ = ["Flight", "FlightEvent", "FlightTick"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +57,12 @@ class FlightEvent:
         return f"{whose}{self.kind}: {self.text}"
 
 
-class FlightTick:
+class FlightTick(TickView):
     """A control tick: what the ground station knows and commands."""
 
-    def __init__(self, stop: Stop, refs: list[int | str | None], skipped: int) -> None:
-        self._tick, self._refs = stop.tick, refs
+    def __init__(self, stop: Stop, identities: list[VehicleId | None], replace: Replace, skipped: int) -> None:
+        """Look at the tick at which a flight stopped; `skipped`: ticks since the last that was given."""
+        super().__init__(stop.tick, identities, replace)
         self.number = stop.number
         """Its row of the time series, from 1: the first tick after a vehicle has taken off."""
         self.skipped = skipped
@@ -92,29 +71,15 @@ class FlightTick:
         """What has happened since the last tick that was given."""
 
     @property
-    def time_s(self) -> float:
-        """Seconds since the run's clock began."""
-        return self._tick.now / NANOSECONDS
-
-    @property
-    def mission_time_s(self) -> float:
-        """Seconds since the leader began its path, NaN before."""
-        return self._tick.mission_time_s
-
-    @property
-    def phase(self) -> str:
-        """The run's phase: connecting, assembling, flying, ending, loitering."""
-        return self._tick.phase
-
-    @property
     def leader(self) -> int | str | None:
         """The leader's id, None for a virtual leader."""
-        return self._refs[self._tick.leader]
+        identity = self._identities[self._tick.leader]
+        return None if identity is None else vehicle_name(identity)
 
     @cached_property
-    def vehicles(self) -> dict[int | str, FlightVehicle]:
+    def vehicles(self) -> dict[int | str, Vehicle]:
         """Every vehicle by its id."""
-        return {ref: _vehicle(self._tick, column, ref) for column, ref in enumerate(self._refs) if ref is not None}
+        return {each.id: each for each in self.every_vehicle}
 
     def __repr__(self) -> str:
         """Return number, time and phase."""
@@ -164,7 +129,9 @@ class Flight:
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
         given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
         self._scenario, self._options = flown_by(scenario, keys, out, given, plugins)
-        self._refs = [None if each is None else _ref(str(each)) for each in column_ids(self._scenario)]
+        self._identities: list[VehicleId | None] = list(column_ids(self._scenario))
+        self._replaced = dict[int, Wanted]()
+        """What the program has replaced since it was given a tick, by column."""
         self._steps: Stepped | None = None
         self._number = 0
         self._last: Stop | None = None
@@ -246,6 +213,7 @@ class Flight:
         stop, self._last = self._last, None
         while stop is not None:
             yield self._given(stop)
+            self._release()
             stop = self._flying.next()
 
     def __aiter__(self) -> AsyncIterator[FlightTick]:
@@ -262,6 +230,7 @@ class Flight:
     def _next(self) -> FlightTick | None:
         if self._last is not None:
             return None
+        self._release()
         stop = self._flying.next()
         if stop is None or stop.ends:
             self._last = stop
@@ -270,7 +239,7 @@ class Flight:
 
     def _given(self, stop: Stop) -> FlightTick:
         skipped, self._number = stop.number - self._number - 1, stop.number
-        return FlightTick(stop, self._refs, skipped)
+        return FlightTick(stop, self._identities, self._replace, skipped)
 
     def tell(self, order: str) -> Answer:
         """Give the formation an order, as `gcs-formation tell` does: `shape line`, `speed 24`, `loiter`, ….
@@ -278,7 +247,7 @@ class Flight:
         Raises:
             OrderError: the text isn't an order, or it is refused; the message says why.
         """
-        parse_order(order)
+        parse_order(order, shapes=self._scenario.registered.names(SHAPE))
         answer = self._do({"order": order})
         if not answer.accepted:
             raise OrderError(answer.text)
@@ -300,7 +269,7 @@ class Flight:
         """Inject a fault into emulated vehicles now: `freeze`, `crash` and all kinds of `faults`.
 
         Args:
-            kind: the kind of fault.
+            kind: the kind of fault; one that an extension registers has its own keys in `parameters`.
             vehicle: whose: an id, a list of ids, or "all".
             for_s: how long it lasts, s; default: for good, if its kind may last.
             **keys: further keys of `faults`.
@@ -317,7 +286,7 @@ class Flight:
         """Add a velocity to the air at emulated vehicles from now on, by the keys of `disturbances`.
 
         Args:
-            kind: `step`, `ramp`, `sine` or `dryden`.
+            kind: `step`, `ramp`, `sine` or `dryden`, or one that an extension registers, with `parameters`.
             vehicle: whose: an id, a list of ids, or "all".
             for_s: how long it acts, s; default: to the end.
             **keys: `velocity_mps` and the kind's further keys.
@@ -328,6 +297,51 @@ class Flight:
         lasts = {} if for_s is None else {"until_s": for_s}
         added = {"kind": kind, "at_s": 0.0, "vehicles": _selection(vehicle), **lasts, **keys}
         self._do({"disturbance": added})
+
+    def replace(
+        self,
+        vehicle: int | str,
+        *,
+        speed_mps: float | None = None,
+        heading_rad: float | None = None,
+        height_m: float | None = None,
+    ) -> None:
+        """Command a vehicle otherwise than the law does, as a filter would: from now on until the next tick was given.
+
+        So a loop calls it at each tick at which it replaces. It comes after all filters, within the vehicle's
+        envelope; fence, separation rule and ground come after it. A vehicle that isn't commanded stays so.
+        `tick.vehicles[2].replace(…)` is the same.
+
+        Args:
+            vehicle: its id.
+            speed_mps: airspeed, of multirotors speed over ground; None: the law's.
+            heading_rad: clockwise from north; None: the law's.
+            height_m: above the origin; None: the law's.
+
+        Raises:
+            ValueError: no such vehicle, or a value that isn't finite.
+        """
+        self._replace(column_of(self._scenario, vehicle), (speed_mps, heading_rad, height_m))
+
+    def _replace(self, column: int, wanted: Wanted) -> None:
+        steps = self._flying
+        for part in wanted:
+            if part is not None and not math.isfinite(part):
+                raise ValueError(f"found {part}; allowed: a finite number")
+        before = self._replaced.get(column, wanted)
+        speed_mps, heading_rad, height_m = (
+            old if new is None else new for old, new in zip(before, wanted, strict=True)
+        )
+        merged = speed_mps, heading_rad, height_m
+        self._replaced[column] = merged
+        steps.do(lambda now: steps.session.script.replace(column, merged, now))
+
+    def _release(self) -> None:
+        """Give back to the law what the program hasn't replaced since it was given a tick."""
+        steps, kept = self._flying, self._replaced
+        if steps.session.script.replaces:
+            steps.do(lambda _: steps.session.script.keep_replaced(kept))
+        self._replaced = {}
 
     @property
     def _flying(self) -> Stepped:
@@ -349,11 +363,14 @@ class Flight:
 
     def _act(self, keys: dict[str, Any]) -> ScriptedOrder:
         """Return what the program does, checked as the scenario's keys are."""
-        data = plain_mapping({"at_tick": 0} | keys)
+        given = Source(None, plain_mapping({"at_tick": 0} | keys))
+        source, problems = with_parameters(given, self._scenario.registered, IN_ACTS)
         try:
-            act = ScriptedOrder.model_validate(data)
+            act = ScriptedOrder.model_validate(source.data)
         except ValidationError as error:
-            raise ScenarioError(problems_of(error, ScriptedOrder, Source(None, data))) from error
+            raise ScenarioError([*problems, *problems_of(error, ScriptedOrder, source)]) from error
+        if problems:
+            raise ScenarioError(problems)
         wrong = refused_act(self._scenario, act)
         if wrong:
             path, found, allowed = wrong[0]
@@ -374,25 +391,6 @@ def _selection(vehicles: Vehicles) -> Any:  # noqa: ANN401 - as a scenario's key
     return list(vehicles) if isinstance(vehicles, list | tuple) else [vehicles]
 
 
-def _ref(identity: str) -> int | str:
-    return int(identity) if identity.isdecimal() else identity
-
-
 def _event(event: Event) -> FlightEvent:
-    whose = None if event.vehicle is None else _ref(str(event.vehicle))
+    whose = None if event.vehicle is None else vehicle_name(event.vehicle)
     return FlightEvent(event.now / NANOSECONDS, event.kind, event.text, whose, event.details)
-
-
-def _vehicle(tick: Tick, column: int, ref: int | str) -> FlightVehicle:
-    return FlightVehicle(
-        id=ref,
-        state=tick.state[column],
-        error_m=tick.error_of(column),
-        setpoint=tick.setpoints[column],
-        slot_m=tick.slots_m[column],
-        delay_s=tick.links[column].delay_s,
-        margin_used=tick.margin_used[column],
-        age_s=tick.age_s[column],
-        active=tick.active[column],
-        yielding=tick.yielding[column],
-    )

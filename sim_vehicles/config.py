@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
+from typing import Any
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
+from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.start_states_and_end_times import StartState, start_states
@@ -49,6 +52,10 @@ class VehicleConfig:
     clock: VehicleClock = field(default_factory=VehicleClock)
     navigation: Navigation = field(default_factory=TrueNavigation)
     """Source of its telemetry, with all keys of the resolved scenario."""
+    own_family: Registered | None = None
+    """The family of an extension in place of `family`."""
+    own_keys: Any = None
+    """Its keys, typed by its own model."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,8 @@ class FleetConfig:
     """UTC at instant 0, microseconds since 1970."""
     seed: int = 1
     """Seed of every random stream."""
+    registered: Registry = field(default_factory=Registry)
+    """What extensions register."""
     ready_s: float = 3.0
     """Time from boot until a vehicle may be armed; a real one's estimator takes 23 s."""
 
@@ -91,6 +100,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             pitot=_pitot(vehicle, scenario),
             clock=vehicle.clock,
             navigation=vehicle.true_navigation or vehicle.navigation,
+            **_own_family(vehicle, scenario),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)
     )
@@ -102,7 +112,16 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
         disturbances=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.disturbances),
         faults=tuple((each, _selected(scenario, each.vehicles)) for each in scenario.faults),
         seed=scenario.seed,
+        registered=scenario.registered,
     )
+
+
+def _own_family(vehicle: Vehicle, scenario: Scenario) -> dict[str, Any]:
+    entry = scenario.registered.get(vehicle.own_family, EMULATED_FAMILY)
+    if entry is None or vehicle.emulator is None:
+        return {}
+    keys = dict(vehicle.emulator.parameters or {})
+    return {"own_family": entry, "own_keys": entry.keys_model.model_validate_json(json.dumps(keys))}
 
 
 def _pitot(vehicle: Vehicle, scenario: Scenario) -> Pitot | None:

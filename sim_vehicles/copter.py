@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.clock import NEVER, after
 from airlink.messages.payload import DEG
@@ -164,9 +166,11 @@ HANDLERS: Final[CommandHandlers[Copter]] = {
 """All others are UNSUPPORTED; so are MAV_CMD_GUIDED_CHANGE_SPEED, _HEADING and _ALTITUDE in a real ArduCopter."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Copter(Vehicle):
     """An emulated ArduCopter; missions aren't emulated."""
 
+    emulates = "arducopter"
     mav_type = m.MAV_TYPE_QUADROTOR
     capabilities = 64495
     unasked = HEARTBEAT_ALONE

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from airlink.clock import Instant, after
-from airlink.endpoint import Endpoint
+from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from formation_scenario.vehicles import Family
+from formation_scenario.extensions import ExtensionError, Registered, line_in
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.copter import Copter
-from sim_vehicles.plane import Plane
-from sim_vehicles.px4_plane_and_copter import Px4Copter, Px4Plane
+from sim_vehicles.families import FAMILIES
 from sim_vehicles.vehicle import Vehicle
 
-KINDS: Mapping[Family, type[Vehicle]] = {
-    "arduplane": Plane,
-    "arducopter": Copter,
-    "px4_plane": Px4Plane,
-    "px4_copter": Px4Copter,
-}
 TruthListener = Callable[[Instant, "Fleet"], None]
 
 
@@ -36,21 +28,37 @@ class Fleet(Engine):
     """
 
     def __init__(self, config: FleetConfig, now: Instant = Instant(0), truth: TruthListener | None = None) -> None:
-        """Boot every vehicle at `now`; `truth` is called after each cycle."""
+        """Boot every vehicle at `now`; `truth` is called after each cycle.
+
+        Raises:
+            ExtensionError: an extension can't begin.
+        """
         self.config = config
         self.origin = config.origin
         self.bodies = [
             (HoveringBody if vehicle.model.hovers else Body)(vehicle, config.wind_mps, config.seed)
             for vehicle in config.vehicles
         ]
+        self._columns = {vehicle.identity: index for index, vehicle in enumerate(config.vehicles)}
         self.environment = Environment(config, self.bodies)
         self._truth = truth
         self._outbox: list[Datagram] = []
+        self._suffering = list[Vehicle]()
+        """Vehicles with a fault that acts in each cycle."""
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
-            KINDS[each.family](i, config, self.bodies[i], self.environment, now)
-            for i, each in enumerate(config.vehicles)
+            self._booted(each.own_family or FAMILIES[each.family], index, now)
+            for index, each in enumerate(config.vehicles)
         ]
+
+    def column(self, vehicle: VehicleId) -> int:
+        """Return a vehicle's index."""
+        return self._columns[vehicle]
+
+    @property
+    def failure(self) -> str | None:
+        """What failed of the extensions, in words; None if nothing did."""
+        return self.environment.failures.first
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return each vehicle's own end of its link."""
@@ -60,7 +68,11 @@ class Fleet(Engine):
         """Queue datagrams for their vehicles' next cycles."""
         for datagram in datagrams:
             vehicle = self.vehicles[datagram.socket]
-            vehicle.receive(datagram, now)
+            try:
+                vehicle.receive(datagram, now)
+            except Exception as error:
+                if not self._failed(error):
+                    raise
             self._post(vehicle.link.outbox)
 
     def datagrams_to_send(self) -> list[Datagram]:
@@ -78,7 +90,11 @@ class Fleet(Engine):
     def handle_timer(self, now: Instant) -> None:
         """Run every cycle that is due."""
         while self._next_turn <= now:
-            self._turn(self._next_turn)
+            try:
+                self._turn(self._next_turn)
+            except Exception as error:
+                if not self._failed(error):
+                    raise
             self._next_turn = after(self._next_turn, LOOP_S)
 
     def _turn(self, now: Instant) -> None:
@@ -86,6 +102,10 @@ class Fleet(Engine):
             for vehicle in self.vehicles:
                 if vehicle.config.identity in hit:
                     vehicle.inject(fault, now, ends=ends)
+            self._suffering = [vehicle for vehicle in self.vehicles if vehicle.faults.acting]
+        for vehicle in self._suffering:
+            vehicle.now = now
+            vehicle.faults.act()
         for body in self.bodies:
             body.fly()
         # Stage by stage for all: the code of a stage stays in a processor's cache, that of all stages doesn't fit.
@@ -110,3 +130,28 @@ class Fleet(Engine):
         if sent:
             self._outbox += sent
             sent.clear()
+
+    def _booted(self, family: Registered, index: int, now: Instant) -> Vehicle:
+        """Return a vehicle of a family that has booted.
+
+        Raises:
+            ExtensionError: the family is an extension's, and can't begin.
+        """
+        try:
+            vehicle: Vehicle = family.made(index, self.config, self.bodies[index], self.environment, now)
+        except Exception as error:
+            if family.origin.sha256 and not isinstance(error, ExtensionError):
+                raise ExtensionError(f"the {family} can't begin: {family.said(error)}") from error
+            raise
+        return vehicle
+
+    def _failed(self, error: Exception) -> bool:
+        """Note what a family of an extension did wrong, and silence its vehicles; return False for an error of ours."""
+        found = False
+        for vehicle in self.vehicles:
+            family = vehicle.config.own_family
+            if family is not None and line_in(error, family.origin.file) is not None:
+                self.environment.failures.note(family, family.said(error))
+                vehicle.freeze(self, on=True)
+                found = True
+        return found

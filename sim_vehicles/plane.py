@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.messages.command import SetPositionTargetGlobalInt
@@ -159,9 +161,11 @@ HANDLERS: Final[CommandHandlers[Plane]] = {
 }
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Plane(Vehicle):
     """An emulated ArduPlane."""
 
+    emulates = "arduplane"
     mav_type = m.MAV_TYPE_FIXED_WING
     capabilities = 62319
     unasked = UNASKED

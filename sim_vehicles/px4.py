@@ -7,6 +7,8 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
 from airlink.messages.system import Statustext
@@ -112,6 +114,7 @@ HANDLERS: Final[CommandHandlers[Px4]] = {
 """What all PX4s take."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4(Vehicle):
     """What emulated PX4s have in common."""
 

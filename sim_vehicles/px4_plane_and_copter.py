@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Vector
 from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
@@ -31,9 +33,11 @@ REFERENCE_CLIMB_MPS: Final = 3.0
 """A fixed wing's height reference begins at sea level at boot and rises this fast."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4Plane(Px4):
     """An emulated fixed-wing PX4."""
 
+    emulates = "px4_plane"
     mav_type = m.MAV_TYPE_FIXED_WING
     flown = PX4_AS_PLANE
     boot_mode = PX4_AS_PLANE[Px4Mode.HOLD]
@@ -129,9 +133,11 @@ def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
     return ACCEPTED
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4Copter(Px4):
     """An emulated PX4 multirotor."""
 
+    emulates = "px4_copter"
     mav_type = m.MAV_TYPE_QUADROTOR
     guided_mode = Px4Mode.OFFBOARD
     flown = PX4_AS_COPTER

@@ -45,12 +45,13 @@ class TruthError(Exception):
 class TruthWriter:
     """Appends rows to the file; pass it to a fleet as its truth listener."""
 
-    def __init__(self, path: Path, vehicles: int) -> None:
-        """Create the file."""
+    def __init__(self, path: Path, vehicles: int, *, at_once: bool = False) -> None:
+        """Create the file; `at_once`: each row is written at its instant, so that others know it."""
         self._file = path.open("wb")
         self._file.write(HEADER.pack(MAGIC, vehicles))
         self._turn, self._full = 0, False
         self._waiting = BytesWriter()
+        self._every = TURNS if at_once else LOOP_HZ
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -72,7 +73,7 @@ class TruthWriter:
         write_f64_le(self._waiting, now / NANOSECONDS)
         for body in fleet.bodies:
             body.write_truth(self._waiting)
-        if self._turn % LOOP_HZ == 0:
+        if self._turn % self._every == 0:
             self._write()
 
     def _write(self) -> None:
@@ -104,6 +105,12 @@ class TruthRecord:
         self._vehicles: int = HEADER.unpack(head)[1]
         self._path, self._width = path, 1 + len(QUANTITIES) * self._vehicles
         self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * self._width)
+
+    def place_of(self, column: int) -> tuple[float, float, float]:
+        """Return a vehicle's newest north, east and height, m; there must be a row."""
+        first = 1 + column * len(QUANTITIES)
+        north_m, east_m, height_m = self._mapped()[-1, first : first + 3].tolist()
+        return north_m, east_m, height_m
 
     @property
     def last_s(self) -> float:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Final, assert_never
+from typing import Final
+
+from mypy_extensions import mypyc_attr
 
 from airlink.clock import NEVER, Instant, after
 from airlink.engine import Datagram
 from airlink.messages.system import Timesync
-from formation_scenario.surroundings import DEFAULT_MODE, Fault
+from formation_scenario.surroundings import Fault
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot
+from sim_vehicles.autopilot.faults import InjectedFaults
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, Request
 from sim_vehicles.autopilot.streams import Streams
@@ -22,13 +25,14 @@ INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Vehicle(Autopilot):
     """An emulated autopilot that runs; a cycle of its main loop is `act`, `tell`, `stream`, `plan`."""
 
     builders = BUILDERS
     _frozen: bool
-    _lasting: list[Fault]
-    """Faults that haven't ended."""
+    _lasting: list[tuple[str, object]]
+    """What lasts, and what holds it."""
     _up: Instant
     _next_timesync: Instant
 
@@ -37,6 +41,7 @@ class Vehicle(Autopilot):
         super().__init__(index, fleet, body, environment)
         self.wake = now
         """When its next cycle has something to do."""
+        self.faults = InjectedFaults(self)
         self._messages = self.make_message_handler()
         self._tells_time_at_once = self.tells_time_at_once
         self._boot(now, self.config.clock.offset_s)
@@ -73,7 +78,7 @@ class Vehicle(Autopilot):
             for sender, frame in self.link.frames(now):
                 self._messages.take(sender, frame)
         if self.reboots:
-            self._restart()
+            self.restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:
@@ -124,7 +129,7 @@ class Vehicle(Autopilot):
         """Power up: only parameters, mission items and the motion are kept."""
         self.now = now
         self._frozen = self.ignores = self.reboots = False
-        self._lasting = list[Fault]()
+        self._lasting = list[tuple[str, object]]()
         keys, utc_at_0_us = self.config.clock, self.fleet.utc_at_0_us
         error_s = keys.utc_error_s if keys.utc else None
         self.clock = BoardClock(now, clock_offset_s, keys.drift_ppm * 1e-6, utc_at_0_us, error_s)
@@ -138,7 +143,8 @@ class Vehicle(Autopilot):
         self.pilot.restart(self.boot_mode)
         self.forget()
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
+        """Reboot, if its condition allows it."""
         if self.pilot.request(Request.RESTART):
             self._boot(self.now, 0.0)
 
@@ -152,28 +158,28 @@ class Vehicle(Autopilot):
     def inject(self, fault: Fault, now: Instant, *, ends: bool) -> None:
         """Begin or end a fault."""
         self.wake = self.now = now
-        match fault.kind:
-            case "crash":
-                self.crash(Request.CRASH)
-            case "freeze":
-                self._note_lasting(fault, ends=ends)
-                self.streams.leave_out(now)
-            case "ignore":
-                self._note_lasting(fault, ends=ends)
-            case "restart":
-                self._restart()
-            case "pilot":
-                self.sticks = not ends
-                if not self._frozen:
-                    self.switch(self.guided_mode if ends else self.mode_named(fault.mode or DEFAULT_MODE))
-            case _:
-                assert_never(fault.kind)
+        self.faults.inject(fault, ends=ends)
 
-    def _note_lasting(self, fault: Fault, *, ends: bool) -> None:
-        """Begin or end a fault that lasts; where two overlap the later end counts."""
-        if not ends:
-            self._lasting.append(fault)
-        elif fault in self._lasting:
-            self._lasting.remove(fault)
-        kinds = {each.kind for each in self._lasting}
+    def freeze(self, by: object, *, on: bool) -> None:
+        """Hang for as long as anything holds it."""
+        self._hold("freeze", by, on=on)
+        self.streams.leave_out(self.now)
+
+    def ignore(self, by: object, *, on: bool) -> None:
+        """Acknowledge commands without carrying them out for as long as anything holds it."""
+        self._hold("ignore", by, on=on)
+
+    def take_over(self, mode: str | None) -> None:
+        """Have its pilot take the sticks and change the mode; None: give it back, in the mode that is commanded."""
+        self.sticks = mode is not None
+        if not self._frozen:
+            self.switch(self.guided_mode if mode is None else self.mode_named(mode))
+
+    def _hold(self, what: str, by: object, *, on: bool) -> None:
+        """Begin or end something that lasts; where two overlap the later end counts."""
+        if on:
+            self._lasting.append((what, by))
+        elif (what, by) in self._lasting:
+            self._lasting.remove((what, by))
+        kinds = {each for each, _ in self._lasting}
         self._frozen, self.ignores = "freeze" in kinds, "ignore" in kinds

@@ -21,6 +21,20 @@ FLIGHTS = {
     "crash": ("paper", "faults=[{at_s: 2, vehicles: [1], kind: crash}]", "law.delay_compensation=false"),
 }
 """A configuration, and keys set."""
+EXTENSIONS: dict[str, tuple[str, ...]] = {
+    "lqr_law": ("law.type=lqr", "law.parameters={share: 0.9}"),
+    "chase_law": ("law.type=chase",),
+    "keep_out_filter": ("extensions={keep_out: {north_m: 200, east_m: 10, radius_m: 40}}",),
+    "slot_monitor": ("extensions={in_slot: {within_m: 0.001}}",),
+    "lines_recorder": ("extensions={lines: }",),
+    "spread_metric": ("expect=[{metric: spread_m, above: 1, to_s: 4}]",),
+    "vee_shape": ("formation.shape=vee", "formation.parameters={half_deg: 50}"),
+    "drift_predictor": ("law.predictor={type: drift}",),
+    "known_asymmetry": ("telemetry={clock: known_asymmetry, parameters: {up_share: 0.7}}",),
+    "pursuit_guidance": ("path.guidance={type: pursuit}",),
+    "forked_plane": ("vehicles={count: 3, autopilot: forked_plane, parameters: {height_step_m: 0.5}}",),
+}
+"""A file of examples/extensions, as a third party's, and what names it."""
 DECIDING = (
     "airlink",
     "flight_model",
@@ -56,10 +70,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def fly(packages: Path, out: Path, scenario: str, *keys: str) -> str:
+def fly(packages: Path, out: Path, scenario: str, *keys: str, plugin: Path | None = None) -> str:
     """Fly with the packages of a directory; return where the state filter was loaded from."""
     ours = {**os.environ, "PYTHONPATH": str(packages)}
-    told = [word for key in keys for word in ("--set", key)]
+    told = [word for key in keys for word in ("--set", key)] + ([] if plugin is None else ["--plugin", str(plugin)])
     flight = [f"configs/{scenario}.yaml", "--clock", "virtual", "--until", "5", *told, "--quiet", "--out", str(out)]
     done = subprocess.run(
         [sys.executable, "-P", "-m", "gcs_formation", "run", *flight], cwd=ROOT, env=ours, check=False
@@ -74,6 +88,17 @@ def fly(packages: Path, out: Path, scenario: str, *keys: str) -> str:
 def test_a_compiled_wheel_flies_the_same_bytes(wheel: Path, tmp_path: Path, flight: str) -> None:
     assert fly(wheel, tmp_path / "compiled", *FLIGHTS[flight]).endswith(".so")
     assert fly(ROOT, tmp_path / "plain", *FLIGHTS[flight]).endswith(".py")
+    for name in ("flight.tlog", "timeseries.parquet", "events.jsonl"):
+        assert (tmp_path / "compiled" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_a_compiled_wheel_flies_a_file_from_outside_of_it(wheel: Path, tmp_path: Path, extension: str) -> None:
+    file = Path(shutil.copy(ROOT / "examples" / "extensions" / f"{extension}.py", tmp_path / "theirs.py"))
+    keys = ("start.in_air=true", "links.default={delay_ms: 100, jitter_ms: 10}", *EXTENSIONS[extension])
+    assert fly(wheel, tmp_path / "compiled", "quickstart", *keys, plugin=file).endswith(".so")
+    assert fly(ROOT, tmp_path / "plain", "quickstart", *keys, plugin=file).endswith(".py")
     for name in ("flight.tlog", "timeseries.parquet", "events.jsonl"):
         assert (tmp_path / "compiled" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
 

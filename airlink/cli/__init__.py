@@ -8,26 +8,41 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from enum import IntEnum
 from importlib import import_module
 from io import TextIOWrapper
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeVar
 
 import click
 
 from airlink import clock
 
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 OBJECTS = 100_000
 """Threshold of the garbage collector, instead of 700: start-up, and a flight of a hundred, are a tenth faster."""
 COMPILED = not str(clock.__file__).endswith(".py")
 """Whether the modules in the compile list are compiled in this installation."""
-VERSION = f"%(prog)s, version %(version)s, {'compiled' if COMPILED else 'not compiled: flights take longer'}"
-"""Output of `--version`."""
+
+
+def version_option() -> Callable[[Decorated], Decorated]:
+    """Return the option `--version` of a command."""
+    said = "compiled" if COMPILED else "not compiled: flights take longer"
+
+    def show(ctx: click.Context, _: click.Parameter, value: bool) -> None:
+        if value and not ctx.resilient_parsing:
+            from airlink.installed import installed_version  # noqa: PLC0415 - short commands don't need it
+
+            click.echo(f"{ctx.find_root().info_name}, version {installed_version()}, {said}")
+            ctx.exit()
+
+    return click.option(
+        "--version", is_flag=True, expose_value=False, is_eager=True, callback=show, help="Show the version and exit."
+    )
 
 
 def start(module: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import click
 
-from airlink.cli import SEED, SIGNALS, VERSION, Command, Status, fail
+from airlink.cli import SEED, SIGNALS, Command, Status, fail, version_option
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
@@ -192,7 +192,7 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 
 
 @click.command(cls=Command, epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="gcs-formation", message=VERSION)
+@version_option()
 @click.option(
     "--listen", metavar="UDPIN", callback=_connection("udpin"), required=True, help="where the vehicles send to"
 )

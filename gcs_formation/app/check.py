@@ -25,19 +25,20 @@ from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import (
     LawMargins,
-    Usage,
     consensus_margins,
     follower_margins,
     law_loops,
     law_margins,
+    law_usages,
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
+from gcs_formation.stability.stated import stated_margins
 
 MOST_HZ = 1000.0
 """Largest allowed law.rate_hz."""
 STEEP_DEG = 65.0
 """Steepest bank that raises no doubt: the highest FW_R_LIM that PX4 takes; ArduPlane's ROLL_LIMIT_DEG is 45."""
-NO_MARGIN = "# delay margin: – (of this law none is computed; docs/own-law.md)"
+NO_MARGIN = "# delay margin: – (this law states none; docs/own-law.md)"
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
@@ -74,13 +75,14 @@ def refusal_report(error: ScenarioError) -> dict[str, Any]:
 def check_text(scenario: Scenario) -> str:
     """Return the same as text: the resolved scenario, the graph, a line for each loop, the warnings."""
     law_text = _consensus_text if law_kind(scenario).mutual else _followers_text
-    own = law_kind(scenario).has_margins
-    lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario), *(() if own else (NO_MARGIN,))]
+    own = () if law_kind(scenario).has_margins else _stated_text(scenario)
+    lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario), *own]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
     lags_off, mismatch_lags_off_s = lag_margins(scenario)
     if stood:
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
+    if lags_off:
         lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
@@ -113,9 +115,8 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     if not scenario.law.delay_compensation:
         return {}
     delay_s, found = configured_loop_delay_s(scenario), dict[str, float]()
-    of_vehicles = {tuple(axes.items()) for axes in law_loops(scenario).values()}
-    for loop, loops in (each for axes in of_vehicles for each in axes):
-        found[loop] = min(Usage(loops, predicted=True).margin_s(delay_s), found.get(loop, np.inf))
+    for loop, usage in (each for axes in law_usages(scenario).values() for each in axes.items()):
+        found[loop] = min(usage.margin_s(delay_s), found.get(loop, np.inf))
     return dict(sorted(found.items()))
 
 
@@ -145,8 +146,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     """
     yield from _unstable_loops(scenario, margins, lags_off)
     if scenario.law.on_delay != "warn" and not law_kind(scenario).has_margins:
-        asked = f"found {scenario.law.on_delay}"
-        yield f"law.on_delay: {asked}; it does nothing: law {scenario.law.type} has no delay margin of its own"
+        yield from _on_delay_without_loops(scenario)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
@@ -186,6 +186,15 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     if text := check_links.goes_round(scenario):
         yield text
     yield from check_path.far_from_legs(scenario)
+
+
+def _on_delay_without_loops(scenario: Scenario) -> Iterator[str]:
+    """Yield that `law.on_delay` does nothing, of a law that states no margin, or whose gains can't be lowered."""
+    asked = f"found {scenario.law.on_delay}; it does nothing: law {scenario.law.type}"
+    if not any(law_usages(scenario).values()):
+        yield f"law.on_delay: {asked} has no delay margin of its own"
+    elif scenario.law.on_delay == "degrade":
+        yield f"law.on_delay: {asked} has no gains that could be lowered"
 
 
 def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
@@ -281,6 +290,17 @@ def _followers_text(scenario: Scenario) -> Iterator[str]:
     for vehicle, each in follower_margins(scenario).items():
         axes = ", ".join(f"{axis} {_seconds(each.small_signal[axis])} / {_seconds(each.worst[axis])}" for axis in "xyz")
         yield f"#   vehicle {vehicle}: {axes}"
+
+
+def _stated_text(scenario: Scenario) -> Iterator[str]:
+    """Yield the margins that a law from outside states, or that it states none."""
+    stated = {vehicle: each.delay_s for vehicle, each in stated_margins(scenario).items() if each.delay_s}
+    if not stated:
+        yield NO_MARGIN
+        return
+    yield f"# delay margins without prediction, s, as law {scenario.law.type} states them:"
+    for vehicle, margins_s in stated.items():
+        yield f"#   vehicle {vehicle}: {', '.join(f'{loop} {_seconds(each)}' for loop, each in margins_s.items())}"
 
 
 def _consensus_text(scenario: Scenario) -> Iterator[str]:

@@ -24,12 +24,12 @@ from flight_model.earth import gravity_mps2, radii_m
 from flight_model.path import PathPoints
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation, Navigation
-from formation_scenario.orders import parse_order
+from formation_scenario.orders import read_order
 from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
-from formation_scenario.surroundings import DrydenTurbulence
+from formation_scenario.surroundings import DrydenTurbulence, OwnDisturbance
 from gcs_formation.app.loop_delays import ways_s
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
@@ -64,7 +64,7 @@ def little_left(scenario: Scenario) -> Iterator[str]:
     sampled, steps = SampledPath.along(scenario.leader_path), slot_schedule(scenario)
     at_m, points = sampled.places_m, sampled.points
     wanted_mps = gusts_mps(scenario)
-    orders = {f"orders.{i}": parse_order(order.order).speed_mps for i, order in scenario.timed_orders}
+    orders = {f"orders.{i}": read_order(order.order).speed_mps for i, order in scenario.timed_orders}
     speeds = scenario.path.speed_mps
     legs = {f"path.speed_mps.{speeds.index(each)}": each for each in speeds} if isinstance(speeds, tuple) else {}
     legs = legs or {"path.speed_mps": scenario.path.begin_mps}
@@ -88,7 +88,7 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     least_m, kept = scenario.safety.separation_m, scenario.safety.avoidance.enabled
     if not scenario.hovers or not kept:
         return
-    told_mps = [parse_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
+    told_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
     speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
     round_trips_s = (
         sum(ways_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
@@ -110,7 +110,7 @@ def gusts_mps(scenario: Scenario) -> float:
     for each in scenario.disturbances:
         if isinstance(each, DrydenTurbulence):
             found.append(_dryden_mps(each, height_m))
-        elif each.vehicles != "all":
+        elif each.vehicles != "all" and not isinstance(each, OwnDisturbance):
             found.append(math.hypot(*each.velocity_mps[:2]))
     return max(found)
 

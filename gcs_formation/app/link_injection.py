@@ -14,13 +14,14 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.impaired_link import ChannelStatistics, ImpairedEngine
-from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import LinkStep, least_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
+from gcs_formation.app.link_processes import LinkProcesses
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
@@ -65,7 +66,7 @@ def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> flo
     for fault in scenario.faults:
         chosen = any(each.vehicle_id == vehicle for each in scenario.selected(fault.vehicles))
         over = fault.until_s is not None and fault.until_s <= ended_s
-        if chosen and fault.kind in {"crash", "freeze"} and fault.at_s <= ended_s and not over:
+        if chosen and scenario.silences(fault) and fault.at_s <= ended_s and not over:
             ends_s = min(ends_s, fault.at_s)
     return ends_s
 
@@ -76,10 +77,11 @@ class LinkSchedule:
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
+        self.processes = LinkProcesses(scenario)
         self._steps: dict[VehicleId, Steps] = {
             vehicle.vehicle_id: scenario.link_steps(vehicle) for vehicle in scenario.vehicles
         }
-        self._known = Translations(scenario)
+        self._known = Translations(scenario, self.processes)
         self._links = dict[VehicleId, Translated]()
         self.clear = True
         """Whether no link has been, is or will be impaired."""
@@ -127,28 +129,38 @@ class Translated(NamedTuple):
 
 
 class Translations:
-    """Translates links' steps, each distinct sequence of them once; recorded delays, too."""
+    """Translates links' steps, each distinct sequence of them once; recorded delays, too.
 
-    def __init__(self, scenario: Scenario) -> None:
-        """Start with none of `scenario`'s."""
-        self._scenario = scenario
-        self._links = dict[Steps, Translated]()
+    A link with a process of an extension has an instance of its own, and shares nothing.
+    """
+
+    def __init__(self, scenario: Scenario, processes: LinkProcesses) -> None:
+        """Start with none of `scenario`'s; `processes` makes those of extensions."""
+        self._scenario, self._processes = scenario, processes
+        self._links = dict[tuple[Steps, VehicleId | None], Translated]()
         self._traces_s = dict[str, tuple[float, ...]]()
 
     def of(self, steps_of: Mapping[VehicleId, Steps]) -> dict[VehicleId, Translated]:
         """Return each vehicle's translated link; vehicles with the same steps share it, others are forgotten."""
-        known = dict[Steps, Translated]()
-        for steps in steps_of.values():
-            if steps not in known:
-                known[steps] = self._links[steps] if steps in self._links else self._translated(steps)
+        known = dict[tuple[Steps, VehicleId | None], Translated]()
+        found = dict[VehicleId, Translated]()
+        for vehicle, steps in steps_of.items():
+            place = steps, vehicle if any(step.uplink.process or step.downlink.process for step in steps) else None
+            if place not in known:
+                known[place] = self._links[place] if place in self._links else self._translated(vehicle, steps)
+            found[vehicle] = known[place]
         self._links = known
-        return {vehicle: known[steps] for vehicle, steps in steps_of.items()}
+        return found
 
-    def _translated(self, steps: Steps) -> Translated:
-        ways = [(self._impairment(step.uplink), self._impairment(step.downlink)) for step in steps]
+    def _translated(self, vehicle: VehicleId, steps: Steps) -> Translated:
+        up, down = Direction.UPLINK, Direction.DOWNLINK
+        ways = [
+            (self._impairment(vehicle, up, step.uplink), self._impairment(vehicle, down, step.downlink))
+            for step in steps
+        ]
         return Translated([step.at_s for step in steps[1:]], ways)
 
-    def _impairment(self, planned: PlannedImpairment) -> Impairment:
+    def _impairment(self, vehicle: VehicleId, way: Direction, planned: PlannedImpairment) -> Impairment:
         trace_s = self._trace_s(planned.trace_file) if planned.trace_file else ()
         return Impairment(
             delay_s=planned.delay_ms / 1e3,
@@ -162,6 +174,7 @@ class Translations:
             queue_s=planned.queue_ms / 1e3,
             reorder=planned.reorder,
             outage=planned.outage,
+            process=self._processes.of(vehicle, way, planned),
         )
 
     def _trace_s(self, file: str) -> tuple[float, ...]:

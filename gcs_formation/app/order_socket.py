@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+from airlink.host_system import short_path
 from formation_scenario.orders import MOST_LETTERS, Answer
 from gcs_formation.errors import NothingRunningError
 
@@ -38,7 +38,8 @@ class OrderSocket:
 
     def __enter__(self) -> Self:
         """Start listening; if that fails, the flight goes on without orders."""
-        with suppress(OSError), _short(self._directory) as path:
+        with suppress(OSError), short_path(self._directory) as short:
+            path = short / SOCKET
             with suppress(FileNotFoundError):
                 path.unlink()
             opened = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -102,9 +103,9 @@ def tell(directory: Path, order: str) -> Answer:
         NothingRunningError: no flight answers there.
     """
     try:
-        with _short(directory) as path, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+        with short_path(directory) as short, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
             line.settimeout(ANSWER_S)
-            line.connect(str(path))
+            line.connect(str(short / SOCKET))
             line.sendall(" ".join(order.split())[: MOST_LETTERS + 1].encode() + b"\n")
             with line.makefile("rb") as answers:
                 return Answer(**json.loads(answers.readline()))
@@ -112,13 +113,3 @@ def tell(directory: Path, order: str) -> Answer:
         raise NothingRunningError(
             f"no flight answers in {directory}; allowed: the directory of a running one"
         ) from error
-
-
-@contextmanager
-def _short(directory: Path) -> Generator[Path]:
-    """Yield a short path of the socket, through an open directory: Unix socket paths are limited to 107 bytes."""
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        yield Path(f"/proc/self/fd/{handle}") / SOCKET
-    finally:
-        os.close(handle)

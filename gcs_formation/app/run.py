@@ -12,11 +12,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
@@ -29,8 +29,12 @@ from airlink.udp import UdpDriver, resolved
 from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
+from formation_scenario.extensions import LINK, ExtensionError
+from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
+from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import columns, slot_schedule
+from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
@@ -62,10 +66,24 @@ def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts:
     Raises:
         RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
         RecordError: the run directory can't be written.
+        ScenarioError: it is the record of a flight of which a program replaced setpoints.
     """
+    require_no_program(scenario)
     flown = _run_virtual if options.clock == "virtual" else _run_real
     with rare_garbage_collection():
         return flown(scenario, options, progress, interrupts)
+
+
+def require_no_program(scenario: Scenario) -> None:
+    """Refuse the record of a flight of which a program replaced setpoints: without it, another flight would be flown.
+
+    Raises:
+        ScenarioError: it is one.
+    """
+    for index, act in scenario.scripted:
+        if act.setpoints is not None:
+            found = f"found '{act.setpoints}' after tick {act.at_tick}"
+            raise refused(f"orders.{index}.setpoints", found, "with that program, by gcs_formation.Flight")
 
 
 Run = Callable[[Callable[[], bool]], None]
@@ -92,7 +110,13 @@ def in_memory(
     session = _open(scenario, options, clock, progress, interrupts)
     network = MemoryNetwork(clock)
     with TruthWriter(session.recorder.path / TRUTH, len(scenario.vehicles)) as writer:
-        fleet = Fleet(fleet_config(scenario), truth=writer)
+        try:
+            fleet = Fleet(fleet_config(scenario), truth=writer)
+        except ExtensionError as error:
+            raise session.could_not_begin(error) from error
+        if scenario.registered:
+            session.emulators_failure = lambda: fleet.failure
+            session.link_processes.places = partial(_true_place, fleet)
 
         def strike(act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
             if act.fault is not None:
@@ -105,8 +129,13 @@ def in_memory(
             network.attach(fleet)
             network.attach(session.engine)
         except PortError as error:
-            raise session.port_failed(error) from error
+            raise session.could_not_begin(error) from error
         yield session, network.run
+
+
+def _true_place(fleet: Fleet, vehicle: VehicleId) -> Place:
+    state = fleet.bodies[fleet.column(vehicle)].state
+    return Place(state.north_m, state.east_m, state.height_m)
 
 
 def _run_real(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -129,11 +158,19 @@ def over_udp(
     clock = RealClock(options.speedup)
     session = _open(scenario, options, clock, progress, interrupts)
     try:
-        with UdpDriver(session.engine, clock) as driver, _emulators(session, clock) as emulators, session.listening():
+        with (
+            closing(_Said()) as said,
+            UdpDriver(session.engine, clock) as driver,
+            _emulators(session, clock) as emulators,
+            session.listening(),
+        ):
             session.script.emulators, session.replace = partial(_strike, emulators), driver.replace
-            yield session, driver.run, partial(over, session, emulators)
+            if scenario.registered:
+                session.emulators_failure = said.failure
+                session.link_processes.places = partial(_recorded_place, session)
+            yield session, driver.run, partial(over, session, emulators, said)
     except PortError as error:
-        raise session.port_failed(error) from error
+        raise session.could_not_begin(error) from error
 
 
 def _strike(emulators: subprocess.Popen[bytes], act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
@@ -170,6 +207,7 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
     command = [sys.executable, "-m", "sim_vehicles", str(directory / SCENARIO)]
     command += ["--speedup", str(session.options.speedup), "--clock-origin", str(clock.origin_ns)]
     command += ["--truth", str(directory / TRUTH)]
+    command += ["--truth-at-once"] if session.scenario.registered.of(LINK) else []
     command += [word for file in session.scenario.registered.files for word in ("--plugin", file)]
     command += ["--with-parent", str(os.getpid()), "--quiet"]
     # A session of its own: Ctrl-C reaches only us, so that we can tell the vehicles to loiter first.
@@ -188,18 +226,51 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
             process.communicate()
 
 
-def over(session: Session, emulators: subprocess.Popen[bytes]) -> bool:
-    """Attend to a flight, which fails if its emulators' process has ended; return whether it is over."""
+class _Said:
+    """What the emulators' process says on its standard output after it is up: what failed of its extensions."""
+
+    def __init__(self) -> None:
+        self.output: IO[bytes] | None = None
+        self._text = b""
+
+    def failure(self) -> str | None:
+        """Return what failed, if anything."""
+        if self.output is not None:
+            self._text += self.output.read() or b""
+        line, ended, _ = self._text.partition(b"\n")[2].partition(b"\n")
+        return line.decode(errors="replace") if ended else None
+
+    def close(self) -> None:
+        """Read no more."""
+        if self.output is not None:
+            self.output.close()
+
+
+def _recorded_place(session: Session, vehicle: VehicleId) -> Place:
+    """Return where a vehicle is by the newest ground truth that its emulator has written."""
+    truth = recorded_truth(session.recorder.path)
+    columns = [each.vehicle_id for each in session.scenario.vehicles]
+    return UNKNOWN if truth is None else Place(*truth.place_of(columns.index(vehicle)))
+
+
+def over(session: Session, emulators: subprocess.Popen[bytes], said: _Said | None = None) -> bool:
+    """Attend to a flight, which fails if its emulators' process has ended; return whether it is over.
+
+    `said` takes the process's output, if extensions may fail in it.
+    """
     course = session.station.course
     if emulators.stdout is not None:
         session.begin_to_wait()
         if emulators.stdout.read(1) is not None:  # the emulators are up, or have exited
-            emulators.stdout.close()
+            if said is None or session.emulators_failure is None:
+                emulators.stdout.close()
+            else:
+                said.output = emulators.stdout
             emulators.stdout = None
     if course.failure is None and emulators.poll() is not None and not session.station.flight.ended:
-        said = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""
-        said = said or f"exit status {emulators.returncode}"
-        course.fail(f"the emulated vehicles' process has ended: {said}", session.clock.now())
+        last = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""
+        last = last or f"exit status {emulators.returncode}"
+        course.fail(f"the emulated vehicles' process has ended: {last}", session.clock.now())
     return session.attend()
 
 
@@ -274,7 +345,7 @@ def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrup
                 session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
             driver.run(session.attend)
     except PortError as error:
-        raise session.port_failed(error) from error
+        raise session.could_not_begin(error) from error
     return session
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from operator import attrgetter, itemgetter
 
 from airlink.clock import Instant, after, seconds_between
@@ -11,9 +11,11 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.links import LinkChange
 from formation_scenario.orders import Answer
-from formation_scenario.scripted import ScriptedFault, ScriptedOrder
+from formation_scenario.scripted import REPLACED, ScriptedFault, ScriptedOrder
+from formation_scenario.slot_assignment import column_ids
 from formation_scenario.surroundings import Disturbance, Fault
 from gcs_formation.app.link_injection import LinkSchedule
+from gcs_formation.extend.cycle import Wanted
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
 
@@ -49,10 +51,36 @@ class Script:
         self._moments: list[Moment] = []
         self._done: list[tuple[Instant, ScriptedOrder]] = []
         self._new: list[ScriptedOrder] = []
-        self._lasting = set[tuple[str, str | None, VehicleId]]()
+        self._lasting = set[tuple[str, str, VehicleId]]()
         """Faults that were injected for good, of each vehicle."""
+        self._replaces_since = dict[int, Instant]()
+        """When the program replaced a setpoint first, of each column."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
+
+    def replace(self, column: int, wanted: Wanted, now: Instant) -> None:
+        """Command a column otherwise than the law does, until `keep_replaced` without it.
+
+        Values aren't recorded: run.yaml says that this flight needs its program.
+        """
+        if not self._replaces_since:
+            self._new.append(ScriptedOrder(at_tick=self._station.recorded_ticks, setpoints=REPLACED))
+        if column not in self._replaces_since:
+            identity = column_ids(self._scenario)[column]
+            self._recorder.event(Event(now, "script", "its setpoint is replaced by the program", identity))
+        self._replaces_since.setdefault(column, now)
+        self._station.controller.outside(self._station.scenario).by_program[column] = wanted
+
+    @property
+    def replaces(self) -> bool:
+        """Whether a program has replaced any setpoint."""
+        return bool(self._replaces_since)
+
+    def keep_replaced(self, columns: Collection[int]) -> None:
+        """Give all columns but some back to the law."""
+        replaced = self._station.controller.outside(self._station.scenario).by_program
+        for column in [each for each in replaced if each not in columns]:
+            del replaced[column]
 
     @property
     def pending(self) -> bool:
@@ -138,7 +166,7 @@ class Script:
             self._lasting.clear()
         if fault.kind == "restart" or fault.at_s > 0.0 or fault.until_s is not None:
             return False
-        lasting = {(fault.kind, fault.mode, vehicle) for vehicle in hit}
+        lasting = {(fault.kind, str(fault.own_keys), vehicle) for vehicle in hit}
         known = lasting <= self._lasting
         self._lasting |= lasting
         return known

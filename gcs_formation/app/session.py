@@ -15,7 +15,9 @@ from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
 from flight_model.arrays import Array
 from formation_scenario import Scenario
+from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
+from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import column_ids
 from gcs_formation.app.link_injection import (
     InjectedDelays,
@@ -25,6 +27,7 @@ from gcs_formation.app.link_injection import (
     planned_end_s,
     wrapped,
 )
+from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
 from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
@@ -98,6 +101,8 @@ class Session:
     """Returns which vehicles lie on the ground by ground truth, where there is any."""
     replace: Callable[[Engine], None] | None = None
     """Lets an engine that wraps the flight's take its place on the network."""
+    emulators_failure: Callable[[], str | None] | None = None
+    """Returns what failed of the emulated vehicles' extensions, if they have any."""
     _left_at: Instant | None = None
     """When the flight ended, or the operator left it."""
 
@@ -150,6 +155,7 @@ class Session:
         if resumed is not None:
             self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
+        self.link_processes, schedule.processes.places = schedule.processes, self._reported
         self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
         self._links = wrapped(self.station, schedule)
         self.engine: Engine = self._links or self.station
@@ -183,6 +189,8 @@ class Session:
             self.station.course.fail(self.recorder.failure, self.clock.now())
         if self._sinks is not None and self._sinks.failure is not None and self.station.course.failure is None:
             self.station.course.fail(self._sinks.failure, self.clock.now())
+        if self.emulators_failure is not None or self.link_processes.failure is not None:
+            self._heed_extensions()
         if self.lying is not None and self.station.down.unknown and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.down.lie(self.lying())
@@ -207,8 +215,21 @@ class Session:
         self._left_at = self._left_at or self.clock.now()
         return True
 
-    def port_failed(self, error: PortError) -> RunAbortedError:
-        """Conclude a run that got no port; return what to raise. A resumed run can be resumed again."""
+    def _heed_extensions(self) -> None:
+        """Fail if an extension of the emulated vehicles or of the links has failed."""
+        failure = self.link_processes.failure
+        if failure is None and self.emulators_failure is not None:
+            failure = self.emulators_failure()
+        if failure is not None and self.station.course.failure is None:
+            self.station.course.fail(failure, self.clock.now())
+
+    def _reported(self, vehicle: VehicleId) -> Place:
+        """Return where a vehicle last said that it is."""
+        motion = self.station.vehicles[vehicle].telemetry.motion
+        return UNKNOWN if motion is None else Place(motion.north_m, motion.east_m, motion.height_m)
+
+    def could_not_begin(self, error: PortError | ExtensionError) -> RunAbortedError:
+        """Conclude a run without a port or an extension; return what to raise. A resumed run can be resumed again."""
         if self._resumed is not None:
             self.recorder.close()
             return RunAbortedError(str(error))
@@ -252,13 +273,13 @@ class Session:
             summary = self._make_summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
-        if course.failure is not None:
-            raise RunAbortedError(course.failure + self._hurry())
+        if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
+            raise RunAbortedError(summary.figures["failure"] + self._hurry())
         return summary
 
     def _opened_sinks(self) -> Sinks | None:
         """Return the flight's recorders from outside, which are told every tick; None if it has none."""
-        found = sinks(self.scenario, self.station.controller.models, self.recorder.path)
+        found = sinks(self.scenario, self.recorder.path)
         if found is not None:
             self.recorder.tell_ticks_to(found.tick)
         return found
@@ -354,7 +375,7 @@ class Session:
         vehicle.end_silence(min(self._ended, due))
         uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
         probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
-        if not self._keeps_utc:
+        if not self._keeps_utc and vehicle.round_trips.own is None:
             probes[:, 2:] = np.nan  # a UTC error that all vehicles share would show up in the split
         return LinkFigures(
             delays_s=probes[:, 1:],

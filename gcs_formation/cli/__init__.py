@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli import VERSION, ImportedWhenChosen, examples
+from airlink.cli import ImportedWhenChosen, examples, version_option
 
 EXAMPLES = examples(
     "gcs-formation init                                           writes quickstart.yaml",
@@ -46,6 +46,6 @@ PLUGINS = click.option(
 @click.group(
     cls=ImportedWhenChosen, entries=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLES
 )
-@click.version_option(package_name="gcs-formation", message=VERSION)
+@version_option()
 def main() -> None:
     """Fly formations over MAVLink."""

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from airlink.cli import Status, examples, fail
-from formation_scenario.orders import OrderError, parse_order
+from airlink.cli import Status, examples, fail, say
+from formation_scenario.orders import OrderError, read_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.cli import OVERRIDES, PLUGINS
-from gcs_formation.errors import NothingRunningError, RecordError
+from gcs_formation.errors import NothingRunningError, RecordError, StationError
 
 if TYPE_CHECKING:
     from formation_scenario import Scenario
@@ -133,7 +133,11 @@ def check(
         if as_json:
             click.echo(json.dumps(refusal_report(error), indent=2))
         fail(str(error))
-    click.echo(json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded))
+    try:
+        text = json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded)
+    except StationError as error:  # of an extension, whose code is asked here for what it states
+        sys.exit(say(str(error), Status.COULD_NOT_GO_ON))
+    click.echo(text)
     if exported is not None:
         _export(loaded, exported, export_vehicle)
     elif export_vehicle is not None:
@@ -187,7 +191,7 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         if text == STATUS:
             text = f"{STATUS} {shutil.get_terminal_size().columns}"
         else:
-            parse_order(text, (STATUS,))
+            read_order(text, (STATUS,))
         answer = give_order(run_dir, text)
     except OrderError as error:
         fail(str(error))

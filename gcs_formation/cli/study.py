@@ -20,11 +20,12 @@ from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.campaign import StudyOutcome, StudyProgress, flights, fly_study
+from gcs_formation.studies.cluster import Cluster
 from gcs_formation.studies.dataset import AGAIN, read_journal, read_plan, read_rows, read_study
 from gcs_formation.studies.flight import fly
 from gcs_formation.studies.plan import Plan, Planned
 from gcs_formation.studies.preparation import MANY, prepare, refly_task
-from gcs_formation.studies.workers import Cluster, Processes
+from gcs_formation.studies.workers import Processes
 
 STUDY_EXAMPLES = examples(
     "gcs-formation study delay-by-loss.yaml --out studies/delay-by-loss",
@@ -65,6 +66,7 @@ def study() -> None:
 @click.option("--out", type=OUT, required=True, help="The study's directory.")
 @click.option("--workers", type=WholeNumber(1), default=os.cpu_count() or 1, help="Local processes; default: cores.")
 @click.option("--scheduler", callback=_address, metavar="tcp://HOST:PORT", help="Fly on this Dask cluster instead.")
+@click.option("--records", metavar="URL", help="Keep flights' records there, as s3://BUCKET/PATH, not in --out.")
 @click.option("--resume", is_flag=True, help="Fly what an interrupted study in --out lacks.")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier study in --out.")
 @PLUGINS
@@ -73,7 +75,11 @@ def study() -> None:
 def run(study: Path, **given: Any) -> None:
     """Fly STUDY, a YAML file (docs/studies.md); write flights.parquet and study.json to --out."""
     workers = Cluster(given["scheduler"]) if given["scheduler"] else Processes(given["workers"])
-    out, again, kind = given["out"], "--resume goes on with it", {key: given[key] for key in ("resume", "overwrite")}
+    out, again, kind = (
+        given["out"],
+        "--resume goes on with it",
+        {key: given[key] for key in ("resume", "overwrite", "records")},
+    )
     try:
         planned, base = prepare(study, many=given["yes"], plugins=given["plugins"])
         with interruptible(), StudyProgress(quiet=given["quiet"]) as progress:
@@ -161,12 +167,16 @@ def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
 @click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
 @click.option("--out", type=OUT, help="Keep the record of the one flight here (--count 1).")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
-def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool) -> None:
+@PLUGINS
+def stress(
+    count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool, plugins: tuple[str, ...]
+) -> None:
     """Fly seeded random scenarios under the virtual clock and check invariants.
 
     Each seed is a short flight with random shape, path, rates, links, wind, disturbances and faults. Its record must
     keep the invariants: separation, envelope, finite values, acknowledged state, complete record, formation regained.
     Every tenth is flown twice and compared byte for byte. A broken invariant is named with its seed; exit status 1.
+    Faults that a --plugin registers are drawn like ours, with the defaults of their keys.
     """
     if out is not None and count != 1:
         fail(f"--out: found --count {count}; allowed: --count 1, whose record it keeps")
@@ -177,14 +187,14 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
             out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         fail(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written")
-    keys = {"name": "stress", "random": "hard" if hard else "usual", "seeds": {"first": seed, "count": count}}
-    plan = Plan(Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"}))
+    severity, named = "hard" if hard else "usual", "".join(f" --plugin {file}" for file in plugins)
+    plan = _stress_plan(severity, seed, count, plugins)
     try:
         with interruptible(), StudyProgress(quiet=False) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             if out is not None:  # the one flight, its record kept
                 rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]
-            wrong = _name_broken(rows, "stress --hard" if hard else "stress")
+            wrong = _name_broken(rows, f"{'stress --hard' if hard else 'stress'}{named}")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:
@@ -192,6 +202,15 @@ def stress(count: int, seed: int, jobs: int, hard: bool, out: Path | None, overw
     seeds = f"seed {seed}" if count == 1 else f"seeds {seed} to {seed + count - 1}"
     click.echo(f"{counted(count, 'flight')}, {seeds}: {wrong or 'none'} broke an invariant")
     sys.exit(Status.EXPECTATION_BROKEN if wrong else Status.FINE)
+
+
+def _stress_plan(severity: str, seed: int, count: int, plugins: tuple[str, ...]) -> Plan:
+    keys = {"name": "stress", "random": severity, "seeds": {"first": seed, "count": count}}
+    study = Study.model_validate({**keys, "metrics": [INVARIANTS], "record": "none"})
+    try:
+        return Plan(study.with_registered(load_extensions(plugins)))
+    except ScenarioError as error:
+        fail(str(error))
 
 
 def _name_broken(rows: Iterable[Row], command: str) -> int:

@@ -12,14 +12,14 @@ from gcs_formation.errors import NotFiniteError, RunAbortedError
 Result = TypeVar("Result")
 
 
-def made(entry: Registered, keys: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a class from outside
-    """Return a new instance of an extension.
+def made(entry: Registered, keys: Mapping[str, Any], **given: Any) -> Any:  # noqa: ANN401 - a class from outside
+    """Return a new instance of an extension, which has the attributes `given` when it begins.
 
     Raises:
         RunAbortedError: it raised an error while it was made.
     """
     try:
-        return entry.instance(keys)
+        return entry.instance(keys, **given)
     except Exception as error:
         raise RunAbortedError(f"{entry} can't begin: {entry.said(error)}") from error
 

@@ -9,34 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel
-
-from gcs_formation.control.plain_values import FollowerSlot
+from formation_scenario.register import Extension
+from gcs_formation.control.plain_values import FollowerModel, FollowerSlot
 from gcs_formation.extend.cycle import Cycle
 from gcs_formation.extend.flight_window import FlightWindow
 from gcs_formation.recorder import Event
 
 Triple = tuple[float, float, float]
-
-
-class Extension:
-    """What all kinds have in common: their keys, and a moment at which to begin."""
-
-    class Keys(BaseModel):
-        """The extension's own keys; without any here."""
-
-    keys: Any
-    """The keys of this instance, a `Keys`, with defaults filled in."""
-
-    def __init__(self, keys: BaseModel) -> None:
-        """Take the keys, which have been checked."""
-        self.keys = keys
-        self.begin()
-
-    def begin(self) -> None:
-        """Prepare what is needed between calls; `self.keys` is there."""
 
 
 class FollowerLaw(Extension, ABC):
@@ -67,6 +47,21 @@ class FollowerLaw(Extension, ABC):
     def reset(self) -> None:
         """Forget what was gathered: the follower isn't commanded, or follows another leader."""
 
+    def delay_margins_s(self, follower: FollowerModel) -> Mapping[str, float] | None:  # noqa: ARG002 - by default unknown
+        """Return how long a delay each loop around a follower stands without prediction, s, by the loop's name.
+
+        The delay is of the whole loop: round trip, sampling and hold. None, the default: it isn't known, and nothing
+        is said in its place. 0 or less: unstable without delay.
+        """
+        return None
+
+    def mismatch_margins_s(self, follower: FollowerModel, delay_s: float) -> Mapping[str, float] | None:  # noqa: ARG002 - as above
+        """Return by how much the delay may differ from the predicted `delay_s` before a loop is unstable, s, by loop.
+
+        It counts with prediction (`law.delay_compensation`), and the names are those of `delay_margins_s`.
+        """
+        return None
+
 
 class FormationLaw(Extension, ABC):
     """A law over all followers at once: it makes their setpoints. The leader flies its path by the guidance."""
@@ -83,6 +78,18 @@ class FormationLaw(Extension, ABC):
 
     def reset(self) -> None:
         """Forget what was gathered: another vehicle leads."""
+
+    def delay_margins_s(self, followers: Sequence[FollowerModel]) -> Mapping[str, float] | None:  # noqa: ARG002 - by default unknown
+        """Return how long a delay each loop around all vehicles stands without prediction, s; see `FollowerLaw`."""
+        return None
+
+    def mismatch_margins_s(
+        self,
+        followers: Sequence[FollowerModel],  # noqa: ARG002 - by default unknown
+        delay_s: float,  # noqa: ARG002
+    ) -> Mapping[str, float] | None:
+        """Return by how much the delay may differ from the predicted one, s, by loop; see `FollowerLaw`."""
+        return None
 
 
 class SetpointFilter(Extension, ABC):

@@ -1,4 +1,4 @@
-"""A control tick as filters, monitors and recorders see it: a view with plain values, and the ways to change it."""
+"""A control tick as code from outside sees it, filters as well as a program that steps a flight: plain values."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from functools import cached_property
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import AutopilotModel
 from flight_model.slot import Triple
 from gcs_formation.control.plain_values import Setpoint, State, plain_state, vehicle_name
-from gcs_formation.control.setpoint import Envelope
 from gcs_formation.recorder import Detail, Event, Tick
 
 READ_BACK = ("design", "failure", "leader", "member", "order", "phase", "port", "recording", "takeover")
 """Kinds of events from which a record is read back: the ground station's own."""
+Wanted = tuple[float | None, float | None, float | None]
+"""Speed m/s, heading rad and height m in place of what is commanded; None: as it is."""
+Replace = Callable[[int, Wanted], None]
+"""Replaces parts of a column's setpoint, or raises because that isn't allowed."""
 
 
 class Vehicle:
-    """A vehicle at a tick."""
+    """A vehicle at a tick, as the ground station knows it."""
 
-    def __init__(
-        self, tick: Tick, column: int, identity: VehicleId, model: AutopilotModel, refuse: Callable[[int, Triple], None]
-    ) -> None:
-        """Look at one column of a tick; `refuse` raises for a replacement that isn't finite."""
-        self._tick, self._column, self._model, self._refuse = tick, column, model, refuse
+    def __init__(self, tick: Tick, column: int, identity: VehicleId, replace: Replace) -> None:
+        """Look at one column of a tick."""
+        self._tick, self._column, self._replace = tick, column, replace
         self.identity = identity
         self.id = vehicle_name(identity)
-        """As a scenario writes it."""
+        """System id, or "network:id" beyond the first network, as a scenario writes it."""
 
     def __repr__(self) -> str:
         return f"Vehicle({self.id!r}, {self.setpoint})"
@@ -44,13 +44,18 @@ class Vehicle:
         return Setpoint(*self._tick.setpoints[self._column])
 
     @property
+    def active(self) -> bool:
+        """Whether it is commanded in the formation."""
+        return self._tick.active[self._column]
+
+    @property
     def leads(self) -> bool:
         """Whether it leads the formation."""
         return self._tick.leader == self._column
 
     @property
     def error_m(self) -> Triple:
-        """Its formation error, forward, right and up, m; NaN for the leader and without slots."""
+        """Its formation error, forward, right and up, m; NaN for the leader, and while it isn't commanded."""
         return self._tick.error_of(self._column)
 
     @property
@@ -64,6 +69,11 @@ class Vehicle:
         return self._tick.links[self._column].delay_s
 
     @property
+    def margin_used(self) -> float:
+        """Share of the delay margin that its loops use; NaN for the leader, and if no margin is known."""
+        return self._tick.margin_used[self._column]
+
+    @property
     def age_s(self) -> float:
         """Age of its newest state, s; NaN if there is none."""
         return self._tick.age_s[self._column]
@@ -73,46 +83,31 @@ class Vehicle:
         """Whether speed, heading and height differ from the law's."""
         return self._tick.replaced[self._column]
 
+    @property
+    def yielding(self) -> bool:
+        """Whether the separation rule replaces its setpoint."""
+        return self._tick.yielding[self._column]
+
     def replace(
         self, *, speed_mps: float | None = None, heading_rad: float | None = None, height_m: float | None = None
     ) -> None:
-        """Command another speed, heading or height, limited to the vehicle's envelope; only filters may."""
-        told = self.setpoint
-        wanted = (
-            told.speed_mps if speed_mps is None else float(speed_mps),
-            told.heading_rad if heading_rad is None else float(heading_rad),
-            told.height_m if height_m is None else float(height_m),
-        )
-        self._refuse(self._column, wanted)
-        state = self._tick.state[self._column]
-        limited = Envelope(wanted[1], state, self._model).limit(*wanted)
-        self._tick.replace(self._column, limited)
+        """Command another speed, heading or height, limited to the vehicle's envelope.
+
+        Filters may, at this tick; a program that steps a flight may, from the next tick until it takes another.
+        """
+        self._replace(self._column, (speed_mps, heading_rad, height_m))
 
 
-class Cycle:
+class TickView:
     """A control tick."""
 
-    def __init__(
-        self,
-        tick: Tick,
-        identities: list[VehicleId | None],
-        models: list[AutopilotModel],
-        dt_s: float,
-        refuse: Callable[[int, Triple], None],
-        tell: Callable[[Event], None],
-    ) -> None:
-        """Look at a tick of columns with `identities`, None for a virtual leader.
-
-        `refuse` raises for a replacement that isn't allowed, and `tell` takes events.
-        """
-        self._tick, self._identities, self._models, self._refuse = tick, identities, models, refuse
-        self._tell = tell
-        self.dt_s = dt_s
-        """Time between ticks, s."""
+    def __init__(self, tick: Tick, identities: list[VehicleId | None], replace: Replace) -> None:
+        """Look at a tick of columns with `identities`, None for a virtual leader."""
+        self._tick, self._identities, self._replace = tick, identities, replace
 
     @property
     def time_s(self) -> float:
-        """Time since the run's start, s."""
+        """Time since the run's clock began, s."""
         return self._tick.now / NANOSECONDS
 
     @property
@@ -122,19 +117,14 @@ class Cycle:
 
     @property
     def phase(self) -> str:
-        """The run's phase, as in the time series."""
+        """The run's phase, as in the time series: connecting, assembling, flying, ending, loitering."""
         return self._tick.phase
 
     @cached_property
-    def vehicles(self) -> tuple[Vehicle, ...]:
-        """The vehicles that are commanded now, the scenario's leader first."""
-        return tuple(each for each in self.every_vehicle if self._tick.active[each._column])
-
-    @cached_property
     def every_vehicle(self) -> tuple[Vehicle, ...]:
-        """All vehicles, commanded or not."""
+        """All vehicles, commanded or not, the scenario's leader first."""
         return tuple(
-            Vehicle(self._tick, column, identity, self._models[column], self._refuse)
+            Vehicle(self._tick, column, identity, self._replace)
             for column, identity in enumerate(self._identities)
             if identity is not None
         )
@@ -144,6 +134,29 @@ class Cycle:
         """The state of a virtual leader now; None with a real one."""
         placed = self._tick.virtual_leader
         return None if placed is None else plain_state(placed)
+
+
+class Cycle(TickView):
+    """A control tick for filters, monitors and recorders."""
+
+    def __init__(
+        self,
+        tick: Tick,
+        identities: list[VehicleId | None],
+        dt_s: float,
+        replace: Replace,
+        tell: Callable[[Event], None],
+    ) -> None:
+        """Look at a tick; `tell` takes events."""
+        super().__init__(tick, identities, replace)
+        self._tell = tell
+        self.dt_s = dt_s
+        """Time between ticks, s."""
+
+    @cached_property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """The vehicles that are commanded now, the scenario's leader first."""
+        return tuple(each for each in self.every_vehicle if each.active)
 
     def event(self, kind: str, text: str, vehicle: Vehicle | None = None, **details: Detail) -> None:
         """Record an event of the run or of a vehicle, with further figures.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -16,8 +15,9 @@ from formation_scenario.extensions import FILTER, MONITOR, RECORDER, Registered
 from formation_scenario.slot_assignment import column_ids
 from gcs_formation.control.finite import require_setpoint
 from gcs_formation.control.outside import guarded, made
+from gcs_formation.control.setpoint import Envelope
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.extend.cycle import Cycle
+from gcs_formation.extend.cycle import Cycle, Replace, Wanted
 from gcs_formation.recorder import Event, Tick
 
 AGAIN_S: Final = 2.5
@@ -47,15 +47,20 @@ class OnTicks:
         """What filters commanded the leader last in place of its guidance, by channel."""
         self._raised = dict[tuple[str, str, str, VehicleId | None], Instant]()
         """When each event was raised last."""
+        self.by_program = dict[int, Wanted]()
+        """What a program that steps the flight commands in place of all others, by column, after every filter."""
 
     def filter(self, tick: Tick) -> NotFiniteError | None:
         """Let the filters change a tick's setpoints, in order; return the error of one that fails."""
         try:
             for entry, each in self._filters:
-                refuse = partial(require_setpoint, f"{entry} ({entry.where})")
-                guarded(entry, partial(each.apply, self._cycle(entry, tick, refuse)))
+                replace = partial(self._replace, tick, f"{entry} ({entry.where})")
+                guarded(entry, partial(each.apply, self._cycle(entry, tick, replace)))
         except NotFiniteError as error:
             return error
+        for column, wanted in self.by_program.items():
+            if tick.active[column]:
+                self._replace(tick, "the program", column, wanted)
         told, replaced = tick.setpoints[tick.leader], tick.replaced[tick.leader]
         self._leads_by = tuple(value if by else None for value, by in zip(told, replaced, strict=True))
         return None
@@ -83,9 +88,21 @@ class OnTicks:
             return error
         return None
 
-    def _cycle(self, entry: Registered, tick: Tick, refuse: Callable[[int, Triple], None]) -> Cycle:
-        tell = partial(self._tell, entry, tick)
-        return Cycle(tick, self._identities, self._models, self._dt_s, refuse, tell)
+    def _cycle(self, entry: Registered, tick: Tick, replace: Replace) -> Cycle:
+        return Cycle(tick, self._identities, self._dt_s, replace, partial(self._tell, entry, tick))
+
+    def _replace(self, tick: Tick, whose: str, column: int, wanted: Wanted) -> None:
+        """Replace parts of a setpoint, limited to the vehicle's envelope; `whose` doing it is, for messages.
+
+        Raises:
+            NotFiniteError: a part isn't finite.
+        """
+        speed_mps, heading_rad, height_m = (
+            now if part is None else float(part) for now, part in zip(tick.setpoints[column], wanted, strict=True)
+        )
+        require_setpoint(whose, column, (speed_mps, heading_rad, height_m))
+        bounds = Envelope(heading_rad, tick.state[column], self._models[column])
+        tick.replace(column, bounds.limit(speed_mps, heading_rad, height_m))
 
     def _tell(self, entry: Registered, tick: Tick, event: Event) -> None:
         """Record an event, unless the same was raised a moment ago."""
@@ -108,7 +125,7 @@ def on_ticks(scenario: Scenario, models: list[AutopilotModel]) -> OnTicks | None
 class Sinks:
     """The recorders of a flight; one that fails is the flight's failure, and gets nothing more."""
 
-    def __init__(self, scenario: Scenario, models: list[AutopilotModel], directory: Path) -> None:
+    def __init__(self, scenario: Scenario, directory: Path) -> None:
         """Make and open each.
 
         Raises:
@@ -116,7 +133,7 @@ class Sinks:
         """
         self.failure: str | None = None
         self._identities: list[VehicleId | None] = list(column_ids(scenario))
-        self._models, self._dt_s = models, 1.0 / scenario.law.rate_hz
+        self._dt_s = 1.0 / scenario.law.rate_hz
         self._each = _begun(scenario, RECORDER)
         self._tell("open", directory)
 
@@ -127,7 +144,7 @@ class Sinks:
 
     def tick(self, tick: Tick) -> None:
         """Show them a tick."""
-        self._tell("tick", Cycle(tick, self._identities, self._models, self._dt_s, _only_filters, _no_events))
+        self._tell("tick", Cycle(tick, self._identities, self._dt_s, _only_filters, _no_events))
 
     def event(self, event: Event) -> None:
         """Show them an event."""
@@ -146,18 +163,18 @@ class Sinks:
                 self.failure = self.failure or f"the {error.part} can't record: {error.found}"
 
 
-def sinks(scenario: Scenario, models: list[AutopilotModel], directory: Path) -> Sinks | None:
+def sinks(scenario: Scenario, directory: Path) -> Sinks | None:
     """Return the recorders of a flight into a directory; None if it has none.
 
     Raises:
         RunAbortedError: one can't begin.
     """
-    found = Sinks(scenario, models, directory) if scenario.extensions else None
+    found = Sinks(scenario, directory) if scenario.extensions else None
     return found if found is not None and found.any else None
 
 
-def _only_filters(column: int, setpoint: Triple) -> None:
-    del column, setpoint
+def _only_filters(column: int, wanted: Wanted) -> None:
+    del column, wanted
     raise PermissionError("replace is for filters alone")
 
 

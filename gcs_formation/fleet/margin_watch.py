@@ -15,7 +15,7 @@ from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.recorder import Detail, Note
-from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
+from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
 from gcs_formation.stability.mismatch import LAGS_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -132,7 +132,7 @@ class MarginWatch:
         """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
-        self.most_used = 0.0 if law_kind(scenario).has_margins else math.nan
+        self.most_used = 0.0
         """Largest share so far; infinite if a loop is unstable without delay, NaN for a law without known loops."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
@@ -151,16 +151,18 @@ class MarginWatch:
         self._each = list[WatchedVehicle]()
         """The vehicles around which the law closes loops."""
         self.retune(scenario)
+        known = law_kind(scenario).has_margins
+        for each in self._each:
+            known |= bool(each.axes)
+        if not known:
+            self.most_used = math.nan
 
     def retune(self, scenario: Scenario) -> None:
         """Watch the loops closed with a scenario's gains."""
-        predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
         self._each = []
-        for identity, of_axes in law_loops(scenario, succession=True).items():
+        for identity, axes in law_usages(scenario, succession=True).items():
             each = self._watched[identity]
-            each.axes = {
-                axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()
-            }
+            each.axes = axes
             self._each.append(each)
 
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:

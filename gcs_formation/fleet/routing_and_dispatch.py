@@ -204,7 +204,7 @@ class Dispatch:
             link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
             link.delay_s, link.split_s = clock.one_way_s, clock.split_s
-            if vehicle.round_trips.gnss is not None:
+            if vehicle.round_trips.knows_ways:
                 link.up_s, link.down_s = vehicle.round_trips.ways_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew

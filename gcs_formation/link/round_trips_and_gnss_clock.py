@@ -24,6 +24,7 @@ from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, secon
 from airlink.messages import Message
 from airlink.messages.system import Timesync
 from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
+from gcs_formation.link.own_delays import OwnDelays
 
 DRIFT = 1e-4
 """Standard deviation of an unknown crystal's drift."""
@@ -295,6 +296,8 @@ class RoundTrips:
         With `by_utc` stamps are mapped by the vehicle's UTC once that is known.
         """
         self._loop_s, self._by_utc = loop_s, by_utc
+        self.own: OwnDelays | None = None
+        """Estimates the delays from outside."""
         self.clock = ClockSync(loop_s)
         self.stamps = self._new_stamps()
         self.delays = BytesWriter()
@@ -339,15 +342,31 @@ class RoundTrips:
         anew = self.clock.observe(sent, answer.tc1_ns, now)
         if anew:
             self.stamps = self._new_stamps()
+        if self.own is not None:
+            self._take_own(self.own, sent, answer.tc1_ns, now, anew)
         if self.gnss is not None:
             self.gnss.probe(sent, answer.tc1_ns, now)
         one_way_s = self.clock.last_one_way_s()
-        up_s, down_s = self.stamps.ways_s(one_way_s)
+        up_s, down_s = self.stamps.ways_s(one_way_s) if self.own is None else self.own.ways_s
         write_f64_le(self.delays, float(now))
         write_f64_le(self.delays, one_way_s)
         write_f64_le(self.delays, up_s)
         write_f64_le(self.delays, down_s)
         return anew
+
+    def _take_own(self, own: OwnDelays, sent: Instant, vehicle_ns: int, now: Instant, anew: bool) -> None:
+        """Have the delays estimated from outside; our clock maps stamps by their asymmetry."""
+        clock = self.clock
+        if anew:
+            own.reset()
+        usual_s = max(0.0, clock.one_way_s + clock.split_s), max(0.0, clock.one_way_s - clock.split_s)
+        up_s, down_s = own.take(sent, vehicle_ns, now, self._loop_s, usual_s)
+        clock.one_way_s, clock.split_s = (up_s + down_s) / 2, (up_s - down_s) / 2
+
+    @property
+    def knows_ways(self) -> bool:
+        """Whether delays up and down may be known apart."""
+        return self.own is not None or self.stamps.gnss is not None
 
     @property
     def gnss(self) -> GnssClock | None:
@@ -357,12 +376,12 @@ class RoundTrips:
     @property
     def ways_s(self) -> tuple[float, float]:
         """Delay up and down, s; NaN while the split is unknown."""
-        return self.stamps.ways_s(self.clock.one_way_s)
+        return self.stamps.ways_s(self.clock.one_way_s) if self.own is None else self.own.ways_s
 
     @property
     def down_s(self) -> float:
         """Delay down, s: half the round trip while the split is unknown; NaN before the first."""
-        if self.stamps.gnss is None:
+        if not self.knows_ways:
             return self.clock.one_way_s
         down_s = self.ways_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s

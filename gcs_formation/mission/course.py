@@ -11,6 +11,7 @@ from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.expectation import LATE_PERIODS
 from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
+from formation_scenario.shapes import SHAPE
 from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
@@ -41,7 +42,7 @@ class Orders:
         self._course, self._flight = course, course.flight
         self._reconfiguration = reconfiguration
         self._note = note
-        self._duration_s = scenario.duration_s
+        self._duration_s, self._shapes = scenario.duration_s, scenario.registered.names(SHAPE)
         self._latest_s = scenario.duration_s + LATE_PERIODS / scenario.law.rate_hz
         self._planned = deque(sorted((each for _, each in scenario.timed_orders), key=lambda each: each.at_s))
         self._refused: list[str] = []
@@ -88,7 +89,7 @@ class Orders:
     def take(self, text: str, now: Instant) -> Answer:
         """Carry out an order, or refuse it with a reason; record both as an event."""
         try:
-            refusal = self._carry_out(parse_order(text), now)
+            refusal = self._carry_out(parse_order(text, shapes=self._shapes), now)
         except (OrderError, NotFlyableError, ValueError) as error:
             refusal = str(error)
         answer = Answer(refusal is None, f"{text}: {'accepted' if refusal is None else f'refused: {refusal}'}")
@@ -242,18 +243,20 @@ class Course:
         self._note(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
 
-    def fail_by(self, fault: NotFiniteError, now: Instant) -> None:
+    def fail_by(self, fault: NotFiniteError, now: Instant, *, begun: bool = True) -> None:
         """End the run, once, because a part returned what isn't finite: which one, for which vehicle, and when."""
         if self.failure is not None:
             return
         mission_s = self.flight.mission_time_s(now)
-        begun = f"{seconds_between(Instant(0), now):.1f} s after the start"
-        when = begun if math.isnan(mission_s) else f"{mission_s:.1f} s"
+        since = f"{seconds_between(Instant(0), now):.1f} s after the start"
+        when = since if math.isnan(mission_s) else f"{mission_s:.1f} s"
         if fault.column is None:
-            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now)
+            self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now, begun=begun)
         else:
             who = column_names(self._scenario)[fault.column]
-            self.fail(f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now)
+            self.fail(
+                f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now, begun=begun
+            )
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""

@@ -22,6 +22,7 @@ from formation_scenario.expectation import (
     Expectation,
     stays_broken,
 )
+from gcs_formation.errors import RunAbortedError
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record import path_distance
 from gcs_formation.record.coverage import Coverage, coverage
@@ -104,9 +105,20 @@ def judge(
                 out = is_out(scenario, planned, end_s, either=True)
                 yield as_answered(link_verdict(verdict, link, end_s, out=out), link)
         else:
-            known = each.metric in METRICS
-            value = _run_value(each, flight, parts) if known else measured(each, scenario, flight)
-            yield weighed(replace(plain, value=value))
+            own = each.metric not in METRICS
+            yield (
+                _of_extension(plain, scenario, flight)
+                if own
+                else weighed(replace(plain, value=_run_value(each, flight, parts)))
+            )
+
+
+def _of_extension(plain: Verdict, scenario: Scenario, flight: RecordedFlight) -> Verdict:
+    """Return the verdict on a metric from outside; one that raises an error isn't judged, and fails the flight."""
+    try:
+        return weighed(replace(plain, value=measured(plain.expectation, scenario, flight)))
+    except RunAbortedError as error:
+        return replace(plain, judged=False, reason=str(error), failed=True)
 
 
 def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, *, cut_short: bool) -> Verdict:
@@ -228,7 +240,7 @@ def _lost_at_s(wanted: Expectation, flight: RecordedFlight, vehicle: VehicleId, 
 
 def crash_planned_s(scenario: Scenario, vehicle: VehicleId) -> float:
     """Return the mission time at which the scenario's faults crash a vehicle; infinity if they don't."""
-    crashes = (fault for fault in scenario.faults if fault.kind == "crash")
+    crashes = (fault for fault in scenario.faults if scenario.crashes(fault))
     hits = ((each.at_s, scenario.selected(each.vehicles)) for each in crashes)
     return min((at_s for at_s, hit in hits if vehicle in {each.vehicle_id for each in hit}), default=math.inf)
 

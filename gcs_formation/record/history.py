@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from formation_scenario.orders import parse_order
+from formation_scenario.orders import read_order
 from gcs_formation.fleet.membership_and_succession import PARTED
 
 ACCEPTED = ": accepted"
@@ -38,7 +38,7 @@ def history(events: Sequence[Mapping[str, Any]]) -> History:
             elif vehicle in begun:
                 found.setdefault(vehicle, []).append((begun.pop(vehicle), at_s))
         elif kind == "order" and event.get("accepted"):
-            speed_mps = parse_order(text.removesuffix(ACCEPTED)).speed_mps
+            speed_mps = read_order(text.removesuffix(ACCEPTED)).speed_mps
             speeds += [] if speed_mps is None else [(at_s, speed_mps)]
     for vehicle, since_s in begun.items():
         found.setdefault(vehicle, []).append((since_s, math.inf))

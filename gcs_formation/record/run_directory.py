@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, TextIO, cast
+from typing import Any, TextIO, cast
 
 from airlink.cli.output_directory import RUN, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
+from airlink.host_system import lock
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.extensions import RECORD as EXTENSIONS
 from gcs_formation.errors import RecordError
@@ -263,21 +263,6 @@ def _locked(path: Path) -> TextIO:
     file = path.open("a", encoding="utf-8")
     lock(file)
     return file
-
-
-def lock(file: IO[Any]) -> None:
-    """Lock a file while it's open.
-
-    Raises:
-        BlockingIOError: another process has it locked; the file is closed.
-    """
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        raise
-    except OSError:
-        pass  # the file system has no locks
 
 
 def event_shape(found: object) -> Shape:

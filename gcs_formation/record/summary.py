@@ -53,7 +53,7 @@ class Summary:
 
 def summarise(outcome: RunOutcome) -> Summary:
     """Return the summary of a run, scored from the leader's start along its path."""
-    from importlib.metadata import version  # noqa: PLC0415 - short commands don't need it
+    from airlink.installed import installed_version  # noqa: PLC0415 - short commands don't need it
 
     scenario, flight = outcome.scenario, outcome.flight
     limits, off_path = flight.limits, flight.off_path
@@ -64,7 +64,7 @@ def summarise(outcome: RunOutcome) -> Summary:
     safe = safety(scenario, flight, limits)
     parts: dict[str, Any] = {
         "schema": SCHEMA,
-        "version": version("gcs-formation"),
+        "version": installed_version(),
         "name": scenario.name,
         "seed": scenario.seed,
         "clock": outcome.clock,
@@ -82,7 +82,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "assembled": outcome.assembled,
         "undone": list(outcome.undone),
         "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *safe.off_path, *outcome.unsafe],
-        "failure": outcome.failure,
+        "failure": None,
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,
@@ -94,6 +94,8 @@ def summarise(outcome: RunOutcome) -> Summary:
         tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short, wanted))
         for wanted in (scenario.expect, outcome.measure)
     )
+    failed = (verdict.reason for verdict in (*verdicts, *measured) if verdict.failed)
+    parts["failure"] = outcome.failure or next(failed, None)
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
     if scenario.used_extensions:
         parts["extensions"] = [each.to_dict() for each in scenario.used_extensions]

@@ -14,7 +14,7 @@ from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.orders import Order, parse_order
+from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership_and_succession import PARTED
@@ -179,7 +179,7 @@ def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[
     zero_s = math.inf if begun is None else begun / NANOSECONDS
     planned = [(change.at_s, Order("", change)) for change in scenario.formation.changes if change.at_s <= mission_s]
     given = [
-        (float(event["t_s"]) - zero_s, parse_order(str(event["text"]).removesuffix(ACCEPTED)))
+        (float(event["t_s"]) - zero_s, read_order(str(event["text"]).removesuffix(ACCEPTED)))
         for event in events
         if event["kind"] == "order" and event.get("accepted")
     ]

@@ -33,6 +33,8 @@ class Verdict:
     """Which part of the window was judged, from 0 to 1."""
     cut: bool = False
     """Whether `--until` or an order ended the flight before the window's end."""
+    failed: bool = False
+    """Whether the metric, one of an extension, raised an error, which is the `reason`."""
 
     @property
     def held(self) -> bool | None:

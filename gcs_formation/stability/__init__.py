@@ -17,7 +17,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.laws import gain_range, law_kind, nominal_gains
 from gcs_formation.control.setpoint import TRAIL_S, Mixer
-from gcs_formation.stability.consensus_margins import consensus_delay_margin, ground_consensus_loops
+from gcs_formation.stability.consensus_loops import consensus_delay_margin, ground_consensus_loops
 from gcs_formation.stability.mismatch import LoopDelay, Usage
 from gcs_formation.stability.pid_margins import (
     SMALL_SIGNAL,
@@ -31,6 +31,7 @@ from gcs_formation.stability.pid_margins import (
     right_plant,
     worst_loop_margin,
 )
+from gcs_formation.stability.stated import Stated, stated_margins, usages
 
 __all__ = [
     "LawMargins",
@@ -39,6 +40,7 @@ __all__ = [
     "consensus_delay_margin",
     "law_loops",
     "law_margins",
+    "law_usages",
     "loop_delay_s",
     "scenario_delay_margin",
 ]
@@ -113,6 +115,18 @@ def _least(margins: Collection[LawMargins]) -> LawMargins:
     return LawMargins(least([each.small_signal for each in margins]), least([each.worst for each in margins]))
 
 
+def stated_as_margins(stated: Stated) -> LawMargins:
+    """Return what a law states of one vehicle's loops; it has one figure for all of its gains."""
+    return LawMargins(stated.delay_s, stated.delay_s)
+
+
+def _least_of_all(margins: Collection[LawMargins]) -> LawMargins:
+    """Return the least margin of each loop that any vehicle has."""
+    loops = dict.fromkeys(loop for each in margins for loop in each.small_signal)
+    least = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
+    return LawMargins(least, least)
+
+
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
     mixer = Mixer(**scenario.law.mixer.model_dump())
     speed_mps, towed = scenario.path.begin_mps, scenario.formation.frame == "follower_heading"
@@ -122,9 +136,12 @@ def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Pla
 
 
 def law_margins(scenario: Scenario) -> LawMargins:
-    """Return the margins of the law's loops: `consensus`, or x, y and z; empty for a law whose loops aren't known."""
+    """Return the margins of the law's loops: `consensus`, or x, y and z; empty for a law whose loops aren't known.
+
+    Of a law from outside they are those that it states, by its own names of loops.
+    """
     if not law_kind(scenario).has_margins:
-        return LawMargins({}, {})
+        return _least_of_all([stated_as_margins(each) for each in stated_margins(scenario).values()])
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
@@ -133,6 +150,8 @@ def law_margins(scenario: Scenario) -> LawMargins:
 
 def scenario_delay_margin(scenario: Scenario) -> float:
     """Return the least delay margin of all loops, s, at the small-signal gains; infinite if no loop is known."""
+    if not law_kind(scenario).has_margins:
+        return min(law_margins(scenario).small_signal.values(), default=math.inf)
     loops = {loop for axes in law_loops(scenario).values() for of_axis in axes.values() for loop in of_axis}
     return min((loop.delay_margin_s() for loop in loops), default=math.inf)
 
@@ -153,6 +172,22 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
         return loops_of | (leader_loops(scenario) if succession else {})
     loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
+
+
+def law_usages(scenario: Scenario, *, succession: bool = False) -> dict[VehicleId, dict[str, Usage]]:
+    """Return what computes the used share of their margin of the loops around each vehicle, by the loop's name.
+
+    Vehicles are those of `law_loops`; a vehicle of which no margin is known has none. Equal loops share one.
+    """
+    predicted, shared = scenario.law.delay_compensation, dict[object, Usage]()
+    found = {
+        identity: {axis: shared.setdefault(loops, Usage(loops, predicted=predicted)) for axis, loops in of_axes.items()}
+        for identity, of_axes in law_loops(scenario, succession=succession).items()
+    }
+    if not law_kind(scenario).has_margins:
+        for identity, stated in usages(stated_margins(scenario), predicted=predicted).items():
+            found[identity] = dict[str, Usage](stated)
+    return found
 
 
 def consensus_margins(scenario: Scenario) -> tuple[float, float]:

@@ -313,3 +313,37 @@ class Usage:
 
 def _share(delay_s: float, margin_s: float) -> float:
     return delay_s / margin_s if margin_s > 0.0 else math.inf
+
+
+class StatedUsage(Usage):
+    """Share of the margin that a law itself states for a loop; it has no gains that could be lowered."""
+
+    def __init__(self, stated_s: Callable[[float], float], *, predicted: bool) -> None:
+        """Take what returns the margin, s: of delay, or against mismatch about the predicted delay that it is given.
+
+        It returns NaN if the margin isn't known.
+        """
+        super().__init__((), predicted=predicted)
+        self._stated_s = stated_s
+
+    def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
+        """Return the share of the margin in use; NaN if the margin isn't known about this delay."""
+        known = math.isnan(delay.mean_s) or not math.isnan(self.margin_s(delay.mean_s, bandwidth))
+        return super().of(delay, bandwidth) if known else math.nan
+
+    def of_lags(self, delay: LoopDelay, off: float) -> float:  # noqa: ARG002 - as of known loops
+        """Return 0: a law states no margin against wrong lags."""
+        return 0.0
+
+    def bandwidth(self, delay: LoopDelay, most: float) -> float:  # noqa: ARG002 - as of known loops
+        """Return the full bandwidth."""
+        return 1.0
+
+    def margin_s(self, delay_s: float, bandwidth: float = 1.0) -> float:
+        """Return the stated margin, which a law is asked for once for each multiple of `STEP_S`."""
+        step = rounded(delay_s / STEP_S) if self._predicted else 0
+        key = bandwidth, step
+        margin_s = self._margins_s.get(key)
+        if margin_s is None:
+            margin_s = self._margins_s[key] = self._stated_s(step * STEP_S)
+        return margin_s

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
@@ -173,6 +174,18 @@ class Study(Keys):
     bisect: Bisection | None = key(None, "search a bound's crossing instead of flying each once")
     expect: tuple[Wanted, ...] = key((), "exit status 1 if one is broken")
     _registered: Registry = PrivateAttr(default_factory=Registry)
+    _files: tuple[Path, ...] = PrivateAttr(default=())
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that its flights read, as absolute paths: delays, terrain, aircraft, missions."""
+        return self._files
+
+    def with_files(self, files: Iterable[Path]) -> Self:
+        """Return the study with the files that its flights were found to read."""
+        copied = self.model_copy()
+        copied._files = tuple(sorted(each for each in files if each.is_file()))
+        return copied
 
     @property
     def registered(self) -> Registry:

@@ -24,6 +24,7 @@ from formation_scenario.expectation import bounds_text
 from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
 from gcs_formation.studies import Study, Wanted
+from gcs_formation.studies.cluster import Workers
 from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.intervals import Chance, by_cluster, clusters_of, share_interval
@@ -36,7 +37,7 @@ from gcs_formation.studies.plan import (
     keeps,
     replayed,
 )
-from gcs_formation.studies.workers import Workers
+from gcs_formation.studies.records import require_url
 
 Base: TypeAlias = Mapping[Any, Plain]
 """A scenario's keys."""
@@ -199,19 +200,31 @@ class StudyOutcome:
 
 
 def fly_study(
-    study: Study, base: Base, out: Path, workers: Workers, shown: StudyProgress, *, resume: bool, overwrite: bool
+    study: Study,
+    base: Base,
+    out: Path,
+    workers: Workers,
+    shown: StudyProgress,
+    *,
+    resume: bool,
+    overwrite: bool,
+    records: str | None = None,
 ) -> StudyOutcome:
-    """Fly the flights that are missing in `out`, and judge the study.
+    """Fly the flights that are missing in `out`, and judge the study; `records` is a URL for their records.
 
     Raises:
+        ScenarioError: `records` is no URL of a known kind.
         RecordError: `out` holds other files or another study, or it can't be written.
         RunAbortedError: no further flight can be flown or written; what was written is kept.
     """
-    spent = Stopwatch()
+    spent, place = Stopwatch(), str(out / FLIGHTS)
+    if records is not None:
+        require_url(records, study.record)
+        place = records.rstrip("/")
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
         plan, written_s = Plan(study), spent.wall_s
         try:
-            for row in flights(plan, base, out, workers, shown, data.rows):
+            for row in flights(plan, base, place, workers, shown, data.rows):
                 data.add(row)
                 if spent.wall_s - written_s > TABLE_EVERY_S:
                     data.write_table()
@@ -220,22 +233,24 @@ def fly_study(
             with suppress(RecordingError):
                 data.write_table()
             raise
-        return _conclude(plan, data, data.write_table(), spent.wall_s)
+        return _conclude(plan, data, data.write_table(), spent.wall_s, records)
 
 
 def flights(
-    plan: Plan, base: Base, out: Path | None, workers: Workers, shown: StudyProgress, flown: Mapping[int, Row]
+    plan: Plan, base: Base, records: str | None, workers: Workers, shown: StudyProgress, flown: Mapping[int, Row]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a study's flights as they end, except those in `flown`; `out` keeps their records.
+    """Yield the rows of a study's flights as they end, except those in `flown`.
+
+    `records` is the directory, or the URL, below which their records are kept.
 
     Raises:
         RunAbortedError: no flight can be flown any more.
     """
     study, done = plan.study, set(flown)
-    records = out / FLIGHTS if out is not None and study.record != "none" else None
+    kept = records if study.record != "none" else None
 
     def task(planned: Planned) -> Task:
-        return Task(planned, study, base, str(records / f"{planned.flight:06d}") if records is not None else None)
+        return Task(planned, study, base, None if kept is None else f"{kept}/{planned.flight:06d}")
 
     tasks = deque(map(task, replayed(plan, flown.values())))
     failed = sum(row["exit"] > 1 for row in flown.values())
@@ -250,7 +265,7 @@ def flights(
             yield row
 
 
-def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> StudyOutcome:
+def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float, records: str | None) -> StudyOutcome:
     study, rows = plan.study, [data.rows[flight] for flight in sorted(data.rows)]
     verdicts = tuple(judge(study, wanted, rows) for wanted in study.expect)
     exits = {str(status): sum(row["exit"] == status for row in rows) for status in range(4)}
@@ -265,6 +280,8 @@ def _conclude(plan: Plan, data: Dataset, made: pa.Table, wall_s: float) -> Study
         "flights_cpu_s": sum(row["cpu_s"] or 0.0 for row in rows),
         "expect": [verdict.to_dict() for verdict in verdicts],
     }
+    if records is not None:
+        figures["records"] = records
     if study.registered:
         figures["extensions"] = [each.to_dict() for each in study.registered]
     if study.bisect is not None:

@@ -33,10 +33,10 @@ from gcs_formation.report.page_parts import document, figure, number, table
 from gcs_formation.report.style import print_style, save
 from gcs_formation.stability import law_margins
 from gcs_formation.studies import Study
+from gcs_formation.studies.cluster import Workers
 from gcs_formation.studies.flight import Task, worst
 from gcs_formation.studies.flight import figure as figure_of
 from gcs_formation.studies.plan import Planned
-from gcs_formation.studies.workers import Workers
 
 SCHEMA = 1
 WAYS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))

@@ -7,6 +7,7 @@ new file that then replaces the old one.
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,12 +23,13 @@ import yaml
 from pydantic import ValidationError
 
 from airlink.cli.output_directory import refusal
+from airlink.host_system import lock
 from flight_model.arrays import Array, Mask
 from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
-from gcs_formation.record.run_directory import FIGURES, REPORT, lock
+from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.studies import LISTED, Bisection, Study, Wanted
 from gcs_formation.studies.flight import VERSION, worst
 from gcs_formation.studies.intervals import Chance, Unit, clusters_of
@@ -35,6 +37,8 @@ from gcs_formation.studies.plan import Crossing, Planned, Row, concerns
 
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
+CONTENTS = "contents"
+"""Key of study.yaml: the hash of each file and extension that the flights used."""
 FLIGHTS, AGAIN = "flights", "again"
 """Directories of records of flights, and of flights flown again."""
 NONE = "–"
@@ -53,7 +57,7 @@ class Dataset:
         """Open a study's directory; RecordError: it may not or can't be written, RecordingError: the disk is full."""
         self.path, self.study = path, study
         keys = study.model_dump(mode="json", by_alias=True, exclude_none=True)
-        plan = {"study": keys, "base": dict(base), "version": VERSION}
+        plan = {"study": keys, "base": dict(base), "version": VERSION} | _contents(study)
         try:
             if resume:
                 self._check_same(plan)
@@ -118,6 +122,8 @@ class Dataset:
         before = read_plan(self.path)
         where = {"study": "the study file", "base": "its scenario", "version": f"the version, now {VERSION}"}
         changed = [text for part, text in where.items() if _text(before[part]) != _text(plan[part])]
+        files: Mapping[str, str] = before.get(CONTENTS, {})
+        changed += [name for name, digest in plan.get(CONTENTS, {}).items() if files.get(name, digest) != digest]
         if changed:
             found = f"found another study in {self.path}: {' and '.join(changed)} changed"
             raise RecordError(f"{found}; allowed with --resume: the same; else another directory, or --overwrite")
@@ -140,6 +146,19 @@ class Dataset:
         left = text.encode()
         while left:
             left = left[self._journal.write(left) :]
+
+
+def _contents(study: Study) -> dict[str, Mapping[str, str]]:
+    """Return the hash of each file that the flights read, and of each extension; nothing without any.
+
+    Raises:
+        OSError: a file can't be read any more.
+    """
+    found = {each.file: each.sha256 for each in study.registered.origins}
+    for name in study.files:
+        with name.open("rb") as file:
+            found[str(name)] = hashlib.file_digest(file, "sha256").hexdigest()
+    return {CONTENTS: found} if found else {}
 
 
 def _clear(path: Path) -> None:

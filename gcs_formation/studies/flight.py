@@ -8,12 +8,12 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 from airlink.cli import Status
 from airlink.clock import Stopwatch
+from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
 from formation_scenario.overrides import settings
@@ -29,8 +29,9 @@ from gcs_formation.studies import INVARIANTS, Study
 from gcs_formation.studies.invariants import broken, read_record
 from gcs_formation.studies.plan import Planned
 from gcs_formation.studies.random_scenarios import SEVERITIES, draw
+from gcs_formation.studies.records import kept_at
 
-VERSION: Final = version("gcs-formation")
+VERSION: Final = installed_version()
 REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
 LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
@@ -45,7 +46,7 @@ class Task:
     base: Mapping[Any, Any] | Scenario
     """The scenario, or its keys."""
     directory: str | None = None
-    """Where the files that `record` asks for are kept; None for nowhere."""
+    """Where the files that `record` asks for are kept: a directory, or a URL of fsspec; None for nowhere."""
 
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
@@ -57,7 +58,7 @@ class Task:
         keys = dict(study.set)
         for name, value in self.planned.parameters.items():
             keys |= cases[name][value] if name in cases else {name: value}
-        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random])
+        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random], study.registered)
         if isinstance(base, Scenario) and base.seed == seed and not keys:
             return base
         return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
@@ -69,10 +70,15 @@ def fly(task: Task) -> dict[str, Any]:
     Raises:
         RecordingError: its files can't be written.
     """
+    with kept_at(task.directory) as directory:
+        return _fly(task, directory)
+
+
+def _fly(task: Task, kept: Path | None) -> dict[str, Any]:
     used, digest = Stopwatch(), None
     values: dict[str, Any] = dict.fromkeys(task.study.measured)
     try:
-        summary, wrong = _flown(task)
+        summary, wrong = _flown(task, kept)
         values = {metric: _measured(metric, task, summary, wrong) for metric in task.study.measured}
         same = json.dumps(summary.figures["followers"]).encode()  # the same for flights whose followers flew the same
         digest = hashlib.sha256(same).hexdigest()[:16]
@@ -154,10 +160,9 @@ def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
     return tuple(Expectation(metric=metric, from_s=from_s, to_s=to_s) for metric in named)
 
 
-def _flown(task: Task) -> tuple[Summary, list[str]]:
+def _flown(task: Task, kept: Path | None) -> tuple[Summary, list[str]]:
     """Return a flight's summary, and the invariants that it broke if these are measured."""
     scenario, judged = task.scenario(), INVARIANTS in task.study.measured
-    kept = Path(task.directory) if task.directory is not None else None
     with tempfile.TemporaryDirectory() as scratch:
         directory = kept if kept is not None and task.study.record in {"full", "series"} else Path(scratch) / "flight"
         record: Record = "full" if judged else task.study.record

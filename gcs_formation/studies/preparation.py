@@ -18,6 +18,7 @@ from formation_scenario.expectation import pointless
 from formation_scenario.extensions import METRIC, Files, Registry, load_extensions
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.load import SCENARIO_ALONE, STUDY_ALONE
+from formation_scenario.named_files import noted
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file, show
 from gcs_formation.studies import (
     DRAWN,
@@ -229,13 +230,14 @@ def prepare(
         raise ScenarioError([Problem(read.file, None, None, "", found, allowed)])
     base = base_keys(study, read)
     trial = _Trial(study, base, read)
-    if (wrong := trial.first_wrong()) is not None:
-        raise wrong
-    problems = list(_windows_after_the_end(study, read, trial))
-    problems += [problem for each in trial.wrong_values() for problem in each.problems]
+    with noted() as files:
+        if (wrong := trial.first_wrong()) is not None:
+            raise wrong
+        problems = list(_windows_after_the_end(study, read, trial))
+        problems += [problem for each in trial.wrong_values() for problem in each.problems]
     if problems:
         raise ScenarioError(problems)
-    return study, base
+    return study.with_files(files), base
 
 
 def refly_task(planned: Planned, study: Study, base: Mapping[Any, Plain], out: Path) -> Task:

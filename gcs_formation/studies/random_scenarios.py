@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from formation_scenario import Scenario, ScenarioError, load_scenario
+from formation_scenario.extensions import FAULT, Registry
 from formation_scenario.surroundings import PASSING
 
 Keys = dict[str, Any]
@@ -70,22 +71,24 @@ HARD = Severity(
 SEVERITIES = {"usual": USUAL, "hard": HARD}
 
 
-def draw(seed: int, severity: Severity = USUAL) -> Scenario:
+def draw(seed: int, severity: Severity = USUAL, registry: Registry | None = None) -> Scenario:
     """Return the scenario of a seed and a severity: the first in a sequence of draws that can be flown.
+
+    Faults that extensions register are drawn like ours, with the defaults of their keys.
 
     Raises:
         ScenarioError: none of `MOST_DRAWS` can be flown.
     """
-    rng = np.random.default_rng(seed)
+    rng, registry = np.random.default_rng(seed), registry or Registry()
     for _ in range(MOST_DRAWS - 1):
         with suppress(ScenarioError):
-            return load_scenario(_scenario(rng, seed, severity))
-    return load_scenario(_scenario(rng, seed, severity))
+            return load_scenario(_scenario(rng, seed, severity, registry), plugins=registry)
+    return load_scenario(_scenario(rng, seed, severity, registry), plugins=registry)
 
 
-def _scenario(rng: np.random.Generator, seed: int, severity: Severity) -> Keys:
+def _scenario(rng: np.random.Generator, seed: int, severity: Severity, registry: Registry) -> Keys:
     count = int(rng.integers(2, 5))
-    faults = _faults(rng, severity, count)
+    faults = _faults(rng, severity, count, registry)
     outages = _outages(rng, severity, count, faults)
     formation = _formation(rng, severity, count)
     more_s = severity.rejoin_s if faults or outages else severity.change_s if formation.get("changes") else 0.0
@@ -195,12 +198,17 @@ def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> l
     return [{"at_s": _trouble_at(rng, severity), "vehicles": several, "velocity_mps": _vector(rng, 0.8, 0.8, 0.3)}]
 
 
-def _faults(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
+def _faults(rng: np.random.Generator, severity: Severity, count: int, registry: Registry) -> list[Keys]:
     """Return one fault of one vehicle, which may be the leader, or none."""
     if rng.random() > severity.fault_share:
         return []
-    kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot"), _trouble_at(rng, severity)
-    ends: Keys = {"until_s": at_s + float(rng.uniform(2.0, severity.longest_spell_s))} if kind in PASSING else {}
+    own = {each.name: each.made.lasts for each in registry.of(FAULT) if each.works_by_defaults}
+    kind, at_s = _one_of(rng, "crash", "restart", "freeze", "ignore", "pilot", *own), _trouble_at(rng, severity)
+    ends: Keys = (
+        {"until_s": at_s + float(rng.uniform(2.0, severity.longest_spell_s))}
+        if kind in PASSING or own.get(kind)
+        else {}
+    )
     return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
 
 

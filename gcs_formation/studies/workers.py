@@ -1,4 +1,4 @@
-"""Flies tasks in processes of this machine or on a Dask cluster. Each flight counts once, even if workers die."""
+"""Flies tasks in processes of this machine. Each flight counts once, even if processes die."""
 
 from __future__ import annotations
 
@@ -11,26 +11,16 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from importlib import import_module
-from importlib.metadata import version
 from multiprocessing import forkserver, resource_tracker
-from time import sleep
-from typing import Any, Self, TypeAlias
+from typing import Any, Self
 
 from airlink.cli import SIGNALS, same_modules
-from airlink.clock import Stopwatch
-from gcs_formation.errors import RunAbortedError
-from gcs_formation.studies.flight import VERSION, Task, fly, lost
+from gcs_formation.studies.flight import Task, fly, lost
 
 TRIES = 3
 """A flight isn't tried again after this many workers died while flying it."""
 AHEAD = 2
 """Flights submitted for each worker: one in flight, one waiting."""
-ANSWER_S = 10.0
-"""Time in which a scheduler must answer."""
-GONE_S = 60.0
-"""Time for which a scheduler may be without workers."""
-ASKED_EVERY_S, POLL_S = 1.0, 0.01
 
 
 class Processes:
@@ -71,7 +61,7 @@ class Processes:
                 flying.clear()
                 self._pool = self._new_pool()
                 if len(broken) == 1:
-                    ended += _retried(broken[0], deaths, tasks)
+                    ended += retried(broken[0], deaths, tasks)
                 else:
                     suspects.update(task.planned.flight for task in broken)
                     tasks.extendleft(broken)
@@ -135,103 +125,10 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _retried(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
+def retried(task: Task, deaths: Counter[int], tasks: deque[Task]) -> Iterator[dict[str, Any]]:
     """Queue a task whose worker died at the front, or yield its row after `TRIES` deaths."""
     deaths[task.planned.flight] += 1
     if deaths[task.planned.flight] < TRIES:
         tasks.appendleft(task)
     else:
         yield lost(task, f"the process that flew it was ended from outside, {TRIES} times")
-
-
-class Cluster:
-    """The workers of a Dask scheduler (docs.dask.org, `distributed`)."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-        self._flown_at_a_time = 0
-        self._asked: Stopwatch | None = None
-        self._seen = Stopwatch()
-
-    def __enter__(self) -> Self:
-        """Connect; RunAbortedError: `distributed` isn't installed, or no scheduler answers."""
-        try:
-            connect: Any = import_module("distributed").Client
-        except ImportError as error:
-            raise RunAbortedError("--scheduler needs Dask: pip install 'gcs-formation[study]'") from error
-        try:
-            self._client = connect(self._address, timeout=ANSWER_S)
-        except (OSError, TimeoutError, ValueError) as error:
-            raise RunAbortedError(f"no Dask scheduler answers at {self._address}: {error}") from error
-        self._client._timeout = GONE_S  # time for which it tries to reconnect
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._client.close()
-
-    @property
-    def where(self) -> str:
-        """The address of Dask's dashboard, in words."""
-        return f"Dask's dashboard: {self._client.dashboard_link}"
-
-    def rows(self, tasks: deque[Task]) -> Iterator[dict[str, Any]]:
-        """Yield the rows. Dask repeats a flight whose worker died; we repeat one that a restarted scheduler lost.
-
-        Raises:
-            RunAbortedError: a worker has another version; or the scheduler, or its last worker, is gone for good.
-        """
-        from distributed.client import FutureCancelledError  # noqa: PLC0415 - an extra
-        from distributed.scheduler import KilledWorker  # noqa: PLC0415
-
-        self._check_versions()
-        flying, deaths = dict[Any, Task](), Counter[int]()
-        ended = import_module("distributed").as_completed(with_results=False, raise_errors=False)
-        while tasks or flying:
-            while tasks and len(flying) < AHEAD * self._threads():
-                task = tasks.popleft()
-                future = self._client.submit(fly, task, pure=False, retries=TRIES)
-                flying[future] = task
-                ended.add(future)
-            if not ended.has_ready():
-                self._wait_a_little()
-                continue
-            future = next(ended)
-            task = flying.pop(future)
-            try:
-                yield future.result()
-            except FutureCancelledError:
-                tasks.appendleft(task)
-            except KilledWorker:
-                yield from _retried(task, deaths, tasks)
-
-    def _wait_a_little(self) -> None:
-        """Wait a moment for results; RunAbortedError: there has been no worker for too long."""
-        if self._client.status == "closed" or (not self._threads() and self._seen.wall_s > GONE_S):
-            raise RunAbortedError(f"the Dask scheduler at {self._address}, or its last worker, is gone")
-        sleep(POLL_S)
-
-    def _threads(self) -> int:
-        """Return how many flights the workers fly at a time, at most a second old; 0 without a scheduler."""
-        if self._client.status != "running":
-            return 0
-        if self._asked is None or self._asked.wall_s > ASKED_EVERY_S:
-            self._flown_at_a_time, self._asked = sum(self._client.nthreads().values()), Stopwatch()
-        if self._flown_at_a_time:
-            self._seen = Stopwatch()
-        return self._flown_at_a_time
-
-    def _check_versions(self) -> None:
-        """Refuse a cluster without workers, or with a worker of another version, whose flights would differ."""
-        found: dict[str, str] = self._client.run(version, "gcs-formation")
-        if not found:
-            raise RunAbortedError(f"the Dask scheduler at {self._address} has no workers")
-        for worker, theirs in found.items():
-            if theirs != VERSION:
-                raise RunAbortedError(f"the Dask worker {worker} has gcs-formation {theirs}; here it is {VERSION}")
-
-
-Workers: TypeAlias = Processes | Cluster
-"""Flies tasks, in whatever order; the caller may add some meanwhile. Left with an error, it gives up what isn't flown.
-
-`where`, known once they are started, says where else their work can be watched; "" for nowhere.
-"""

@@ -16,6 +16,8 @@ from abc import ABC
 from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.messages import EKF_READY, Message
 from airlink.messages.command import CommandInt, CommandLong
@@ -24,10 +26,23 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import STATION_SYSTEM, Autopilot, Command, KnownSetpoints, StartUpStep
+from gcs_formation.vehicle.autopilot_family import (
+    STATION_SYSTEM,
+    Autopilot,
+    Command,
+    Craft,
+    KnownSetpoints,
+    StartUpStep,
+)
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.velocity_setpoint import MULTIROTOR_TYPES, VelocityLead, stands, velocity_setpoint
+from gcs_formation.vehicle.velocity_setpoint import (
+    MULTIROTOR_TYPES,
+    VelocityLead,
+    stands,
+    velocity_lead,
+    velocity_setpoint,
+)
 
 HEARTBEATS_S: Final = 3.0
 """Least timeout of a GCS failsafe: a shorter one would trigger on a few lost heartbeats."""
@@ -76,6 +91,7 @@ def heartbeat_timeout(name: str) -> Check:
     )
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class ArduPilot(Autopilot, ABC):
     """What ArduPilot's vehicles have in common."""
 
@@ -101,6 +117,7 @@ class ArduPilot(Autopilot, ABC):
         return "; ".join(filter(None, (estimates if flags else "", super()._lacks_to_arm(seen))))
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class ArduPlane(ArduPilot):
     """A fixed-wing ArduPilot, commanded in GUIDED by MAV_CMD_GUIDED_CHANGE_SPEED, _ALTITUDE and _HEADING."""
 
@@ -258,6 +275,7 @@ def _renamed(
     return Check(names[:1], allowed(unit, 1.0), holds, refuses, older)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class ArduCopter(ArduPilot):
     """An ArduPilot multirotor or helicopter, commanded in GUIDED by velocity setpoints."""
 
@@ -291,6 +309,11 @@ class ArduCopter(ArduPilot):
         """Address `system`; `lead` compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps)
         self._lead = lead or VelocityLead()
+
+    @classmethod
+    def of(cls, craft: Craft) -> Autopilot:
+        """Return the interface to a vehicle's autopilot."""
+        return cls(craft.system, craft.origin, craft.model.turn_rate_max_rps, velocity_lead(craft.model, craft.tick_s))
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""

@@ -6,7 +6,9 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
+
+from mypy_extensions import mypyc_attr
 
 from airlink import mavlink as m
 from airlink.messages import Message
@@ -17,6 +19,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.telemetry import Telemetry
@@ -46,6 +49,20 @@ class Effect(NamedTuple):
     expected: int
 
 
+class Craft(NamedTuple):
+    """A vehicle whose autopilot is to be commanded."""
+
+    system: int
+    """Its MAVLink system id."""
+    origin: GeodeticOrigin
+    """Origin of positions and heights."""
+    model: VehicleModel
+    airspeed_scale: AirspeedScale | None
+    """Converts between true airspeeds and its sensor's readings; None: it reports and takes true ones, or none."""
+    tick_s: float
+    """Time between control ticks."""
+
+
 def nothing(_: Telemetry) -> tuple[Command, ...]:
     """Return no commands."""
     return ()
@@ -72,8 +89,14 @@ class StartUpStep:
         return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands(seen))
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Autopilot(ABC):
     """Encodes commands to one vehicle, and decodes its state, as its autopilot family requires."""
+
+    keys: Any = None
+    """The own keys of a family that an extension registers, a `Keys`."""
+    failure: NotFiniteError | None = None
+    """Why a family that an extension registers has failed; it is commanded as its base since."""
 
     family: ClassVar[str]
     """Name of the family, for messages."""
@@ -139,6 +162,11 @@ class Autopilot(ABC):
         self.origin = origin
         self.turn_rate_max_rps = turn_rate_max_rps
         self.airspeed_scale = airspeed_scale
+
+    @classmethod
+    def of(cls, craft: Craft) -> Autopilot:
+        """Return the interface to a vehicle's autopilot."""
+        return cls(craft.system, craft.origin, craft.model.turn_rate_max_rps, craft.airspeed_scale)
 
     def stand_in(self) -> tuple[Message, ...]:
         """Return what to send while there are no setpoints, for a family that accepts its mode only with a stream."""

@@ -19,6 +19,8 @@ from abc import ABC
 from collections.abc import Mapping
 from typing import ClassVar
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, ParamValue
@@ -28,7 +30,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
@@ -36,7 +38,9 @@ from gcs_formation.vehicle.velocity_setpoint import (
     TURNS_FROM_MPS,
     SpeedLead,
     VelocityLead,
+    speed_lead,
     stands,
+    velocity_lead,
     velocity_setpoint,
 )
 
@@ -85,6 +89,7 @@ def heartbeats_lost(otherwise: str) -> Check:
     )
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4(Autopilot, ABC):
     """What PX4's vehicles have in common."""
 
@@ -183,6 +188,7 @@ class Px4(Autopilot, ABC):
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4Plane(Px4):
     """A fixed-wing PX4, commanded in AUTO.LOITER by MAV_CMD_DO_REPOSITION."""
 
@@ -207,6 +213,17 @@ class Px4Plane(Px4):
         """Address `system`; `lead`, in airspeed readings, compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps, airspeed_scale)
         self._lead = lead
+
+    @classmethod
+    def of(cls, craft: Craft) -> Autopilot:
+        """Return the interface to a vehicle's autopilot."""
+        return cls(
+            craft.system,
+            craft.origin,
+            craft.model.turn_rate_max_rps,
+            craft.airspeed_scale,
+            speed_lead(craft.model, craft.tick_s),
+        )
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
@@ -303,6 +320,7 @@ class Px4Plane(Px4):
         return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Px4Copter(Px4):
     """A PX4 multirotor or helicopter, commanded in OFFBOARD by velocity setpoints."""
 
@@ -326,6 +344,11 @@ class Px4Copter(Px4):
         """Address `system`; `lead` compensates the slow integrator of its model."""
         super().__init__(system, origin, turn_rate_max_rps)
         self._nose_rad, self._lead = math.nan, lead or VelocityLead()
+
+    @classmethod
+    def of(cls, craft: Craft) -> Autopilot:
+        """Return the interface to a vehicle's autopilot."""
+        return cls(craft.system, craft.origin, craft.model.turn_rate_max_rps, velocity_lead(craft.model, craft.tick_s))
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""

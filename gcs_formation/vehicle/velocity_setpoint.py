@@ -19,6 +19,7 @@ from airlink import mavlink as m
 from airlink.messages.command import SetPositionTargetLocalNed
 from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.slot import hovering_course, slot_axis
+from formation_scenario.vehicles import VehicleModel
 
 MULTIROTOR_TYPES: Final = frozenset(
     {
@@ -176,3 +177,17 @@ def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: b
         return math.hypot(north_mps, east_mps), hovering_course(yaw_rad, north_mps, east_mps)
     axis_rad = slot_axis(yaw_rad, north_mps, east_mps)
     return north_mps * math.cos(axis_rad) + east_mps * math.sin(axis_rad), axis_rad
+
+
+def velocity_lead(model: VehicleModel, period_s: float) -> VelocityLead:
+    """Return the lead compensation of a multirotor's velocity commands, one every `period_s`."""
+    most_mps = model.speed_max_mps if model.prompt_share < 1.0 else math.inf
+    height_s = max(HEIGHT_S, model.tau_ha_s + model.tau_hb_s)
+    return VelocityLead(model.prompt_share, model.rest_s, most_mps, period_s, model.climb_max_mps, height_s)
+
+
+def speed_lead(model: VehicleModel, period_s: float) -> SpeedLead | None:
+    """Return the lead compensation of a fixed wing's airspeed commands; None without a slow integrator."""
+    if model.prompt_share >= 1.0:
+        return None
+    return SpeedLead(model.prompt_share, model.rest_s, (model.speed_min_mps, model.speed_max_mps), period_s)

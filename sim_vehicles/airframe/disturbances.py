@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from operator import itemgetter
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,17 +17,21 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
+from formation_scenario.extensions import ExtensionError
 from formation_scenario.surroundings import (
     Disturbance,
     DrydenTurbulence,
     Fault,
+    OwnDisturbance,
     RampDisturbance,
     SineDisturbance,
     StepDisturbance,
 )
 from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.own_air import OwnAir
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
+from sim_vehicles.outside import Failures
 
 LEAST_AIRSPEED_MPS = 1.0
 """Lower bound of airspeed in gust filters: for a vehicle at rest a gust would never end."""
@@ -46,17 +51,20 @@ class Environment:
     def __init__(self, config: FleetConfig, bodies: Sequence[Body]) -> None:
         """Take disturbances and faults from the configuration; `bodies` are its vehicles' in the same order."""
         self.mission_zero: Instant | None = None
+        self.failures = Failures()
+        """What failed of the extensions of the fleet."""
         self._bodies = bodies
         self._wind_mps = config.wind_mps
         self._config = config
         self._disturbances = [
-            _acting(config, index, keys, hit, bodies) for index, (keys, hit) in enumerate(config.disturbances)
+            _acting(config, index, keys, hit, bodies, self.failures)
+            for index, (keys, hit) in enumerate(config.disturbances)
         ]
         due = [(at_s, ends, fault, hit) for fault, hit in config.faults for at_s, ends in fault.moments()]
         self._faults: list[Due] = sorted(due, key=itemgetter(0))
         self._scheduled: list[tuple[Instant, Due]] = []
         """Faults that are due at an instant instead of a mission time."""
-        self._acting: list[tuple[_Steady | DrydenGusts, float]] = []
+        self._acting: list[tuple[Acting, float]] = []
         """The disturbances active at present, with their shares."""
 
     def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
@@ -72,7 +80,11 @@ class Environment:
 
     def disturb(self, keys: Disturbance, hit: frozenset[VehicleId], zero: Instant) -> None:
         """Add a disturbance of some vehicles, whose times count from `zero`."""
-        added = _acting(self._config, len(self._disturbances), keys, hit, self._bodies)
+        try:
+            added = _acting(self._config, len(self._disturbances), keys, hit, self._bodies, self.failures)
+        except ExtensionError as error:
+            self.failures.say(str(error))
+            return
         added.zero = zero
         self._disturbances.append(added)
 
@@ -93,7 +105,7 @@ class Environment:
         return struck
 
     def _disturb(self, now: Instant) -> None:
-        acting = list[tuple[_Steady | DrydenGusts, float]]()
+        acting = list[tuple[Acting, float]]()
         for each in self._disturbances:
             zero = self.mission_zero if each.zero is None else each.zero
             since_s = math.nan if zero is None else seconds_between(zero, now)
@@ -225,21 +237,35 @@ class DrydenGusts:
         return self._drawn[self._next - 1]
 
 
+Acting: TypeAlias = "_Steady | DrydenGusts | OwnAir"
+
+
 def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None:
     north, east, down = body.disturbance_mps
     body.disturbance_mps = (north + north_mps, east + east_mps, down + down_mps)
 
 
 def _acting(
-    config: FleetConfig, index: int, keys: Disturbance, vehicles: frozenset[VehicleId], bodies: Sequence[Body]
-) -> _Steady | DrydenGusts:
-    """Return the disturbance that is the `index`-th; each vehicle's gusts in each are independent."""
+    config: FleetConfig,
+    index: int,
+    keys: Disturbance,
+    vehicles: frozenset[VehicleId],
+    bodies: Sequence[Body],
+    failures: Failures,
+) -> Acting:
+    """Return the disturbance that is the `index`-th; each vehicle's gusts in each are independent.
+
+    Raises:
+        ExtensionError: one of an extension can't begin.
+    """
     met_by = [
         (vehicle.identity, body)
         for vehicle, body in zip(config.vehicles, bodies, strict=True)
         if vehicle.identity in vehicles
     ]
     hit = [body for _, body in met_by]
+    if isinstance(keys, OwnDisturbance):
+        return OwnAir(keys, config, index, met_by, failures)
     if not isinstance(keys, DrydenTurbulence):
         return _Steady(keys, hit)
     streams = [random_stream(config.seed, "turbulence", index, *identity) for identity, _ in met_by]

@@ -34,6 +34,7 @@ from sim_vehicles.link import Link
 INFO: Final = m.MAV_SEVERITY_INFO
 WARNING: Final = m.MAV_SEVERITY_WARNING
 CRITICAL: Final = m.MAV_SEVERITY_CRITICAL
+Distortion = Callable[[Motion, Instant], Motion]
 Setpoint = SetPositionTargetLocalNed | SetPositionTargetGlobalInt
 
 
@@ -65,9 +66,12 @@ class GivenCommand:
         self.in_integers = in_integers
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Autopilot(ABC):
     """An emulated autopilot and its body; what families must and may override comes last."""
 
+    emulates: ClassVar[str]
+    """The family of autopilots, as the station knows it, that it is like."""
     mav_type: ClassVar[int]
     capabilities: ClassVar[int]
     """Those of the real one (MAV_PROTOCOL_CAPABILITY), though not all are emulated."""
@@ -123,7 +127,11 @@ class Autopilot(ABC):
         """Sender of the last frame."""
         self.sticks = False
         """Whether a pilot has its transmitter."""
-        self._sensors = sensors_of(self.config, fleet.origin, fleet.seed)
+        self._sensors = sensors_of(self.config, fleet, environment.failures)
+        self.keys: Any = self.config.own_keys
+        """The keys of a family of an extension, typed by its own model."""
+        self.distort: Distortion | None = None
+        """Changes what telemetry has of the motion, by a fault."""
         self._exact = Estimate(None)
         """The estimate of a vehicle whose sensors have no errors."""
 
@@ -214,15 +222,39 @@ class Autopilot(ABC):
     def sensed(self) -> Motion:
         """Its motion as its sensors measure it, for telemetry; its own control loops use the truth."""
         motion = self.body.shown()
-        return motion if self._sensors is None else self._sensors.sense(motion, self.now)
+        if self._sensors is not None:
+            motion = self._sensors.sense(motion, self.now)
+        return motion if self.distort is None else self.distort(motion, self.now)
 
     @property
     def estimate(self) -> Estimate:
         """What its state estimate and its receiver say, for telemetry."""
         if self._sensors is not None:
-            return self._sensors.estimate(self.body.motion, self.now)
-        self._exact.received = self.body.motion
-        return self._exact
+            found = self._sensors.estimate(self.body.motion, self.now)
+        else:
+            found = self._exact
+            found.received = self.body.motion
+        if self.distort is not None and found.received is not None:
+            found.received = self.distort(found.received, self.now)
+        return found
+
+    # What its main loop adds, by which faults act on it.
+
+    @abstractmethod
+    def restart(self) -> None:
+        """Reboot, if its condition allows it."""
+
+    @abstractmethod
+    def freeze(self, by: object, *, on: bool) -> None:
+        """Hang for as long as anything holds it."""
+
+    @abstractmethod
+    def ignore(self, by: object, *, on: bool) -> None:
+        """Acknowledge commands without carrying them out for as long as anything holds it."""
+
+    @abstractmethod
+    def take_over(self, mode: str | None) -> None:
+        """Have its pilot take the sticks and change the mode; None: give it back, in the mode that is commanded."""
 
     # The hooks of a family: what each must have.
 

@@ -11,11 +11,12 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
-from flight_model.earth import GeodeticOrigin
-from formation_scenario.navigation import InertialNavigation, NoisyNavigation
+from formation_scenario.navigation import InertialNavigation, NoisyNavigation, OwnNavigation
 from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
-from sim_vehicles.config import VehicleConfig
+from sim_vehicles.autopilot.own_navigator import OwnNavigator
+from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
+from sim_vehicles.outside import Failures
 
 SIZES: Final = (3, 3, 1, 1)
 """Number of components of position, velocity, airspeed and heading, each with a random stream of its own."""
@@ -81,9 +82,17 @@ class Sensors:
         return self._block[index]
 
 
-def sensors_of(config: VehicleConfig, origin: GeodeticOrigin, seed: int) -> Sensors | InertialNavigator | None:
-    """Return the sensors of a vehicle's telemetry; None if telemetry carries the exact state."""
-    keys, own = config.navigation, (config.identity, seed)
+def sensors_of(
+    config: VehicleConfig, fleet: FleetConfig, failures: Failures
+) -> Sensors | InertialNavigator | OwnNavigator | None:
+    """Return the sensors of a vehicle's telemetry; None if telemetry carries the exact state.
+
+    Raises:
+        ExtensionError: those of an extension can't begin.
+    """
+    keys, own = config.navigation, (config.identity, fleet.seed)
+    if isinstance(keys, OwnNavigation):
+        return OwnNavigator(keys, fleet.registered, *own, failures)
     if isinstance(keys, InertialNavigation):
-        return InertialNavigator(keys, origin, config.start.heading_rad, *own)
+        return InertialNavigator(keys, fleet.origin, config.start.heading_rad, *own)
     return Sensors(keys, *own) if isinstance(keys, NoisyNavigation) else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from airlink.cli import VERSION, ImportedWhenChosen, examples
+from airlink.cli import ImportedWhenChosen, examples, version_option
 
 EXAMPLES = examples(
     "sim-vehicles configs/quickstart.yaml        the vehicles of a scenario, at its endpoints",
@@ -28,7 +28,7 @@ COMMANDS = {
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog=EXAMPLES,
 )
-@click.version_option(package_name="gcs-formation", message=VERSION)
+@version_option()
 def main() -> None:
     """Emulated ArduPlanes, ArduCopters and PX4s that speak MAVLink over UDP.
 

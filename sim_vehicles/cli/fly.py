@@ -20,6 +20,7 @@ from airlink.clock import NANOSECONDS, Instant, RealClock
 from airlink.endpoint import LOOPBACK, MAX_PORT, Address, Endpoint, PortError, VehicleId
 from airlink.udp import UdpDriver, resolved
 from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.extensions import ExtensionError
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.model import Origin
 from formation_scenario.start_states_and_end_times import StartState
@@ -71,6 +72,7 @@ Their timeouts are the longest that the families allow, so that a station may be
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--clock-origin", "clock_origin_ns", type=int, hidden=True)
 @click.option("--truth", type=click.Path(path_type=Path), hidden=True)
+@click.option("--truth-at-once", "at_once", is_flag=True, hidden=True)
 @click.option("--with-parent", "parent_pid", type=int, hidden=True)
 def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None, quiet: bool, **options: Any) -> None:
     """Fly the emulated vehicles of SCENARIO, or --count of them, until Ctrl-C (exit status 130).
@@ -97,7 +99,7 @@ def fly(scenario: Path | None, overrides: tuple[str, ...], ready_s: float | None
     try:
         prepared = scenario is not None and options["parent_pid"] is None  # not those of `run`, which checks none
         sys.exit(_flown(config, quiet=quiet, prepared=prepared, **options))
-    except (PortError, OSError) as error:
+    except (PortError, OSError, ExtensionError) as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
 
 
@@ -114,7 +116,7 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores it
             signal.signal(number, lambda number, _frame: signals.append(number))
     terminal = Terminal() if parent_pid is None else None
-    recording = TruthWriter(truth, len(config.vehicles)) if truth else None
+    recording = TruthWriter(truth, len(config.vehicles), at_once=given["at_once"]) if truth else None
     with recording or nullcontext():
         begun = clock.now()
         vehicles = tuple(replace(each, endpoint=resolved(each.endpoint)) for each in config.vehicles)
@@ -124,12 +126,14 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
 
         orders = None if parent_pid is None else ParentsOrders(fleet.environment)
 
+        extensions = ExtensionWatch(fleet, to_parent=parent_pid is not None)
+
         def over() -> bool:
             late = until_s is not None and clock.now() - begun > until_s * NANOSECONDS
             closed = terminal is not None and terminal.closed
             if orders is not None:
                 orders.poll()
-            return bool(signals) or late or closed or parent_pid not in (None, os.getppid())
+            return bool(signals) or late or closed or extensions.over() or parent_pid not in (None, os.getppid())
 
         with UdpDriver(fleet, clock) as driver:
             if not quiet:
@@ -137,7 +141,27 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
             elif parent_pid is not None:
                 _greet("ready")
             driver.run(over)
+    if extensions.over():
+        fail(str(fleet.failure), Status.COULD_NOT_GO_ON)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
+
+
+class ExtensionWatch:
+    """Reports what failed of the fleet's extensions."""
+
+    def __init__(self, fleet: Fleet, *, to_parent: bool) -> None:
+        """Report it to the parent process, which ends the flight in order; without one the vehicles end."""
+        self._fleet, self._to_parent, self._told = fleet, to_parent, False
+
+    def over(self) -> bool:
+        """Return whether the vehicles end for it."""
+        failure = self._fleet.failure
+        if failure is None:
+            return False
+        if self._to_parent and not self._told:
+            self._told = True
+            _greet(failure)
+        return not self._to_parent
 
 
 class ParentsOrders:

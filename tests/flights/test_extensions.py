@@ -206,6 +206,24 @@ def test_an_error_of_an_extension_ends_the_flight_with_its_file_and_line(kind, t
     assert f"ZeroDivisionError: division by zero ({file}, line 6)" in str(failed.value)
 
 
+def test_a_metric_that_raises_leaves_a_summary_of_the_flight_with_the_other_figures(tmp_path):
+    code = f"{HEAD}@register_metric('it')\nclass It(Metric):\n    def measure(self, flight):\n        return 1 / 0\n"
+    expect = [{"metric": "it", "below": 1}, {"metric": "error_x_m.max", "below": 5}]
+    file = own(tmp_path, code)
+    with pytest.raises(gcs_formation.RunAbortedError) as failed:
+        flown(tmp_path, file, expect=expect)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["failure"] == str(failed.value)
+    assert f"the metric 'it' could not be computed: ZeroDivisionError: division by zero ({file}, line 6)" in str(
+        failed.value
+    )
+    own_figure, *others = summary["expect"]
+    assert (own_figure["held"], own_figure["judged"], own_figure["value"]) == (None, False, None)
+    assert "line 6" in own_figure["reason"]
+    assert len(others) == 2
+    assert all(each["held"] for each in others)
+
+
 @pytest.mark.parametrize(
     ("code", "more", "said"),
     [

@@ -154,6 +154,52 @@ def test_what_cannot_be_done_is_refused_as_elsewhere_and_isnt_recorded(tmp_path:
     assert orders == [{"at_tick": 1, "order": "loiter"}]
 
 
+def test_replaced_setpoints_are_flown_as_a_filters_until_the_program_goes_on_without(tmp_path: Path) -> None:
+    def fly(out: Path) -> list[tuple[float, float, bool]]:
+        seen = list[tuple[float, float, bool]]()
+        with Flight(scenario(), seed=3, out=out, until=4) as flight:
+            for tick in flight:
+                follower = tick.vehicles[2]
+                seen.append((tick.mission_time_s, follower.setpoint.height_m, follower.replaced[2]))
+                if 0.95 < tick.mission_time_s < 2.95:
+                    follower.replace(height_m=101.0)
+                    flight.replace(3, speed_mps=99.0)
+        return seen
+
+    seen = fly(tmp_path / "first")
+    told_m = {round(time_s, 1): (height_m, replaced) for time_s, height_m, replaced in seen if time_s >= 0}
+    assert {each for time_s, each in told_m.items() if 1.05 < time_s < 3.05} == {(101.0, True)}, "one tick later"
+    assert not any(replaced for time_s, (_, replaced) in told_m.items() if not 1.05 < time_s < 3.05)
+    speeds_mps = {
+        row["setpoint_speed_mps"]
+        for row in pq.read_table(tmp_path / "first" / "timeseries.parquet").to_pylist()
+        if str(row["vehicle"]) == "3" and 1.05 < row["mission_time_s"] < 3.05
+    }
+    assert speeds_mps == {28.0}, "its envelope's"
+    said = events_of(tmp_path / "first")
+    assert [each["vehicle"] for each in said if each["kind"] == "script"] == ["2", "3"]
+    assert not [each for each in said if each["kind"] == "disobeys"]
+    (act,) = flight_orders(tmp_path / "first")
+    assert act["setpoints"] == "replaced by a program"
+    with pytest.raises(ScenarioError, match=r"orders.0.setpoints: found 'replaced by a program' after"):
+        gcs_formation.run(tmp_path / "first" / "run.yaml", clock="virtual", out=tmp_path / "without")
+    assert not (tmp_path / "without").exists()
+    fly(tmp_path / "again")
+    assert same(tmp_path / "first", tmp_path / "again")
+
+
+def test_a_setpoint_that_cannot_be_commanded_is_refused(tmp_path: Path) -> None:
+    with Flight(scenario(), seed=3, out=tmp_path / "run") as flight:
+        next(flight)
+        with pytest.raises(ValueError, match="found vehicle 9; allowed: 1, 2, 3"):
+            flight.replace(9, height_m=100)
+        with pytest.raises(ValueError, match="found nan; allowed: a finite number"):
+            flight.replace(2, height_m=math.nan)
+    assert "orders" not in yaml.safe_load((tmp_path / "run" / "run.yaml").read_text()) or all(
+        "setpoints" not in each for each in flight_orders(tmp_path / "run")
+    )
+
+
 def test_a_vehicle_that_a_program_crashed_is_not_missed(tmp_path: Path) -> None:
     """As one that the scenario crashed: it doesn't count as lost."""
     crashed = False

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation_scenario.slot_assignment import RINGS, slot_schedule, slot_table, slots
+from formation_scenario.formation import CUSTOM, SHAPE_NAMES
+from formation_scenario.slot_assignment import slot_schedule, slot_table, slots
 
-SHAPES = (*RINGS, "circle")
+SHAPES = tuple(name for name in SHAPE_NAMES if name != CUSTOM)
 shapes = st.sampled_from(sorted(SHAPES))
 counts = st.integers(1, 60)
 

@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from formation_scenario import ScenarioError, dump_scenario, load_scenario
-from formation_scenario.derived_defaults import read_model, shipped_names
+from formation_scenario.derived_defaults import read_model
+from formation_scenario.shipped_aircraft import shipped_names
 from formation_scenario.source import Source
 
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}

@@ -21,7 +21,7 @@ from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project
 from gcs_formation.record.timeseries import flying, read_parquet
 from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
-from gcs_formation.stability.consensus_margins import laplacian
+from gcs_formation.stability.consensus_loops import laplacian
 from tests.gcs_formation.stability.rightmost_root import consensus_rightmost_root
 
 Array = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
-from gcs_formation.stability.consensus_margins import laplacian
+from gcs_formation.stability.consensus_loops import laplacian
 from tests.gcs_formation import tables
 from tests.gcs_formation.tables import Decision, TableLaw
 

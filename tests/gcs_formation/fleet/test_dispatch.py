@@ -30,7 +30,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         may_loiter=False,
         clock=SimpleNamespace(one_way_s=up_s, split_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
-        round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None),
+        round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None, knows_ways=False),
         autopilot=SimpleNamespace(speeds_mps=None),
         stands_after_s=math.inf,
         returns_after_s=0.0,

@@ -14,6 +14,7 @@ import pytest
 from flight_model.spline import SplinePath
 from formation_scenario import Scenario, dump_scenario, load_scenario
 from formation_scenario.slot_assignment import slot_schedule
+from formation_scenario.surroundings import StepDisturbance
 from gcs_formation.record.figures_of_merit import (
     axis_figures,
     effort,
@@ -217,7 +218,9 @@ def vehicle_columns(
 def disturbance_mps(scenario: Scenario, mission_s: np.ndarray) -> np.ndarray:
     """Return (T, 3) the sum of the scenario's steps, as if each acted on all vehicles."""
     steps = [
-        np.outer(mission_s >= each.at_s, each.velocity_mps) for each in scenario.disturbances if each.kind == "step"
+        np.outer(mission_s >= each.at_s, each.velocity_mps)
+        for each in scenario.disturbances
+        if isinstance(each, StepDisturbance)
     ]
     return np.sum([np.zeros((mission_s.size, 3)), *steps], axis=0)
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_model.arrays import Array
-from gcs_formation.stability.consensus_margins import Component, as_adjacency, laplacian, spanning_components
+from gcs_formation.stability.consensus_loops import Component, as_adjacency, laplacian, spanning_components
 
 COINCIDENT = 1e-14
 

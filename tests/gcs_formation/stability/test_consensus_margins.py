@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from formation_scenario.model import graph_adjacency
 from gcs_formation.stability import consensus_delay_margin
-from gcs_formation.stability.consensus_margins import as_adjacency, ground_consensus_loops, laplacian
+from gcs_formation.stability.consensus_loops import as_adjacency, ground_consensus_loops, laplacian
 from gcs_formation.stability.pid_margins import delay_margin
 from tests.gcs_formation.stability.rightmost_root import consensus_rightmost_root, rightmost_root
 

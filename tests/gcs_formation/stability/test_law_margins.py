@@ -14,7 +14,7 @@ from formation_scenario import load_scenario
 from formation_scenario.model import Scenario, graph_adjacency
 from formation_scenario.vehicle_rules import all_hear_one
 from gcs_formation.stability import consensus_delay_margin, consensus_margins, law_margins, scenario_delay_margin
-from gcs_formation.stability.consensus_margins import ground_consensus_loops, spanning_components
+from gcs_formation.stability.consensus_loops import ground_consensus_loops, spanning_components
 from gcs_formation.stability.pid_margins import delay_margin
 
 STRAIGHT = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}

@@ -18,7 +18,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import LoopDelay, Usage, consensus_delay_margin, law_loops, scenario_delay_margin
-from gcs_formation.stability.consensus_margins import ground_consensus_loops, laplacian
+from gcs_formation.stability.consensus_loops import ground_consensus_loops, laplacian
 from gcs_formation.stability.mismatch import BANDWIDTHS, predicted_mismatch_margin
 from gcs_formation.stability.pid_margins import AircraftResponse, Loop, delay_margin, forward_plant, right_plant
 

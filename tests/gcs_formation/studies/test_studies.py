@@ -25,6 +25,7 @@ from gcs_formation.cli import main
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies import Study, study_schema
 from gcs_formation.studies.campaign import judge
+from gcs_formation.studies.cluster import Cluster
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
 from gcs_formation.studies.flight import Task, figure, fly
 from gcs_formation.studies.plan import (
@@ -37,7 +38,7 @@ from gcs_formation.studies.plan import (
     samples,
 )
 from gcs_formation.studies.preparation import load_study, prepare, refly_task
-from gcs_formation.studies.workers import Cluster, Processes
+from gcs_formation.studies.workers import Processes
 from tests.flights.conftest import scenario
 from tests.processes import wait_for
 
@@ -667,7 +668,7 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
 @pytest.mark.slow
 def test_a_restarted_scheduler_costs_no_flight_and_one_that_is_gone_ends_the_study(two, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("gcs_formation.studies.workers.GONE_S", 10.0)
+    monkeypatch.setattr("gcs_formation.studies.cluster.GONE_S", 10.0)
     planned, base = prepare(two)
     tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
     small = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
@@ -916,7 +917,7 @@ def test_a_scheduler_s_address_is_looked_at_before_anything(two, tmp_path):
 
 def test_a_scheduler_that_does_not_answer_is_said_so(two, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("gcs_formation.studies.workers.ANSWER_S", 0.3)
+    monkeypatch.setattr("gcs_formation.studies.cluster.ANSWER_S", 0.3)
     done = command("study", two, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
     assert done.exit_code == 3
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in done.output

@@ -1,0 +1,114 @@
+"""A predictor from outside, in place of equation (7) alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from airlink.clock import NANOSECONDS
+from airlink.endpoint import VehicleId
+from flight_model.autopilot_model import AutopilotModel, FlightState
+from formation_scenario import Scenario
+from formation_scenario.extensions import Registered
+from formation_scenario.slot_assignment import column_ids
+from gcs_formation.control.outside import guarded, made
+from gcs_formation.control.plain_values import MeasuredVehicle, Setpoint, State, plain_state, vehicle_name
+from gcs_formation.errors import NotFiniteError
+from gcs_formation.estimation.projection import Measured, Prediction, States
+from gcs_formation.estimation.setpoint_history import SetpointHistory
+
+
+class OwnPrediction(States):
+    """The states that an extension predicts; instants are ours."""
+
+    def __init__(
+        self,
+        entry: Registered,
+        keys: Mapping[str, Any],
+        scenario: Scenario,
+        history: SetpointHistory,
+        models: list[AutopilotModel],
+    ) -> None:
+        """Make an instance; the (C,) `models` and the setpoints in `history` are what our own predictor uses.
+
+        Raises:
+            RunAbortedError: it can't begin.
+        """
+        self._entry = entry
+        self._own: Any = made(entry, keys)
+        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._history, self._models = history, models
+        self._by_model = Prediction(history, models, scenario.telemetry.rate_hz)
+        self._measured: Measured | None = None
+        self._seen: list[MeasuredVehicle] = []
+        self._found: dict[tuple[int, int], FlightState] = {}
+
+    def take(self, measured: Measured) -> OwnPrediction:
+        """Take a tick's states, and show them to the predictor.
+
+        Raises:
+            NotFiniteError: it raised an error.
+        """
+        self._by_model.take(measured)
+        self._measured, self._found = measured, {}
+        self._seen = [self._vehicle(column, measured) for column in range(len(measured.states))]
+        guarded(self._entry, partial(self._own.take, tuple(self._seen)))
+        return self
+
+    def instant(self, whose: int) -> int:
+        """Return when the setpoint acts."""
+        return self._by_model.instant(whose)
+
+    def of(self, which: int, whose: int) -> FlightState:
+        """Return a vehicle's predicted state.
+
+        Raises:
+            NotFiniteError: the predictor raised an error, or returned something else than eight finite numbers.
+        """
+        known = self._found.get((which, whose))
+        if known is None:
+            known = self._found[which, whose] = self._predicted(which, whose)
+        return known
+
+    def _predicted(self, which: int, whose: int) -> FlightState:
+        vehicle, follower, to_s = self._seen[which], self._seen[whose], self.instant(whose) / NANOSECONDS
+        try:
+            values = [float(each) for each in self._own.predict(vehicle, to_s, follower)]
+            north_m, east_m, height_m, airspeed_mps, heading_rad, climb_mps, wind_north_mps, wind_east_mps = values
+        except Exception as error:
+            raise NotFiniteError(str(self._entry), None, self._entry.said(error)) from error
+        if not math.isfinite(sum(values)):
+            shown = ", ".join([f"{name} {value:.6g}" for name, value in zip(State._fields, values, strict=True)])
+            raise NotFiniteError(f"{self._entry} ({self._entry.where})", which, f"state: {shown}")
+        state = self._by_model.of(which, whose)
+        state.north_m, state.east_m, state.height_m = north_m, east_m, height_m
+        state.airspeed_mps, state.heading_rad, state.climb_mps = airspeed_mps, heading_rad, climb_mps
+        state.wind_north_mps, state.wind_east_mps = wind_north_mps, wind_east_mps
+        return state
+
+    def _vehicle(self, column: int, measured: Measured) -> MeasuredVehicle:
+        identity = self._identities[column]
+        return MeasuredVehicle(
+            None if identity is None else vehicle_name(identity),
+            plain_state(measured.states[column]),
+            measured.stamps[column] / NANOSECONDS,
+            measured.acts[column] / NANOSECONDS,
+            measured.active[column],
+            partial(self._carried, column),
+            partial(self._commanded, column),
+        )
+
+    def _carried(self, column: int, to_s: float) -> State:
+        """Return a vehicle's state at a time by equation (7), through the setpoints in flight."""
+        assert self._measured is not None
+        state, since = self._measured.states[column].copy(), int(self._measured.stamps[column])
+        until = max(since, round(to_s * NANOSECONDS))
+        self._history.carry(state, since, until, column, self._models[column])
+        return plain_state(state)
+
+    def _commanded(self, column: int, at_s: float) -> Setpoint:
+        if self._history.empty:
+            return Setpoint(math.nan, math.nan, math.nan)
+        return Setpoint(*self._history.commanded(round(at_s * NANOSECONDS), column))

@@ -1,0 +1,133 @@
+"""Families of autopilots as the station commands them: ours, registered as one from outside is, and how that is held.
+
+A family of one's own is a subclass of one of these: of `Autopilot`, with everything that a family needs, or of the one
+that it resembles. The hooks are the methods of `Autopilot`; what tells families apart in numbers and tables are class
+attributes. `self.keys` has its own keys.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from airlink.messages.system import Heartbeat
+from flight_model.autopilot_model import FlightState, Setpoint
+from formation_scenario.extensions import AUTOPILOT, Registered, registered_in
+from formation_scenario.register import Decorator, decorator
+from gcs_formation.errors import NotFiniteError, RunAbortedError
+from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPilot, ArduPlane
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, Effect, StartUpStep
+from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.px4 import Px4, Px4Copter, Px4Plane
+from gcs_formation.vehicle.telemetry import Telemetry
+
+__all__ = [
+    "ArduCopter",
+    "ArduPilot",
+    "ArduPlane",
+    "Autopilot",
+    "Check",
+    "Command",
+    "Craft",
+    "Effect",
+    "FlightState",
+    "Heartbeat",
+    "Px4",
+    "Px4Copter",
+    "Px4Plane",
+    "Setpoint",
+    "StartUpStep",
+    "Telemetry",
+    "register_autopilot",
+]
+
+NOTHING: Final[Mapping[str, object]] = {
+    "speaks": False,
+    "start_up": (),
+    "says_airborne": True,
+    "says_grounded": False,
+    "setpoint": (),
+    "checks": (),
+}
+"""What stands for each method that every family has of its own, after that of an extension has failed."""
+
+
+def register_autopilot(name: str) -> Decorator[type[Autopilot]]:
+    """Register a family of autopilots, which `autopilot: NAME` of a vehicle chooses; `parameters` are its keys."""
+    return decorator(AUTOPILOT, name, Autopilot)
+
+
+FAMILIES: Final = dict[str, Registered]()
+"""Ours by their names."""
+_ours: dict[str, type[Autopilot]] = {
+    "arduplane": ArduPlane,
+    "arducopter": ArduCopter,
+    "px4_plane": Px4Plane,
+    "px4_copter": Px4Copter,
+}
+for _name, _family in _ours.items():
+    register_autopilot(_name)(_family)
+    FAMILIES.update(registered_in(sys.modules[_family.__module__], AUTOPILOT))
+
+
+def own_autopilot(entry: Registered, keys: Mapping[str, Any], craft: Craft) -> Autopilot:
+    """Return the interface to an autopilot of a family from outside.
+
+    Where its code raises an error, `failure` says so, and the class of ours that it is a subclass of goes on in its
+    place, so that the flight ends safely.
+
+    Raises:
+        RunAbortedError: it can't begin.
+    """
+    try:
+        autopilot: Autopilot = _held(entry).of(craft)
+        autopilot.keys = entry.keys_model.model_validate(keys)
+    except Exception as error:
+        raise RunAbortedError(f"{entry} can't begin: {entry.said(error)}") from error
+    return autopilot
+
+
+def _held(entry: Registered) -> type[Autopilot]:
+    """Return a subclass of a registered class whose own methods and properties don't raise."""
+    made: type[Autopilot] = entry.made
+    base = next(each for each in made.__mro__ if each in _OURS)
+    held = {name: _method(entry, name, value, base) for name, value in _own(made, base)}
+    return type(made.__name__, (made,), held)
+
+
+_OURS = (ArduPlane, ArduCopter, Px4Plane, Px4Copter, ArduPilot, Px4, Autopilot)
+
+
+def _own(made: type[Autopilot], base: type[Autopilot]) -> Iterator[tuple[str, Any]]:
+    """Yield the methods and properties that a class and its bases below ours define, the innermost last."""
+    for each in reversed(made.__mro__[: made.__mro__.index(base)]):
+        for name, value in vars(each).items():
+            if name not in {"__init__", "of"} and (isinstance(value, property) or _is_function(value)):
+                yield name, value
+
+
+def _is_function(value: object) -> bool:
+    return callable(value) and not isinstance(value, type | classmethod | staticmethod)
+
+
+def _called(value: Any) -> Any:  # noqa: ANN401 - as above
+    """Return the function of a method or a property."""
+    return value.fget if isinstance(value, property) else value
+
+
+def _method(entry: Registered, name: str, value: Any, base: type[Autopilot]) -> Any:  # noqa: ANN401 - a class's attributes
+    """Return a method, or a property, that notes an error and does as our class does from then on."""
+    own, ours = _called(value), _called(getattr(base, name, None))
+
+    def held(self: Autopilot, *args: object, **kwargs: object) -> object:
+        if self.failure is None:
+            try:
+                return own(self, *args, **kwargs)
+            except Exception as error:  # noqa: BLE001 - of code from outside
+                self.failure = NotFiniteError(str(entry), None, entry.said(error))
+        if name in NOTHING and getattr(ours, "__isabstractmethod__", False):
+            return NOTHING[name]
+        return ours(self, *args, **kwargs) if callable(ours) else ours
+
+    return property(held) if isinstance(value, property) else held
