@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -73,6 +73,17 @@ class Polygon:
 
     corners_m: Array
 
+    @cached_property
+    def centre_m(self) -> Array:
+        """The centre (2,) of a circle around it."""
+        centre: Array = (self.corners_m.min(axis=0) + self.corners_m.max(axis=0)) / 2.0
+        return centre
+
+    @cached_property
+    def radius_m(self) -> float:
+        """The radius of that circle."""
+        return float(np.linalg.norm(self.corners_m - self.centre_m, axis=-1).max())
+
     def inside_m(self, place_m: Array) -> Array:
         """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
         return inside_m(self.corners_m, place_m)
@@ -87,7 +98,8 @@ class Circle:
 
     def inside_m(self, place_m: Array) -> Array:
         """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
-        distance: Array = self.radius_m - np.linalg.norm(place_m - self.centre_m, axis=-1)
+        north_m, east_m = self.centre_m.tolist()
+        distance: Array = self.radius_m - np.hypot(place_m[..., 0] - north_m, place_m[..., 1] - east_m)
         return distance
 
 
@@ -127,26 +139,41 @@ class FenceAreas:
         The sign is exact, and the distance never larger than that to the fence's edge. Inside it is exact, too, unless
         one of several inclusions is enough and these overlap.
         """
-        return reduce(np.minimum, [allowed_m for allowed_m, _ in self._binding(place_m)])
+        places = place_m.reshape(-1, 2)
+        inclusions = [area.shape.inside_m(places) for area in self.areas if area.inclusion]
+        found: Array = reduce(np.maximum if self.any_inclusion else np.minimum, inclusions, np.array(self._begin_m))
+        found = np.broadcast_to(found, places.shape[:1]).copy()
+        for area in self.areas if places.size else ():
+            if not area.inclusion:
+                _keep_out(area.shape, places, found)
+        return found.reshape(place_m.shape[:-1])
+
+    @property
+    def _begin_m(self) -> float:
+        """The distance inside no inclusion yet: nowhere where one is enough, everywhere where all bind."""
+        return -math.inf if self.any_inclusion and any(area.inclusion for area in self.areas) else math.inf
 
     def nearest(self, place_m: Array) -> FenceArea:
         """Return the area whose edge decides the distance of a point (2,)."""
-        return min(self._binding(place_m), key=lambda each: float(each[0]))[1]
+        each = [(float(area.allowed_m(place_m)), index) for index, area in enumerate(self.areas)]
+        inclusions = [one for one in each if self.areas[one[1]].inclusion]
+        if self.any_inclusion and inclusions:
+            each = [max(inclusions), *(one for one in each if one not in inclusions)]
+        return self.areas[min(each)[1]]
 
-    def _binding(self, place_m: Array) -> list[tuple[Array, FenceArea]]:
-        """Return the distances that all must be positive inside, with their areas, for points (…, 2).
 
-        Of inclusions of which one is enough it is the largest, with the area that is the nearest of the first point.
-        """
-        each = [(area.allowed_m(place_m), area) for area in self.areas]
-        if not self.any_inclusion:
-            return each
-        inclusions = [one for one in each if one[1].inclusion]
-        others = [one for one in each if not one[1].inclusion]
-        if not inclusions:
-            return others
-        first = max(inclusions, key=lambda one: float(one[0].flat[0]))[1]
-        return [(reduce(np.maximum, [allowed_m for allowed_m, _ in inclusions]), first), *others]
+def _keep_out(shape: Polygon | Circle, places: Array, inside: Array) -> None:
+    """Lower the distances inside (N,) of places (N, 2) to those from a shape to stay out of, where these are smaller.
+
+    Nothing is nearer to it than to the circle around it, so that most shapes and places need no more than that.
+    """
+    (north_m, east_m), (low, high) = shape.centre_m.tolist(), (places.min(axis=0), places.max(axis=0))
+    gap = np.maximum(np.maximum(low - shape.centre_m, shape.centre_m - high), 0.0)
+    if math.hypot(*gap.tolist()) - shape.radius_m > inside.max():
+        return
+    near = ~(np.hypot(places[:, 0] - north_m, places[:, 1] - east_m) - shape.radius_m >= inside)  # unknown ones too
+    if near.any():
+        inside[near] = np.minimum(inside[near], -shape.inside_m(places[near]))
 
 
 def room_m(areas: FenceAreas, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:

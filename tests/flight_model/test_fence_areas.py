@@ -97,3 +97,18 @@ def test_of_inclusions_of_which_one_is_enough_the_nearer_one_is_named() -> None:
     assert found.inside_m(np.array([3000.0, 0.0])) == pytest.approx(500.0)
     assert [found.nearest(np.array([north_m, 0.0])).key[-1] for north_m in (900.0, 2400.0)] == ["0", "1"]
     assert [str(each) for each in FENCES["a circle in a polygon"].areas] == ["inclusion polygon", "exclusion circle"]
+
+
+def test_shapes_too_far_to_matter_change_nothing_and_unknown_places_stay_unknown() -> None:
+    rng = np.random.default_rng(9)
+    lakes = [Circle(rng.uniform(-2000.0, 2000.0, 2), float(rng.uniform(20.0, 300.0))) for _ in range(30)]
+    woods = [Polygon(rng.uniform(-2000.0, 2000.0, 2) + rng.uniform(-300.0, 300.0, (5, 2))) for _ in range(30)]
+    found = fence((Polygon(WIDE), True), *((shape, False) for shape in (*lakes, *woods)))
+    places = rng.uniform(-1500.0, 1500.0, (20, 10, 2))
+    places[3, 4] = np.nan
+    each = [area.allowed_m(places) for area in found.areas]
+    assert np.array_equal(found.inside_m(places), np.min(each, axis=0), equal_nan=True)
+    one_by_one = [[found.inside_m(place) for place in row] for row in places]
+    assert np.array_equal(np.array(one_by_one), np.min(each, axis=0), equal_nan=True)
+    assert np.isnan(fence((lakes[0], False)).inside_m(places[3])[4])
+    assert found.inside_m(np.zeros((0, 2))).shape == (0,)
