@@ -38,6 +38,8 @@ class Flyers(NamedTuple):
     right_m: Array
     turn_rps: Array
     """Largest turn rates."""
+    slots_turn: bool = True
+    """Whether the offsets are by the leader's heading; else they are north and east."""
 
 
 class Drift(NamedTuple):
@@ -199,7 +201,8 @@ def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) 
     north_m, east_m, course_rad = way
     aside_mps = drift.east_mps * np.cos(course_rad) - drift.north_mps * np.sin(course_rad)
     heading_rad = course_rad - np.arcsin(within(aside_mps / max(drift.speed_mps, LEAST_MPS), -1.0, 1.0))
-    return np.stack(beside(north_m, east_m, heading_rad, flyers.forward_m[:, None], flyers.right_m[:, None]), axis=-1)
+    axis_rad = heading_rad if flyers.slots_turn else np.zeros_like(heading_rad)
+    return np.stack(beside(north_m, east_m, axis_rad, flyers.forward_m[:, None], flyers.right_m[:, None]), axis=-1)
 
 
 def room_along_m(

@@ -21,6 +21,9 @@ FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 MISMATCH = 0.3
 """Relative error of the autopilot's time scale and gain, in all combinations."""
 ROUNDING = 1e-6
+SLOW_RADPS = 0.15
+"""Turns and climbs of a formation's path change no faster than this."""
+LEAST_LAG_S = 0.2
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
@@ -61,6 +64,15 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     every = np.broadcast_to(inputs, (z.size, *inputs.shape)).astype(np.complex128)
     states = (np.linalg.solve(system, every) * late[:, None, None]).astype(np.complex128)
     return Responses(speed=states[:, SPEED, 0], heading=states[:, HEADING, 1], height=states[:, HEIGHT, 2])
+
+
+def slow_lags_s(airframe: AirframeParameters, speed_mps: float) -> tuple[float, float, float]:
+    """Return by how much speed, heading and height lag behind setpoints that change slowly, at `SLOW_RADPS`."""
+    at = airframe_responses(np.array([SLOW_RADPS]), airframe, speed_mps)
+    speed, heading, height = (
+        max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)
+    )
+    return speed, heading, height
 
 
 def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, Array]:

@@ -18,10 +18,9 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, T
 from flight_model.curve import PathPoint
+from flight_model.lift_curve import STEP_M, LiftCurve
 from flight_model.path import FlightPath
 
-STEP_M = 20.0
-"""Distance between knots."""
 SAMPLES = 4
 """Points per step at which the clearance is required."""
 SAMPLE_M = STEP_M / SAMPLES
@@ -57,15 +56,13 @@ class Lift:
     """Largest shortfall: how much of the required lift the bounds don't allow."""
 
     @cached_property
-    def _control_m(self) -> list[float]:
-        """`control_m` as plain numbers, which are faster one at a time."""
-        return self.control_m.tolist()
+    def curve(self) -> LiftCurve:
+        """The lift on plain numbers, which are faster one at a time."""
+        return LiftCurve(self.control_m.tolist())
 
     def at_one(self, distance_m: float) -> tuple[float, float, float]:
         """Return the same as `at`, for one distance."""
-        steps = (distance_m - self.start_m) / STEP_M
-        index = int(min(max(steps, 0.0), len(self._control_m) - 4))
-        return blend(self._control_m[index : index + 4], min(max(steps - index, 0.0), 1.0))
+        return self.curve.at((distance_m - self.start_m) / STEP_M)
 
     def at(self, distance_m: Array) -> tuple[Array, Array, Array]:
         """Return the lift, its slope and its curvature at distances; constant beyond its ends."""
@@ -74,8 +71,8 @@ class Lift:
         return blend([self.control_m[index + i] for i in range(4)], steps - index)
 
 
-def blend(control: Sequence[T], u: T) -> tuple[T, T, T]:
-    """Return value, slope and curvature at u, 0 to 1, within a step, from the step's four control points."""
+def blend(control: Sequence[Array], u: Array) -> tuple[Array, Array, Array]:
+    """Return the same as `LiftCurve.at`, at u, 0 to 1, within a step, from the step's four control points."""
     c0, c1, c2, c3 = control
     second = c0 + u * (c1 - c0) - 2.0 * (c1 + u * (c2 - c1)) + c2 + u * (c3 - c2)
     rest = 1.0 - u
@@ -113,16 +110,26 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     least = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
     most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
     cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
-    within = list(zip(least.tolist(), most.tolist(), strict=True))
-    import scipy  # noqa: PLC0415 - needed over terrain only; the import takes longer than reading a scenario
-
-    found: Any = scipy.optimize.linprog(cost, rows, limits, bounds=within, method="highs-ds")
-    if found.x is None:
+    found = _minimum(cost, rows, limits, least, most)
+    if found is None:
         # No continuation is within the bounds: hold the last value, and report all that is missing.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
         return Lift(start_m, held, float(np.nanmax(needed_m)))
-    control_m, short_m, _ = np.split(np.asarray(found.x, dtype=np.float64), [count, count + needed.size])
+    control_m, short_m, _ = np.split(found, [count, count + needed.size])
     return Lift(start_m, control_m, float(short_m.max(initial=0.0)))
+
+
+def _minimum(cost: Array, rows: Any, limits: Array, least: Array, most: Array) -> Array | None:  # noqa: ANN401 - see `_sparse`
+    """Return the x of the least cost @ x with rows @ x <= limits, within its bounds; None if there is none.
+
+    `milp` without integers: the same solver as `linprog`, which takes a fifth longer to prepare and to explain it.
+    """
+    import scipy  # noqa: PLC0415 - needed over terrain only; the import takes longer than reading a scenario
+
+    optimize: Any = scipy.optimize
+    limited = optimize.LinearConstraint(rows, -np.inf, limits)
+    found: Array | None = optimize.milp(cost, bounds=optimize.Bounds(least, most), constraints=limited).x
+    return found
 
 
 def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> tuple[Any, Array]:
@@ -138,7 +145,7 @@ def _programme(needed: Indices, needed_m: Array, slope: Array, bounds: Bounds, b
     values = np.concatenate((-weights.ravel(), values, -np.ones(needed.size)))
     rows = np.concatenate((np.repeat(each, 4), needed.size + rows, each))
     columns = np.concatenate(((first[:, None] + np.arange(4)).ravel(), columns, count + each))
-    return _sparse().csr_array((values, (rows, columns)), (limits.size, count + needed.size)), limits
+    return _sparse().csc_array((values, (rows, columns)), (limits.size, count + needed.size)), limits
 
 
 @cache

@@ -28,7 +28,7 @@ def all_finite(values: Triple) -> bool:
 
 
 class Slot:
-    """A slot's place and motion in the leader's frame: forward, right and up, in m, m/s and m/s²."""
+    """A slot's place and motion from the leader, in its frame: forward, right and up, in m, m/s and m/s²."""
 
     __slots__ = (
         "forward_m",
@@ -48,6 +48,31 @@ class Slot:
         self.forward_mps, self.right_mps, self.up_mps = velocity_mps[0], velocity_mps[1], velocity_mps[2]
         self.forward_mps2, self.right_mps2 = acceleration_mps2[0], acceleration_mps2[1]
         self.up_mps2 = acceleration_mps2[2]
+
+    def turned(self, axis_rad: float, turn_rps: float, bend_rps2: float) -> Slot:
+        """Return a slot fixed to north and east as seen along axes at `axis_rad`, which turn, at a changing rate."""
+        cos, sin = math.cos(axis_rad), math.sin(axis_rad)
+        x, y = self.forward_m * cos + self.right_m * sin, self.right_m * cos - self.forward_m * sin
+        vx, vy = self.forward_mps * cos + self.right_mps * sin, self.right_mps * cos - self.forward_mps * sin
+        ax, ay = self.forward_mps2 * cos + self.right_mps2 * sin, self.right_mps2 * cos - self.forward_mps2 * sin
+        swing = turn_rps * turn_rps
+        return Slot(
+            [x, y, self.up_m],
+            [vx + turn_rps * y, vy - turn_rps * x, self.up_mps],
+            [
+                ax + 2.0 * turn_rps * vy + bend_rps2 * y - swing * x,
+                ay - 2.0 * turn_rps * vx - bend_rps2 * x - swing * y,
+                self.up_mps2,
+            ],
+        )
+
+    def raised(self, up_m: float, up_mps: float, up_mps2: float) -> Slot:
+        """Return the slot raised by a height, with its rate and its change of rate."""
+        return Slot(
+            [self.forward_m, self.right_m, self.up_m + up_m],
+            [self.forward_mps, self.right_mps, self.up_mps + up_mps],
+            [self.forward_mps2, self.right_mps2, self.up_mps2 + up_mps2],
+        )
 
 
 def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:

@@ -31,6 +31,7 @@ from formation_scenario.mission_path import with_mission
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.own_aircraft import with_own_aircraft
+from formation_scenario.parameter_files import ParameterFileError, of_file
 from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import BASE_PORT, VehicleModel
@@ -56,10 +57,13 @@ MAY_BE_EMPTY = (
 )
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 MODELS = ("model", "true_model")
-FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": MODELS, "path": ("file",)}
+PARAMETERS = "parameters"
+"""Key of a model that names a parameter file; beside an extension's aircraft, a group of its keys."""
+FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": (*MODELS, PARAMETERS), "path": ("file",)}
 """Groups of keys that name files, and the keys that do; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
+_FIRMWARE_OF = {"arduplane": "ardupilot", "px4": "px4"}
 
 
 def resolve(source: Source) -> Source:
@@ -262,7 +266,11 @@ class _Models:
         written = {which: vehicle[which] for which in MODELS if vehicle.get(which) is not None}
         if vehicle.get("model") is None and vehicle.get("autopilot") in FAMILIES:
             written["model"] = vehicle["autopilot"]
-        return vehicle | {which: self._whole(model, (*path, which)) for which, model in written.items()}
+        whole = {which: self._whole(model, (*path, which)) for which, model in written.items()}
+        for which, model in written.items():
+            if isinstance(model, dict) and isinstance(model.get(PARAMETERS), str):
+                _refuse_other_firmware(vehicle, whole[which], self._source, (*path, which, PARAMETERS))
+        return vehicle | whole
 
     def _whole(self, model: Plain, path: KeyPath) -> Plain:
         if isinstance(model, str):
@@ -272,13 +280,37 @@ class _Models:
                 return model
             else:
                 model = self._file(model, path)
+        elif isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+            model = self._of_parameters(model, file, (*path, PARAMETERS))
         return model if self._registry is None else with_own_aircraft(model, self._registry, self._source, path)
+
+    def _of_parameters(self, model: dict[Key, Plain], file: str, path: KeyPath) -> Plain:
+        name = f"{PARAMETERS}: {file}"
+        if name not in self._read:
+            self._read[name] = read_parameter_model(file, self._directory, self._source, path)
+        return _over(self._read[name], model | {PARAMETERS: str((self._directory / file).absolute())})
 
     def _file(self, name: str, path: KeyPath) -> Plain:
         if name not in self._read:
             own = [] if self._registry is None else self._registry.names(AIRCRAFT)
             self._read[name] = read_model(name, self._directory, self._source, path, own)
         return self._read[name]
+
+
+def _refuse_other_firmware(vehicle: dict[Key, Plain], model: Plain, source: Source, path: KeyPath) -> None:
+    """Refuse parameters of another autopilot than the one that a vehicle names."""
+    named, of = vehicle.get("autopilot"), _FIRMWARE_OF.get(str(vehicle.get("autopilot")))
+    firmware = model.get("firmware", "ardupilot") if isinstance(model, dict) else of
+    if of is not None and firmware != of:
+        raise ScenarioError([source.problem(path, f"found a file of {firmware} for an {named}", f"one of {of}")])
+
+
+def _over(base: Plain, given: dict[Key, Plain]) -> Plain:
+    """Return a mapping with the given keys in place of its own, in groups below too; null keys are left out."""
+    if not isinstance(base, dict):
+        return given
+    own = {key: value for key, value in given.items() if value is not None or key not in base}
+    return base | {key: _over(base.get(key), value) if isinstance(value, dict) else value for key, value in own.items()}
 
 
 def _models(vehicles: Plain) -> list[Plain]:
@@ -288,7 +320,7 @@ def _models(vehicles: Plain) -> list[Plain]:
 
 
 def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Sequence[str] = ()) -> dict[Key, Plain]:
-    """Return the model in a vehicle file, or in a shipped one, as written there.
+    """Return the model in a vehicle file, or in a shipped one, as written there; with a parameter file's that it names.
 
     Args:
         name: a shipped name, or a file relative to `directory`.
@@ -306,7 +338,29 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Seque
     except ValidationError as error:
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
+    if isinstance(model, dict) and isinstance(file := model.get(PARAMETERS), str):
+        beside = _directory(source)
+        of_parameters = read_parameter_model(file, beside, source, ("model", PARAMETERS))
+        model = _over(of_parameters, model | {PARAMETERS: str((beside / file).absolute())})
     return plain_mapping(model) if isinstance(model, dict) else {}
+
+
+def read_parameter_model(file: str, directory: Path, at: Source, path: KeyPath) -> dict[Key, Plain]:
+    """Return the model of the aircraft that a parameter file is of; arguments as of `read_model`.
+
+    Raises:
+        ScenarioError: no such file, or one that isn't a fixed wing's, or has a line or a value that isn't allowed.
+    """
+    try:
+        return dict(of_file(directory / file, shipped_models()).model)
+    except ParameterFileError as error:
+        found, _, allowed = str(error).partition("; allowed: ")
+        raise ScenarioError([at.problem(path, found, allowed or "a parameter file that can be read")]) from error
+
+
+def shipped_models() -> dict[str, dict[Key, Plain]]:
+    """Return the models in the shipped vehicle files, as written there, by name."""
+    return {name: read_model(name, Path(), Source(None, {}), ()) for name in shipped_names()}
 
 
 def _read(name: str, directory: Path, at: Source, path: KeyPath, own: Sequence[str]) -> Source:

@@ -208,7 +208,7 @@ def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequ
                 f"found shape {step.shape} with {column_names(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"
             )
-            yield (*path, "shape"), found, "slots behind, or frame: leader_heading"
+            yield (*path, "shape"), found, "slots behind, or frame: leader_heading or north"
 
 
 def _keys(scenario: Scenario) -> list[KeyPath]:

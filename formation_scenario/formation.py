@@ -28,13 +28,13 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.register import marks_of
+from formation_scenario.slot_frame import Frame
 
 CUSTOM: Final = "custom"
 """The shape whose slots are keys."""
 SHAPE_NAMES: Final = (*(mark.name for mark in marks_of(shapes)), CUSTOM)
 """The shapes of `formation_scenario.shapes`, and that of `slots_m`; others come from extensions."""
 ShapeName = Annotated[str, Open(", ".join(SHAPE_NAMES), SHAPE_NAMES)]
-Frame = Literal["leader_heading", "follower_heading"]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
 MOST_MPS, MOST_DEG, MOST_M = 5.0, 45.0, 50.0
@@ -85,7 +85,11 @@ class Formation(Keys):
     )
     parameters: OwnKeys | None = key(None, f"beside shape: {OF_AN_EXTENSION}", {})
     spacing_m: Spacing = key(30.0, "unit of the shape, m; no two slots are nearer", 40)
-    frame: Frame = key("leader_heading", "frame of the slots and of the errors")
+    frame: Frame = key(
+        "leader_heading",
+        "frame of the slots and of the errors: as the leader heads, as each follower heads, or fixed: forward is north "
+        "and right is east",
+    )
     slots_m: Slots | None = key(
         None,
         "custom: by follower's id, forward, right and up of the leader, m",
@@ -99,6 +103,11 @@ class Formation(Keys):
         "later shapes, spacings and leaders",
         [{"at_s": 60, "shape": "square", "spacing_m": 50}, {"at_s": 100, "leader": 3}],
     )
+
+    @property
+    def slots_turn(self) -> bool:
+        """Whether slots swing when the leader turns."""
+        return self.frame != "north"
 
 
 class Step(Keys):

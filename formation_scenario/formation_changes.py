@@ -9,6 +9,7 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
+from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints, Route
 from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
@@ -16,7 +17,6 @@ from flight_model.path_lift_and_displacement import (
     PEAK_RATE,
     SLOPE_CHANGE,
     SLOPE_JERK,
-    STEP_M,
     DisplacedPath,
     Rise,
     least_lift,
@@ -120,7 +120,8 @@ def _level(flight: Callable[[Array], LeaderFlight]) -> Callable[[Array], LeaderF
 
     def level(elapsed_s: Array) -> LeaderFlight:
         still = np.zeros_like(elapsed_s)
-        return LeaderFlight(flight(elapsed_s[:1]).speed_mps, still, still, still, still)
+        begin = flight(elapsed_s[:1])
+        return LeaderFlight(begin.speed_mps, still, still, still, still, still + begin.course_rad)
 
     return level
 
@@ -154,6 +155,7 @@ def take_over(
     lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
     """
     speed, models = max(scenario.path.begin_mps, LEAST_MPS), column_models(scenario)
+    reach_m = reach_m if scenario.formation.slots_turn else 0.0
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
@@ -179,6 +181,7 @@ def take_over(
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
     """Return the highest turn rate of a leader at which slots `reach_m` away keep up, outside and inside the turn."""
+    reach_m = reach_m if scenario.formation.slots_turn else 0.0
     speed, models = scenario.path.begin_mps, column_models(scenario)
     spare_mps = min(abs(bound - speed) for model in models for bound in model.soon_mps(speed))
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)

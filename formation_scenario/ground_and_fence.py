@@ -10,12 +10,14 @@ import numpy as np
 
 from flight_model.arrays import Array, beside
 from flight_model.fence_geometry import CHECKED_M, Drift, FenceAreas, Flyers, places_along, room_along_m
+from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import SAMPLE_M, STEP_M, sample_places
+from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import Finding, KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
 from formation_scenario.surroundings import FENCE_CORNERS, Fence, Terrain
@@ -69,8 +71,9 @@ def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: P
     for step in slot_schedule(scenario):
         for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
             slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
+    axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     for slot, who in slots.items():
-        north, east = beside(points.north_m, points.east_m, points.course_rad, slot[0], slot[1])
+        north, east = beside(points.north_m, points.east_m, axis, slot[0], slot[1])
         void = np.flatnonzero(np.isnan(ground.height(north, east)))
         if void.size:
             first = int(void[0])
@@ -288,7 +291,9 @@ def _fence_sides(sides: FenceAreas, scenario: Scenario, sampled: SampledPath, fl
     points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     way = points.north_m, points.east_m, points.course_rad
-    places, room = room_along_m(sides, way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
+    places, room = room_along_m(
+        sides, way, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario)
+    )
     within = sides.inside_m(places)
     if within.min() < 0.0:
         who, index = np.unravel_index(int(within.argmin()), within.shape)
@@ -335,7 +340,7 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     forward_m, right_m, up_m = np.array(list(flyers)).T
     way = points.north_m, points.east_m, points.course_rad
-    places = places_along(way, Flyers(forward_m, right_m, turn_rps), drift(scenario))
+    places = places_along(way, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario))
     found = list[FenceDistance]()
     for row, (who, _) in enumerate(flyers.values()):
         height_m, area = points.height_m + up_m[row], ""

@@ -103,7 +103,7 @@ def _lack(
     first = 0 if members.leader else 1
     places = np.concatenate([step.places_m[first:] for step in steps])
     turn_rps = np.array([each.turn_rate_max_rps for each in column_models(members)[first:]] * len(steps))
-    flyers = Flyers(places[:, 0], places[:, 1], turn_rps)
+    flyers = Flyers(places[:, 0], places[:, 1], turn_rps, members.formation.slots_turn)
     drift = Drift(speed_mps, *drift_mps, speed_mps + math.hypot(*drift_mps))
 
     def lack(way: Complex, course_rad: Array) -> float:

@@ -31,7 +31,7 @@ from formation_scenario.links import (
     least_mean_burst,
 )
 from formation_scenario.model import Scenario
-from formation_scenario.orders import parse_order
+from formation_scenario.orders import read_order
 from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
@@ -216,7 +216,7 @@ def sizes(scenario: Scenario) -> Iterator[Finding]:
     """Yield changes that are too many for so many vehicles: each is planned or checked for each vehicle."""
     count, length_m = len(scenario.vehicles), _written_m(scenario)
     whose, planned = f"with {count} vehicles", len(scenario.formation.changes)
-    ordered = sum(parse_order(each.order).change is not None for _, each in scenario.timed_orders)
+    ordered = sum(read_order(each.order).change is not None for _, each in scenario.timed_orders)
     longer = max(1.0, length_m / USUAL_PATH_M)
     most = int(MOST_SLOT_CHANGES / longer / (count + PLANNING_VEHICLES))
     there = whose if longer == 1.0 else f"{whose} on a path of {length_m / 1e3:.0f} km"

@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints
 from flight_model.path_lift_and_displacement import minimum_jerk
 from flight_model.slot import Slot
-from formation_scenario.formation import Frame
+from formation_scenario.slot_frame import Frame
 
 STANDING_MPS = 1e-3
 """Lower bound of speeds in divisions."""
@@ -50,6 +50,25 @@ class SlotMotion:
         position_m = self.position_m + time_s * (self.velocity_mps + time_s / 2.0 * change)
         return SlotMotion(position_m, self.velocity_mps + time_s * change, change)
 
+    def turned(self, axis_rad: Array, turn_rps: Array, bend_rps2: Array) -> SlotMotion:
+        """Return slots (..., N, 3) fixed to north and east as seen along turning axes, (K,), as (K, N, 3)."""
+        cos, sin, turn, bend = (each[:, None] for each in (np.cos(axis_rad), np.sin(axis_rad), turn_rps, bend_rps2))
+        (x, y), (vx, vy), (ax, ay) = (
+            (each[..., 0] * cos + each[..., 1] * sin, each[..., 1] * cos - each[..., 0] * sin)
+            for each in (self.position_m, self.velocity_mps, self.acceleration_mps2)
+        )
+        up, up_mps, up_mps2 = (
+            np.broadcast_to(each[..., 2], x.shape)
+            for each in (self.position_m, self.velocity_mps, self.acceleration_mps2)
+        )
+        along_mps2 = ax + 2.0 * turn * vy + bend * y - turn**2 * x
+        across_mps2 = ay - 2.0 * turn * vx - bend * x - turn**2 * y
+        return SlotMotion(
+            np.stack((x, y, up), axis=-1),
+            np.stack((vx + turn * y, vy - turn * x, up_mps), axis=-1),
+            np.stack((along_mps2, across_mps2, up_mps2), axis=-1),
+        )
+
     @property
     def reach_m(self) -> float:
         """Horizontal distance of the farthest slot from the leader, m."""
@@ -71,6 +90,8 @@ class LeaderFlight(NamedTuple):
     turn_change_rps2: Array
     climb_mps: Array
     climb_change_mps2: Array
+    course_rad: Array | float = 0.0
+    """Its course over ground; any will do where slots don't move in a frame fixed to north."""
 
     @classmethod
     def along(cls, points: PathPoints, speed_mps: float) -> LeaderFlight:
@@ -81,6 +102,7 @@ class LeaderFlight(NamedTuple):
             speed_mps**2 * points.curvature_rate_1pm2,
             speed_mps * points.slope,
             speed_mps**2 * points.slope_rate_1pm,
+            points.course_rad,
         )
 
 
@@ -98,15 +120,19 @@ class SlotNeeds(NamedTuple):
 def slot_needs(flight: LeaderFlight, slots: SlotMotion, frame: Frame) -> SlotNeeds:
     """Return the flight that slots (N, 3), or (K, N, 3) if they move, require in still air.
 
-    A slot in the leader's frame has the velocity of a point of that rotating frame, and its derivative. For the
-    follower's frame the equilibrium of a steady turn is used, in which both turn at the leader's rate.
+    A slot in the leader's frame has the velocity of a point of that rotating frame, and its derivative. One that is
+    fixed to north is such a slot too, which turns back as fast as that frame turns. For the follower's frame the
+    equilibrium of a steady turn is used, in which both turn at the leader's rate.
     """
+    if frame == "north":
+        course_rad = np.broadcast_to(flight.course_rad, flight.turn_rate_rps.shape)
+        slots = slots.turned(course_rad, flight.turn_rate_rps, flight.turn_change_rps2)
     speed, turn, bend = flight.speed_mps, flight.turn_rate_rps[:, None], flight.turn_change_rps2[:, None]
     (x, y, _), (vx, vy, vz), (ax, ay, az) = (
         np.moveaxis(each, -1, 0) for each in (slots.position_m, slots.velocity_mps, slots.acceleration_mps2)
     )
     climb = flight.climb_mps[:, None] + vz, flight.climb_change_mps2[:, None] + az
-    if frame == "leader_heading":
+    if frame != "follower_heading":
         along, across = speed - turn * y + vx, turn * x + vy
         along_change, across_change = -bend * y - turn * vy + ax, bend * x + turn * vx + ay
         total = np.maximum(np.hypot(along, across), STANDING_MPS)

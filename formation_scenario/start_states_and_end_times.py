@@ -13,6 +13,7 @@ from flight_model.arrays import Array, beside
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import slot_table
+from formation_scenario.slot_frame import axis_rad
 
 POINTS = 1000
 """Number of points of the path at which the ground speed is evaluated."""
@@ -43,7 +44,9 @@ def start_states(scenario: Scenario) -> list[StartState]:
     in_air, slots, places = scenario.start.in_air, slot_table(scenario), np.zeros((len(scenario.vehicles), 3))
     slots = slots + np.array(scenario.start.offset_m) if in_air else _on_ground(scenario, slots)
     places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
-    north_m, east_m = beside(leader.north_m, leader.east_m, leader.course_rad, places[:, 0], places[:, 1])
+    in_row = not in_air and scenario.start.row_m is not None
+    axis = leader.course_rad if in_row else axis_rad(scenario.formation.frame, leader.course_rad, leader.course_rad)
+    north_m, east_m = beside(leader.north_m, leader.east_m, axis, places[:, 0], places[:, 1])
     height_m = leader.height_m + places[:, 2] if in_air else np.zeros_like(north_m)
     if in_air and scenario.terrain is not None:
         height_m = np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)

@@ -14,8 +14,9 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import STEP_M, Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import Bounds, Lift, least_lift, sample_places
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
 from formation_scenario.named_files import place_of
@@ -163,9 +164,10 @@ class Hills:
         rows = [(each.north_m, each.east_m, each.height_m, each.radius_m, each.length_m / 2.0) for each in hills]
         columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T.copy()
         self._north_m, self._east_m, self._height_m, self._radius_m, self._half_m = columns
-        self._gaussian = np.array([hill.shape == "gaussian" for hill in hills], dtype=bool)
         bearing = np.array([radians(hill.bearing_deg) for hill in hills])
         self._cosine, self._sine = np.cos(bearing), np.sin(bearing)
+        self._round = np.flatnonzero([hill.shape == "cosine" for hill in hills])
+        """Indices of the hills with the shape `cosine`."""
 
     def height(self, north_m: Array, east_m: Array) -> Array:
         """Return the ground's height, m above the scenario's origin; arrays of m have any common shape."""
@@ -191,8 +193,10 @@ class Hills:
 
     def _share(self, squared: Array) -> Array:
         """Return the share of each hill's height at squared distances relative to its radius, (..., H)."""
-        cosine = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared, 1.0))) ** 2
-        return np.where(self._gaussian, np.exp(-squared / 2), cosine)
+        share = np.exp(-squared / 2)
+        if self._round.size:
+            share[..., self._round] = np.cos(np.pi / 2 * np.sqrt(np.minimum(squared[..., self._round], 1.0))) ** 2
+        return share
 
 
 Ground: TypeAlias = Hills | ElevationGrid

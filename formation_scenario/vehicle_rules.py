@@ -106,8 +106,8 @@ def hovering(scenario: Scenario) -> Iterator[Finding]:
         return
     if not scenario.hovers:
         yield ("vehicles",), "found vehicles that hover and others that don't", "one kind in a formation"
-    if scenario.formation.frame != "leader_heading":
-        yield ("formation", "frame"), f"found {scenario.formation.frame} of vehicles that hover", "leader_heading"
+    if scenario.formation.frame == "follower_heading":
+        yield ("formation", "frame"), "found follower_heading of vehicles that hover", "leader_heading, or north"
     if scenario.law.type == "consensus":
         others = ", ".join(law for law in LAW_TYPES if law != "consensus")
         yield ("law", "type"), "found consensus of vehicles that hover", others

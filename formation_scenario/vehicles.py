@@ -157,7 +157,12 @@ class VehicleModel(Keys):
     aircraft: Text | None = key(
         None, "the aircraft of an extension that has the keys that aren't given here", "skywalker"
     )
-    parameters: OwnKeys | None = key(None, f"beside aircraft: {OF_AN_EXTENSION}", {})
+    parameters: Text | OwnKeys | None = key(
+        None,
+        "a parameter file of the aircraft, ArduPilot's or QGroundControl's, which gives these keys where they are left "
+        f"out; emulators answer with it. Beside aircraft: {OF_AN_EXTENSION}",
+        "plane.parm",
+    )
 
     def autopilot(self) -> AutopilotModel:
         """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""

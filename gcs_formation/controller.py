@@ -19,6 +19,7 @@ from flight_model.autopilot_model import FlightState, Setpoint, finite, rate, wi
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.finite import (
@@ -46,7 +47,7 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderWind,
     way_ahead,
 )
-from gcs_formation.guidance.slots import UP, FormationPlan, TrackAhead
+from gcs_formation.guidance.slots import FormationPlan, TrackAhead
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
@@ -93,7 +94,7 @@ class FormationController:
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
-        self._lift_m, self._outside = np.zeros(self.columns), on_ticks(scenario, self.models)
+        self._lift_m, self._outside = [0.0] * self.columns, on_ticks(scenario, self.models)
         self._placed, self._slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places in the form that a tick records."""
         observer_radps = scenario.law.disturbance_observer_radps
@@ -132,8 +133,10 @@ class FormationController:
         places = np.array([_place_at(each, now) for each in filters])
         north, east, up = (places - places[leader]).T
         heading_rad = (filters[leader].state or unknown_state()).heading_rad
-        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-        return np.stack((north * cos + east * sin, east * cos - north * sin, up), axis=1) - self._lift_m[:, None] * UP
+        axis = axis_rad(self._frame, heading_rad, heading_rad)
+        cos, sin = math.cos(axis), math.sin(axis)
+        unlifted = up - np.array(self._lift_m)
+        return np.stack((north * cos + east * sin, east * cos - north * sin, unlifted), axis=1)
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return the leader's way along its route within some time: points north and east of its place, m."""
@@ -416,12 +419,12 @@ class FormationController:
         along_mps, arranged = lead.path.along_mps, self.plan.arrangement
         leader = states.of(tick.leader, tick.leader)
         outlook = TrackAhead(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
-        at_m = np.array([outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants])
+        at_m = [outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants]
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
-        self._lift_m, _, _ = self._clearance.lift(np.full(at_m.shape, now_m))
-        lifted = self._clearance.lifted(later, at_m, along_mps)
-        return lifted.each, SlotMotion.at_rest(slots.position_m + self._lift_m[:, None] * UP).each
+        self._lift_m = [lift_m for lift_m, _, _ in self._clearance.lift([now_m] * self.columns)]
+        commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self._lift_m, strict=True)]
+        return self._clearance.lifted(later.each, at_m, along_mps), commanded
 
     def _at_heights(self, tick: Tick, heights_m: list[float] | None) -> None:
         """Replace the law's heights by those for the end of the flight, within the envelope; slots are given up."""

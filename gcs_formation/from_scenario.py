@@ -204,7 +204,7 @@ def _lap_fence(scenario: Scenario) -> LapFence | None:
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
     turn_rps = np.array([each.turn_rate_max_rps for each in column_models(scenario)[first:]])
     start = scenario.leader_path.at(0.0)
-    return LapFence(sides, start, Flyers(forward_m, right_m, turn_rps))
+    return LapFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
 
 
 def hold_turn_rps(scenario: Scenario) -> float:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from airlink.clock import VIRTUAL_EPOCH_US
@@ -13,6 +15,7 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection
 from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.parameter_files import Parameter, read_parameters
 from formation_scenario.start_states_and_end_times import StartState, start_states
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
@@ -56,6 +59,8 @@ class VehicleConfig:
     """The family of an extension in place of `family`."""
     own_keys: Any = None
     """Its keys, typed by its own model."""
+    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    """Its own parameters, by name, where they differ from its firmware's defaults."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,11 @@ def stand_ins(scenario: Scenario) -> str:
 
 
 def fleet_config(scenario: Scenario) -> FleetConfig:
-    """Return the fleet of a scenario, with each vehicle at the other end of its endpoint and at its start."""
+    """Return the fleet of a scenario, with each vehicle at the other end of its endpoint and at its start.
+
+    Raises:
+        ParameterFileError: a model's parameter file has gone since the scenario was read.
+    """
     vehicles = tuple(
         VehicleConfig(
             identity=vehicle.vehicle_id,
@@ -101,6 +110,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             clock=vehicle.clock,
             navigation=vehicle.true_navigation or vehicle.navigation,
             **_own_family(vehicle, scenario),
+            parameters=_parameters(vehicle.true_model or vehicle.model),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)
     )
@@ -122,6 +132,10 @@ def _own_family(vehicle: Vehicle, scenario: Scenario) -> dict[str, Any]:
         return {}
     keys = dict(vehicle.emulator.parameters or {})
     return {"own_family": entry, "own_keys": entry.keys_model.model_validate_json(json.dumps(keys))}
+
+
+def _parameters(model: VehicleModel) -> Mapping[str, Parameter]:
+    return {} if not isinstance(model.parameters, str) else read_parameters(Path(model.parameters)).parameters
 
 
 def _pitot(vehicle: Vehicle, scenario: Scenario) -> Pitot | None:

@@ -40,7 +40,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     Mode,
     select,
 )
-from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
+from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, as_in_file, floating
 from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.streams import UNASKED
 from sim_vehicles.board_clock import delayed
@@ -50,6 +50,17 @@ from sim_vehicles.vehicle import Vehicle
 WIDER_THAN_TIGHTEST = 1.3
 """Least radius of circles, as a multiple of the radius of the tightest turn."""
 ROLL_LIMIT_DEG = 45.0
+OLDER_NAMES: Final = {
+    "AIRSPEED_CRUISE": ("TRIM_ARSPD_CM", 0.01),
+    "AIRSPEED_MAX": ("ARSPD_FBW_MAX", 1.0),
+    "AIRSPEED_MIN": ("ARSPD_FBW_MIN", 1.0),
+    "MAV_GCS_SYSID": ("SYSID_MYGCS", 1.0),
+    "MAV_SYSID": ("SYSID_THISMAV", 1.0),
+    "ROLL_LIMIT_DEG": ("LIM_ROLL_CD", 0.01),
+    "RTL_ALTITUDE": ("ALT_HOLD_RTL", 0.01),
+}
+"""Names that parameters had before 4.5 to 4.7, and their units then, by the present names."""
+SYSTEM_NAMES: Final = ("MAV_SYSID", "SYSID_THISMAV")
 LEAST_LATERAL_MPS2: Final = 0.05
 """Replacement of a lateral acceleration of 0, with which ArduPlane hardly turns."""
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
@@ -187,7 +198,7 @@ class Plane(Vehicle):
 
     def make_parameters(self) -> ParameterServer:
         """Return ArduPlane's parameters."""
-        return ParameterServer(plane_parameters(self.config, self.fleet.cruise_mps))
+        return plane_parameters(self.config, self.fleet.cruise_mps)
 
     def make_pilot(self) -> PlanePilot:
         """Return who flies a fixed wing."""
@@ -302,8 +313,17 @@ class Plane(Vehicle):
                 self.enter(Mode.RTL)
 
 
-def plane_parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
-    """Return ArduPlane's parameters for a vehicle, by their names."""
+def plane_parameters(config: VehicleConfig, cruise_mps: float) -> ParameterServer:
+    """Return ArduPlane's parameters for a vehicle; those of an older version if a parameter file has its names."""
+    kinds, file = _defaults(config, cruise_mps), config.parameters
+    older = {name: own for name, own in OLDER_NAMES.items() if own[0] in file and name not in file}
+    for name, (own, unit) in older.items():
+        kind = kinds.pop(name)
+        kinds[own] = ParameterKind(kind.type, kind.least / unit, kind.most / unit, kind.initial / unit)
+    return ParameterServer(as_in_file(kinds, file, SYSTEM_NAMES), older)
+
+
+def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
     model = config.model
     bank_deg = math.degrees(math.atan(model.speed_max_mps * model.turn_rate_max_rps / GRAVITY_MPS2))
     radius_m = math.ceil(max(LOITER_RADIUS_M, WIDER_THAN_TIGHTEST * (cruise_mps / model.turn_rate_max_rps)))

@@ -27,6 +27,7 @@ from formation_scenario.navigation import InertialNavigation, Navigation
 from formation_scenario.orders import read_order
 from formation_scenario.path_limits import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
 from formation_scenario.surroundings import DrydenTurbulence, OwnDisturbance
@@ -96,6 +97,8 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
         forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
+        if not scenario.formation.slots_turn:  # on some course they are behind each other
+            forward_m, right_m = np.hypot(forward_m, right_m), np.zeros_like(right_m)
         behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)
         nearest_m = float(forward_m[behind].min(initial=math.inf))
         if nearest_m < enough_m:
@@ -258,6 +261,7 @@ class _Climb:
         first = 1 if scenario.leader is None else 0
         self._models = autopilot_models(scenario)[first:]
         self._slots_m = slot_schedule(scenario)[-1].places_m[first:]
+        self._frame = scenario.formation.frame
         self._end = self._path.at(self._end_m)
         north_m, east_m = self._places(np.zeros(1))
         lowest_m = self._ground.height(north_m, east_m)[:, 0] + clearance_m  # slots are lifted that far
@@ -327,7 +331,8 @@ class _Climb:
         """Return positions north and east (V, T) of all vehicles when the leader is `ahead_m` (T,) beyond the end."""
         points = self._path.at(self._end_m + ahead_m)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]
-        return beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
+        axis = axis_rad(self._frame, points.course_rad, points.course_rad)
+        return beside(points.north_m, points.east_m, axis, forward_m, right_m)
 
 
 def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, count: int) -> list[float]:

@@ -13,6 +13,7 @@ from formation_scenario.mission_fence import file_fence
 from formation_scenario.mission_files.export import NamedPath, export
 from formation_scenario.mission_files.mission import MissionFileError
 from formation_scenario.slot_assignment import columns, slot_schedule
+from formation_scenario.slot_frame import axis_rad
 
 SAMPLE_M = 2.0
 """Distance of the points by which a path is known to the exporter, which thins them."""
@@ -48,10 +49,11 @@ def _paths(scenario: Scenario) -> dict[str, Array]:
     """Return the paths (N, 3), north, east and height, m, of the leader, real or virtual, and of the followers."""
     length_m = scenario.leader_path.length_m
     points = scenario.leader_path.at(np.linspace(0.0, length_m, 2 + int(length_m / SAMPLE_M)))
+    axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     paths = dict[str, Array]()
     for vehicle, place in zip(columns(scenario), slot_schedule(scenario)[0].places_m, strict=True):
         forward_m, right_m, up_m = place.tolist()
-        north_m, east_m = beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
+        north_m, east_m = beside(points.north_m, points.east_m, axis, forward_m, right_m)
         name = "leader" if vehicle is None else str(vehicle.vehicle_id)
         paths[name] = np.stack((north_m, east_m, points.height_m + up_m), axis=1)
     return paths

@@ -170,7 +170,8 @@ def _headline(figures: dict[str, Any]) -> str:
 
 def _source(figures: dict[str, Any]) -> str:
     source = "ground truth" if figures["truth"] else "telemetry"
-    frame = "|x|, |y|, |z|: forward, right, up; max and rms from t = 0 on, steady: from 30 s after settling on"
+    axes = "|x|, |y|, |z|: forward, right, up (north, east, up in frame north)"
+    frame = f"{axes}; max and rms from t = 0 on, steady: from 30 s after settling on"
     return f"formation errors by {source}, m; {frame}" if figures["followers"] else "no vehicle followed"
 
 

@@ -34,6 +34,7 @@ from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import columns, slot_schedule
+from formation_scenario.slot_frame import axis_rad
 from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -418,10 +419,11 @@ def rehearsal_text(report: dict[str, Any]) -> str:
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
     """Return each vehicle's setpoint when the leader is at the path's start, and its state in its slot there."""
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
+    axis = axis_rad(scenario.formation.frame, start.course_rad, start.course_rad)
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
-            north_m, east_m = beside(start.north_m, start.east_m, start.course_rad, forward_m, right_m)
+            north_m, east_m = beside(start.north_m, start.east_m, axis, forward_m, right_m)
             speed_mps, psi_rad, height_m = scenario.path.begin_mps, start.course_rad, start.height_m + up_m
             where = FlightState(float(north_m), float(east_m), height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
             found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where

@@ -20,7 +20,7 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
 from flight_model.slot import UNKNOWN, Slot, Triple
-from formation_scenario.formation import Frame
+from formation_scenario.slot_frame import Frame, axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
@@ -118,8 +118,8 @@ class ConsensusLaw(Law):
         ]
 
     def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
-        axis_rad = leader.heading_rad if self._frame == "leader_heading" else state.heading_rad
-        return UNKNOWN if column == self._leader else formation_error(leader, state, slot, axis_rad)
+        axis = axis_rad(self._frame, leader.heading_rad, state.heading_rad)
+        return UNKNOWN if column == self._leader else formation_error(leader, state, slot, axis)
 
     def _protocol(
         self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
@@ -145,9 +145,10 @@ class ConsensusLaw(Law):
         model: AutopilotModel,
     ) -> Triple:
         """Return one vehicle's setpoint: the slot's own motion, plus u of (3) converted by the autopilot's lags."""
-        axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
+        axis, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
+        slot = self._seen(slot, leader, axis)
         speed_mps, heading_rad, height_m = feed_forward(
-            own.target, leader, axis_rad, turn_rps, bend_rps2, slot, model, state.updraught_mps
+            own.target, leader, axis, turn_rps, bend_rps2, slot, model, state.updraught_mps
         )
         u_x, u_y = self._acceleration(own, neighbours, model)
         speed_mps += model.tau_v_s * share * u_x
@@ -158,20 +159,24 @@ class ConsensusLaw(Law):
         self, own: _Deviation, neighbours: tuple[float, float], model: AutopilotModel
     ) -> tuple[float, float]:
         """Return u of (3) along and across the slot's heading, less the damping that the autopilot's lag provides."""
-        axis_rad, k3 = own.target.heading_rad, self._k3
-        u_x, u_y = rotated(axis_rad, *neighbours)
-        along_mps, across_mps = rotated(axis_rad, own.north_mps, own.east_mps)
+        axis, k3 = own.target.heading_rad, self._k3
+        u_x, u_y = rotated(axis, *neighbours)
+        along_mps, across_mps = rotated(axis, own.north_mps, own.east_mps)
         return u_x + (1.0 / model.tau_v_s - k3) * along_mps, u_y + (1.0 / model.tau_psi_s - k3) * across_mps
+
+    def _seen(self, slot: Slot, leader: LeaderMotion, axis: float) -> Slot:
+        """Return a slot in the leader's frame, whose axis is at `axis`."""
+        return slot.turned(axis, leader.turn_rps, leader.bend_rps2) if self._frame == "north" else slot
 
     def _deviation(self, state: FlightState, reference: _Reference, slot: Slot) -> _Deviation:
         (leader, heading_rad), frame = reference, self._frame
-        turn_rps, axis_rad = leader.turn_rps, leader.state.heading_rad
+        turn_rps, axis, slot = leader.turn_rps, leader.state.heading_rad, self._seen(slot, leader, heading_rad)
         if frame == "follower_heading":  # a slot that accelerates sideways turns the axes, at acceleration / speed
             turn_rps += slot.right_mps2 / leader.state.airspeed_mps
-            axis_rad = state.heading_rad
+            axis = state.heading_rad
         drift_north_mps = state.wind_north_mps - leader.state.wind_north_mps
         drift_east_mps = state.wind_east_mps - leader.state.wind_east_mps
-        drift_x_mps, drift_y_mps = rotated(axis_rad, drift_north_mps, drift_east_mps)
+        drift_x_mps, drift_y_mps = rotated(axis, drift_north_mps, drift_east_mps)
         target = slot_target(leader.state, drift_x_mps, drift_y_mps, turn_rps, slot, frame)
         if frame == "follower_heading":
             heading_rad += target.heading_rad - leader.state.heading_rad

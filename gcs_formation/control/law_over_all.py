@@ -10,6 +10,7 @@ from flight_model.slot import UNKNOWN, Triple, all_finite
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
 from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.outside import guarded, made
@@ -31,7 +32,7 @@ class LawOverAll(Law):
         self._entry, self._models, self._leader = entry, models, 0
         self._law: Any = made(entry, scenario.law.parameters)
         self._identities: list[VehicleId | None] = list(column_ids(scenario))
-        self._own_frame = scenario.formation.frame == "follower_heading"
+        self._frame = scenario.formation.frame
 
     def retune(self, parameters: LawParameters) -> None:
         """Keep its own gains."""
@@ -54,8 +55,8 @@ class LawOverAll(Law):
                     situation.states.of(leader, column),
                     situation.slots[column],
                 )
-                axis_rad = state.heading_rad if self._own_frame else led.heading_rad
-                error_m = formation_error(led, state, slot, axis_rad)
+                axis = axis_rad(self._frame, led.heading_rad, state.heading_rad)
+                error_m = formation_error(led, state, slot, axis)
                 decided.append(Decided(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
                 if situation.active[column]:
                     speeds_mps = self._models[column].speed_min_mps, self._models[column].speed_max_mps

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, rate, within, wrap
+from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import Triple, all_finite
 from formation_scenario import Scenario
 from formation_scenario import formation as keys
@@ -136,7 +136,7 @@ class FormationLaw(Law):
 
         The (C,) `models` are read at every tick: their lags are learnt in flight.
         """
-        self._models = models
+        self._models, self._to_north = models, parameters.frame == "north"
         self._controllers = [controller(parameters) for _ in models]
         if feedbacks is not None:
             for each, feedback in zip(self._controllers, feedbacks, strict=True):
@@ -175,7 +175,10 @@ class FormationLaw(Law):
         decided = list[Decided]()
         for i, column in enumerate(self._followers):
             of = self._controllers[column]
-            decided.append(Decided(column, flown[i], of.setpoint, of.error_m, of.mixed, of.gains))
+            error_m, pair = of.error_m, pairs[i]
+            if self._to_north and pair is not None:
+                error_m = *rotated(-pair.leader.state.heading_rad, error_m[0], error_m[1]), error_m[2]
+            decided.append(Decided(column, flown[i], of.setpoint, error_m, of.mixed, of.gains))
         return decided
 
     def _pair(
@@ -183,10 +186,13 @@ class FormationLaw(Law):
     ) -> Pair:
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
         leader = situation.states.of(self._leader, column)
+        motion, slot = leader_motion(situation.lead.commanded[column], leader, its_model), situation.slots[column]
+        if self._to_north:
+            slot = slot.turned(leader.heading_rad, motion.turn_rps, motion.bend_rps2)
         return Pair(
-            leader_motion(situation.lead.commanded[column], leader, its_model),
+            motion,
             state,
-            situation.slots[column],
+            slot,
             self._models[column].held(dt_s),
             situation.commanded(column),
             situation.wind_variance[column] + situation.wind_variance[self._leader],

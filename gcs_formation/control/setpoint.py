@@ -1,7 +1,8 @@
 """The parts of a setpoint: a follower's errors and the linear mixer (13), the slot's own motion, lead and envelope.
 
 Signs: actual minus commanded, leader minus follower (errata items 14 and 25). Slots are forward, right and up of the
-leader, that is (-x_rc, -y_rc, -z_rc), in either slot frame.
+leader, that is (-x_rc, -y_rc, -z_rc), in either frame that turns. Slots fixed to north and east are controlled as slots
+that turn back in the leader's frame (`Slot.turned`): its speed acts along its heading, wherever its slot lies.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
 from flight_model.slot import Slot, Triple, all_finite
-from formation_scenario.formation import Frame
+from formation_scenario.slot_frame import Frame, axis_rad
 
 Replaced = tuple[bool, bool, bool]
 """For speed, heading and height: whether something else than the law's decision is commanded."""
@@ -91,7 +92,7 @@ def slot_target(
     (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
     """
     v1, x_rc, y_rc = leader.airspeed_mps, -slot.forward_m, -slot.right_m
-    if frame == "leader_heading":
+    if frame != "follower_heading":
         forward_mps = v1 + turn_rps * y_rc - drift_x_mps + slot.forward_mps
         right_mps = -turn_rps * x_rc - drift_y_mps + slot.right_mps
         return Target(hypot(forward_mps, right_mps), leader.heading_rad + atan2(right_mps, forward_mps))
@@ -109,13 +110,13 @@ def amid(
     24).
     """
     count, still = len(followers), FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
-    aside_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in slots]
+    seen = [slot.turned(0.0, turn_rps, 0.0) for slot in slots] if frame == "north" else slots
+    aside_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in seen]
     headings_rad = [each.heading_rad - aside for each, aside in zip(followers, aside_rad, strict=True)]
     heading_rad = math.atan2(sum(map(math.sin, headings_rad)), sum(map(math.cos, headings_rad)))
     leader = FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, heading_rad, 0.0, 0.0)
     for each, slot, aside in zip(followers, slots, aside_rad, strict=True):
-        axis_rad = heading_rad if frame == "leader_heading" else heading_rad + aside
-        north_m, east_m = rotated(-axis_rad, slot.forward_m, slot.right_m)
+        north_m, east_m = rotated(-axis_rad(frame, heading_rad, heading_rad + aside), slot.forward_m, slot.right_m)
         leader.north_m += (each.north_m - north_m) / count
         leader.east_m += (each.east_m - east_m) / count
         leader.height_m += (each.height_m - slot.up_m) / count

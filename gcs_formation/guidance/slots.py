@@ -17,12 +17,14 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask, beside
 from flight_model.autopilot_model import FlightState
-from flight_model.curve import PathPoint
+from flight_model.lift_curve import STEP_M, LiftCurve
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import SAMPLES, STEP_M, Bounds, blend, least_lift, sample_places
+from flight_model.path_lift_and_displacement import SAMPLES, Bounds, least_lift, sample_places
+from flight_model.slot import Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import FormationChange, Frame
+from formation_scenario.formation import FormationChange
 from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule
+from formation_scenario.slot_frame import Frame, axis_rad
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.terrain import Ground
 
@@ -32,11 +34,13 @@ AHEAD_STEPS: Final = 100
 """Steps of the lifts' splines: 2 km, on which a climb at the formation's limit gains 190 m."""
 ADVANCE_M: Final = 100.0
 """Distance that the leader flies before lifts are computed again."""
-UP: Final = np.array([0.0, 0.0, 1.0])
 ACROSS: Final = np.array([1.0, -1.0, 0.0])
 LEVEL: Final = np.array([1.0, 1.0, 0.0])
 WAITS_S: Final = 30.0
 """Longest total delay of moving slots that wait for vehicles."""
+PATH_VALUES: Final = 8
+SLOPE: Final = 6
+"""How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""
 KEPT_M: Final = 40.0
 """Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
 
@@ -65,6 +69,7 @@ class FormationPlan:
         self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
         """(C,) which columns fly beside the turning leader at its speed and heading: slots far aside can't be held."""
         self._anybody_beside = False
+        self._slots_turn = scenario.formation.frame != "north"
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
         """Their positions, (C, 3), at a time of the station's clock, and the leader's turn rate since then."""
         self._apart_m: Array | None = None
@@ -125,10 +130,10 @@ class FormationPlan:
         return SlotMotion.at_rest(self._beside_m).seen_from(self.leader, swing_rad).position_m
 
     def turn(self, now_s: float, turn_rps: float) -> None:
-        """Set the leader's turn rate from now on, clockwise, rad/s."""
+        """Set the leader's turn rate from now on, clockwise, rad/s: the frame's, unless it is fixed to north."""
         if self._anybody_beside:
             self._beside_m = self._turned_m(now_s)
-        self._beside_s, self._turn_rps = now_s, turn_rps
+        self._beside_s, self._turn_rps = now_s, turn_rps if self._slots_turn else 0.0
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
@@ -240,82 +245,96 @@ class SlotClearance:
         self._plan: Arrangement | None = None
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
-        self._held = np.zeros((3, 0))
+        self._curves = list[LiftCurve]()
+        self._held = list[Triple]()
+        """Each lift of the last tick, its slope and its curvature."""
+        self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
+        """The route's points (K, 8) at the samples, and the step at which they begin."""
 
-    def look_ahead(self, outlook: TrackAhead, at_m: Array) -> None:
+    def look_ahead(self, outlook: TrackAhead, at_m: list[float]) -> None:
         """Compute the lifts again if they are due; `at_m` (N,) is the leader's distance at each follower's instant.
 
         On the same route they continue the present splines. On another route, possibly with another leader, they
         continue the last tick's values.
         """
         going_on = outlook.route is self._route
-        if going_on and outlook.plan is self._plan and outlook.distance_m < self._made_at_m + ADVANCE_M:
-            self._held = np.stack(self.lift(at_m))
-            return
-        first = int((at_m.min() - KEPT_M) // STEP_M)
+        due = outlook.plan is not self._plan or outlook.distance_m >= self._made_at_m + ADVANCE_M
+        if due or not going_on:
+            self._compute(outlook, at_m, going_on=going_on)
+        self._held = self.lift(at_m)
+
+    def _compute(self, outlook: TrackAhead, at_m: list[float], *, going_on: bool) -> None:
+        first = int((min(at_m) - KEPT_M) // STEP_M)
         if going_on:
             first = max(first, self._first)
-            kept = int(np.ceil((at_m.max() + KEPT_M) / STEP_M)) - first + 3
+            kept = int(np.ceil((max(at_m) + KEPT_M) / STEP_M)) - first + 3
             begun = list(self._control_m[:, first - self._first :][:, :kept])
         else:
             begun = self._as_they_were(outlook.leading, first, at_m)
         places = sample_places(first * STEP_M, AHEAD_STEPS)
-        points = [outlook.route.at(distance) for distance in places.tolist()]
-        slope = np.array([point.slope for point in points])
+        points = self._points(outlook.route, first, places)
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0
-        bounds = self._bounds(outlook.along_mps)
+        bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
         made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
         self._control_m = np.stack([lift.control_m for lift in made])
+        self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._made_at_m = first, outlook.distance_m
-        self._held = np.stack(self.lift(at_m))
 
-    def lifted(self, slots: SlotMotion, at_m: Array, along_mps: float) -> SlotMotion:
+    def _points(self, route: Route, first: int, places: Array) -> Array:
+        """Return the route's points (K, 8) at `places` (K,), which begin at the step `first`.
+
+        Samples lie at multiples of their distance, so most of them are those of the last time.
+        """
+        passed = SAMPLES * (first - self._sampled_first)
+        known = self._sampled[passed:] if route is self._route and passed >= 0 else self._sampled[:0]
+        added = [route.at(distance).values() for distance in places[len(known) :].tolist()]
+        self._sampled = np.concatenate((known, np.array(added).reshape(-1, PATH_VALUES)))
+        self._sampled_first = first
+        return self._sampled
+
+    def lifted(self, slots: list[Slot], at_m: list[float], along_mps: float) -> list[Slot]:
         """Return N slots lifted clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
-        lift_m, slope, curvature = self.lift(at_m)
-        return SlotMotion(
-            slots.position_m + lift_m[:, None] * UP,
-            slots.velocity_mps + along_mps * slope[:, None] * UP,
-            slots.acceleration_mps2 + along_mps**2 * curvature[:, None] * UP,
-        )
+        each = zip(slots, self.lift(at_m), strict=True)
+        return [
+            slot.raised(lift_m, along_mps * slope, along_mps**2 * curvature)
+            for slot, (lift_m, slope, curvature) in each
+        ]
 
-    def _as_they_were(self, leading: int, first: int, at_m: Array) -> list[Array]:
+    def _as_they_were(self, leading: int, first: int, at_m: list[float]) -> list[Array]:
         """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.
 
         Height, slope and curvature are continuous. A new leader continues from its own lifted height, so followers that
         were lifted less are below their slots at first.
         """
         if self._route is None:
-            return [np.zeros(0)] * at_m.size
-        held = self._held - self._held[:, [leading]]
-        steps = at_m / STEP_M - first
-        begun: list[Array] = []
-        for (lift_m, slope, curvature), ahead in zip(held.T.tolist(), steps.tolist(), strict=True):
+            return [np.zeros(0)] * len(at_m)
+        own, begun = self._held[leading], list[Array]()
+        for held, distance_m in zip(self._held, at_m, strict=True):
+            lift_m, slope, curvature = held[0] - own[0], held[1] - own[1], held[2] - own[2]
+            ahead = distance_m / STEP_M - first
             x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
             # Control points of a quadratic, which a cubic B-spline represents exactly.
             begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
         return begun
 
-    def lift(self, at_m: Array) -> tuple[Array, Array, Array]:
-        """Return (N,) lifts, their slopes and their curvatures by the leader's distance, at (N,) distances."""
-        steps = np.clip(at_m / STEP_M - self._first, 0.0, self._control_m.shape[1] - 3.0)
-        index = np.minimum(steps.astype(np.intp), self._control_m.shape[1] - 4)
-        rows = np.arange(at_m.size)
-        return blend([self._control_m[rows, index + i] for i in range(4)], steps - index)
+    def lift(self, at_m: list[float]) -> list[Triple]:
+        """Return N lifts, their slopes and their curvatures by the leader's distance, at N distances."""
+        first = self._first
+        return [curve.at(each / STEP_M - first) for curve, each in zip(self._curves, at_m, strict=True)]
 
-    def _needed(self, outlook: TrackAhead, places: Array, points: list[PathPoint]) -> Array:
-        """Return the required lifts (N, K) for the leader at distances `places` (K,)."""
-        north, east, height, course, curvature = np.array([point.values() for point in points]).T[:5]
+    def _needed(self, outlook: TrackAhead, places: Array, points: Array) -> Array:
+        """Return the required lifts (N, K) for the leader at distances `places` (K,), the route's `points` (K, 8)."""
+        north, east, height, course, curvature = points.T[:5]
         leader = outlook.leader
         aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
         heading = course - np.arcsin(np.clip(aside_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))
         later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
         knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
         forward, right, up = np.moveaxis(_between(knots), -1, 0)
-        axis = np.broadcast_to(heading, forward.shape)
-        if self._frame == "follower_heading":
-            axis = axis + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        own = heading + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        axis = axis_rad(self._frame, np.broadcast_to(heading, forward.shape), own)
         ground_m = self._ground.height(*beside(north, east, axis, forward, right))
         return ground_m + self._clearance_m - (height + up)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
-from flight_model.frequency_response import airframe_responses
+from flight_model.frequency_response import slow_lags_s
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
@@ -59,9 +59,6 @@ NUDGE = 0.02
 """Step of a logarithm for the numerical derivative."""
 STEP_MAX = 0.4
 LEAST_VARIANCE = 1e-9
-SLOW_RADPS = 0.15
-"""Turns and climbs of a formation's path change no faster than this."""
-LEAST_LAG_S = 0.2
 
 
 class Estimate(NamedTuple):
@@ -311,9 +308,7 @@ def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).
     """
-    at = airframe_responses(np.array([SLOW_RADPS]), airframe.parameters(), speed_mps)
-    lag_s = [max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)]
-    speed_s, heading_s, height_s = lag_s
+    speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
     lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
     return model.model_copy(update={name: round(each, 3) for name, each in lags.items()} | {"airframe": airframe})
 

@@ -265,6 +265,7 @@ class Reconfiguration:
     def _turn_on_spot(self, heading_rad: float, from_rad: float, now: Instant) -> None:
         controller, models = self._controller, self._controller.models
         reach_m = controller.plan.at(now / NANOSECONDS, begun=True).reach_m
+        reach_m = reach_m if self._scenario.formation.slots_turn else 0.0
         limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
         controller.guidance.turn = TurnOnSpot.to(heading_rad, from_rad, now, reach_m, *limits)
 
@@ -350,6 +351,7 @@ class Reconfiguration:
             return None, 0.0, 0.0
         place, before = tick.state[leader], tick.state[controller.plan.leader]
         swing_rad = math.remainder(self._as_leader(leader, place)[1] - before.heading_rad, math.tau)
+        swing_rad = swing_rad if self._scenario.formation.slots_turn else 0.0
         if not guidance.started:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)

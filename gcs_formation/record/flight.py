@@ -12,6 +12,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
+from formation_scenario.slot_frame import Frame, axis_rad
 from gcs_formation.record.coverage import scored_end_s
 from gcs_formation.record.history import history
 from gcs_formation.record.limits_by_truth import LimitSeries, Truth, limit_series
@@ -285,14 +286,14 @@ def _injected(ways_s: Array) -> dict[str, Array]:
     return dict(zip((*INJECTED, INJECTED_MEAN), (up_s, down_s, mean_s), strict=True))
 
 
-def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
+def _errors(columns: Columns, frame: Frame, *, seen: bool) -> dict[str, Array]:
     """Return the errors x_c - x_rc, y_c - y_rc and z_c - z_rc, (T, V), NaN for a leader and on the ground.
 
     Those behind a leader that is on the ground are NaN too, until another leads.
 
     Args:
         columns: the time series, (T, V).
-        frame: whose heading the slots turn with.
+        frame: of the slots.
         seen: whether errors are computed from true positions, and from the station's for a virtual leader; else they
             are those that the law computed.
     """
@@ -309,7 +310,7 @@ def _errors(columns: Columns, frame: str, *, seen: bool) -> dict[str, Array]:
         leader[AIRBORNE] = np.ones((ticks, vehicles))
     else:
         leader = {name: columns[name].take(leads).reshape(-1, vehicles) for name in (*needed, AIRBORNE)}
-    heading = (leader if frame == "leader_heading" else columns)["true_heading_rad"]
+    heading = axis_rad(frame, leader["true_heading_rad"], columns["true_heading_rad"])
     north, east, up = (leader[name] - columns[name] for name in TRUTH[:3])
     cos, sin = np.cos(heading), np.sin(heading)
     # A leader's slot is NaN, and so are its errors.

@@ -11,6 +11,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, beside
 from flight_model.path import FlightPath
 from formation_scenario import Scenario
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.guidance.tracking import nearest, project
 from gcs_formation.record.limits_by_truth import Track, began_s
@@ -141,7 +142,7 @@ def centre(scenario: Scenario, vehicles: Mapping[VehicleId, Columns]) -> Array:
     for own in vehicles.values():
         leads = own["leads"] > 0
         forward_m, right_m, up_m = (np.where(leads, 0.0, own[name]) for name in SLOT)
-        heading_rad = leader_rad if scenario.formation.frame == "leader_heading" else own[heading_name]
+        heading_rad = axis_rad(scenario.formation.frame, leader_rad, own[heading_name])
         north_m, east_m, height_m = (own[name] for name in names)
         heading_rad = np.where(leads, 0.0, heading_rad)
         place = np.stack((*beside(north_m, east_m, heading_rad, -forward_m, -right_m), height_m - up_m))

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from flight_model.arrays import Array, Mask
 from formation_scenario.expectation import SETTLED_M, Expectation
+from formation_scenario.slot_frame import axis_names
 from gcs_formation.record.timeseries import DISTURBANCE
 from gcs_formation.report import RunData, style
 from gcs_formation.report.gusts import GustError, gusts
@@ -33,7 +34,6 @@ MARGIN = 0.06
 LABELS = ("north, m/s", "east, m/s", "down, m/s")
 LEAST_MPS = 0.1
 """The axes reach at least this far upwards and downwards."""
-AXES = {"x": "forward error $x$, m", "y": "right error $y$, m", "z": "height error $z$, m"}
 WIDTHS = (0.42, 1.0)
 """Widths of the axes of the transient and of the rest."""
 HIDES = 3.0
@@ -50,7 +50,6 @@ LEAST_M = 0.012
 """The axes reach at least this far upwards and downwards, so that less than a centimetre isn't magnified."""
 AROUND_S = 1.0
 """Laws are compared by the largest error within this time before and after each tick, because errors cross zero."""
-SIZES = ("forward |error| $x$, m", "right |error| $y$, m", "height |error| $z$, m")
 LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
 LEAST_SIZE_M = 1e-3
@@ -127,13 +126,13 @@ def errors(run: RunData) -> Figure:
     windows = error_windows(run)
     grid = style.axes_grid(figure, 3, len(windows), sharex="col", width_ratios=WIDTHS[-len(windows) :])
     for column, window in enumerate(windows):
-        for row, axis in enumerate(AXES):
+        for row, axis in enumerate("xyz"):
             axes = grid[row][column]
             _panel(axes, group, run.time_s[window], values[:, window, row])
             _expected(axes, run.scenario.expect, axis)
             _after_gusts(axes, gusted, axis)
             at_least(axes, -LEAST_M, LEAST_M)
-    return finished(figure, run, grid, AXES.values())
+    return finished(figure, run, grid, _labels(run, "error"))
 
 
 def transient_end_s(run: RunData) -> float | None:
@@ -211,7 +210,14 @@ def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]
             _laws(axes, {law: (time_s, error_m[:, axis]) for law, (time_s, error_m) in lines.items()}, begin, end)
         most = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
         row[0].set_ylim(LEAST_SIZE_M, 2.0 * most)
-    return finished(figure, next(iter(runs.values())), grid, SIZES)
+    first = next(iter(runs.values()))
+    return finished(figure, first, grid, _labels(first, "|error|"))
+
+
+def _labels(run: RunData, what: str) -> tuple[str, str, str]:
+    """Return the labels of a figure's rows: errors, or their sizes, along the axes of the run's frame."""
+    x, y = axis_names(run.scenario.formation.frame)
+    return f"{x} {what} $x$, m", f"{y} {what} $y$, m", f"height {what} $z$, m"
 
 
 def largest_around_m(run: RunData) -> Array:

@@ -100,7 +100,7 @@ def gusts(run: RunData) -> list[GustError]:
 def _worst(run: RunData, at_s: float, to_s: float) -> Iterator[GustError]:
     tick = int(np.searchsorted(run.time_s, at_s - 1e-9))
     leader = run.flown.leader_at(tick)
-    if leader is None:
+    if leader is None or run.scenario.formation.frame == "north":  # its axes aren't those of speed and heading
         return
     errors = [
         error

@@ -226,9 +226,13 @@ def _subtitle(run: RunData) -> str:
 
 def _error_source(run: RunData) -> str:
     source = "ground truth" if run.flown.truth else "telemetry, as the law saw it"
-    frame = {"leader_heading": "leader's", "follower_heading": "follower's"}[run.scenario.formation.frame]
+    frame = {
+        "leader_heading": "x forward and y right of the leader's heading",
+        "follower_heading": "x forward and y right of the follower's heading",
+        "north": "x north and y east",
+    }[run.scenario.formation.frame]
     return (
-        f"Metres, absolute values, from {source}; x forward and y right of the {frame} heading, z up. "
+        f"Metres, absolute values, from {source}; {frame}, z up. "
         "Settled: the first time from which every axis stays within 0.5 m for 10 s; steady max: the maximum from "
         "30 s after it on; left: when a settled vehicle was beyond 0.5 m first; "
         "followed: the share of the time that these are of; else it led or was lost. "

@@ -340,9 +340,10 @@ def _conditions(run: RunData, step: StepDisturbance) -> str:
     delays_ms = (link["injected_delay_ms"] for link in run.summary["links"].values())
     known_ms = [delay_ms for delay_ms in delays_ms if delay_ms is not None]
     links = f"links take {max(known_ms):.0f} ms each way, or less" if known_ms else "nothing is injected into links"
-    frame = run.scenario.formation.frame.replace("_heading", "'s")
+    frame = run.scenario.formation.frame
+    turns = "fixed to north and east" if frame == "north" else f"in the {frame.removesuffix('_heading')}'s frame"
     return (
-        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots in the {frame} frame; {links}. "
+        f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots {turns}; {links}. "
         "The paper says that it acts on every vehicle; it gives "
         "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
         "errors of an estimate can't be told from its text."

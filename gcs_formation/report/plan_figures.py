@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from flight_model.arrays import Array
+from formation_scenario.slot_frame import axis_rad
 from gcs_formation.report import RunData, style
 from gcs_formation.report.time_axes import Group, everyone, span, time_label
 
@@ -323,8 +324,8 @@ def snapshot(run: RunData, tick: int) -> Snapshot:
     lead = vehicles.index(leader) if leader is not None and flight.airborne(leader)[tick] else None
     reference = _mean(places) if lead is None else complex(places[lead])
     up_rad = float(np.angle(_mean(np.exp(1j * headings))) if lead is None else headings[lead])
-    in_leaders_frame = lead is not None and run.scenario.formation.frame == "leader_heading"
-    slots = places + errors * np.exp(1j * (up_rad if in_leaders_frame else headings))
+    leaders_rad = headings if lead is None else np.full_like(headings, up_rad)
+    slots = places + errors * np.exp(1j * axis_rad(run.scenario.formation.frame, leaders_rad, headings))
     following = np.arange(len(vehicles)) != lead
 
     def right_forward(of: Places) -> Array:

@@ -165,15 +165,18 @@ class HeightFloor:
 
     def keep(self, tick: Tick) -> None:
         """Replace those of a tick's heights that aren't clear of the ground."""
-        for column in range(self._first, len(self._models)):
-            height_m = tick.setpoints[column][HEIGHT]
-            if tick.active[column] and height_m < self._clear_m(column, tick.state[column]):
-                least_m = self._least_m(tick.state[column], height_m, self._models[column])
-                if height_m < least_m:
-                    speed_mps, heading_rad, _ = tick.setpoints[column]
-                    tick.replace(column, (speed_mps, heading_rad, least_m))
-                    held = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
-                    self._held.hold(tick, column, held, "height no longer held above the ground")
+        low = [
+            column
+            for column in range(self._first, len(self._models))
+            if tick.active[column] and tick.setpoints[column][HEIGHT] < self._clear_m(column, tick.state[column])
+        ]
+        for column, floors_m in zip(low, self._floors_m(tick, low), strict=True):
+            speed_mps, heading_rad, height_m = tick.setpoints[column]
+            least_m = self._least_m(tick.state[column], height_m, self._models[column], floors_m)
+            if height_m < least_m:
+                tick.replace(column, (speed_mps, heading_rad, least_m))
+                held = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
+                self._held.hold(tick, column, held, "height no longer held above the ground")
         self._held.report_ends(tick)
 
     def _clear_m(self, column: int, state: FlightState) -> float:
@@ -189,9 +192,9 @@ class HeightFloor:
             self._known[column] = state.north_m, state.east_m, clear_m
         return clear_m
 
-    def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel) -> float:
-        """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays clear of the ground."""
-        floors_m, most_m = self._floors_m(state, model), state.height_m + _lag_s(model) * model.climb_max_mps
+    def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
+        """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays above its floors."""
+        most_m = state.height_m + _lag_s(model) * model.climb_max_mps
         highest_m = needed_m = -math.inf
         for index, share in SHARES:
             highest_m = max(highest_m, floors_m[index])
@@ -199,18 +202,24 @@ class HeightFloor:
         least_m = max(height_m, min(needed_m, highest_m, most_m))
         if least_m >= most_m:
             return least_m
-        low_m, high_m = _climbs(state, least_m, model), _climbs(state, most_m, model)
-        share = 0.0
-        for index, floor_m in enumerate(floors_m):
-            share = max(share, (floor_m + self._room_m - low_m[index]) / (high_m[index] - low_m[index]))
+        low_m, share = _climbs(state, least_m, model), 0.0
+        missing_m = [floor_m + self._room_m - low for floor_m, low in zip(floors_m, low_m, strict=True)]
+        if max(missing_m) > 0.0:
+            for missing, low, high in zip(missing_m, low_m, _climbs(state, most_m, model), strict=True):
+                share = max(share, missing / (high - low))
         return least_m + (most_m - least_m) * min(share, 1.0)
 
-    def _floors_m(self, state: FlightState, model: AutopilotModel) -> list[float]:
-        """Return the lowest clear heights at `LAGS` along a vehicle's straight track; -inf over unknown ground."""
-        (north_mps, east_mps), over_s = state.ground_mps(), _lag_s(model) * LAGS_AHEAD
-        ground_m = self._ground.height(state.north_m + over_s * north_mps, state.east_m + over_s * east_mps)
-        found: list[float] = ground_m.tolist()
-        return [-math.inf if math.isnan(each) else each + self._clearance_m for each in found]
+    def _floors_m(self, tick: Tick, which: list[int]) -> list[list[float]]:
+        """Return the lowest clear heights at `LAGS` along vehicles' straight tracks; -inf over unknown ground."""
+        if not which:
+            return []
+        states = [tick.state[column] for column in which]
+        moving = [(each.north_m, each.east_m, *each.ground_mps()) for each in states]
+        north_m, east_m, north_mps, east_mps = np.array(moving).T[:, :, None]
+        over_s = np.array([_lag_s(self._models[column]) for column in which])[:, None] * LAGS_AHEAD
+        ground_m = self._ground.height(north_m + over_s * north_mps, east_m + over_s * east_mps)
+        floors_m: list[list[float]] = np.where(np.isnan(ground_m), -np.inf, ground_m + self._clearance_m).tolist()
+        return floors_m
 
 
 def _climbs(state: FlightState, told_m: float, model: AutopilotModel) -> list[float]:

@@ -56,7 +56,15 @@ OUR_HEARTBEATS = Check(
     lambda _: True,
 )
 LEAST_TAKE_OFF_M = 50
+CM = 0.01
 FAILSAFE_BY_HEARTBEAT = (1, 2)
+BEFORE_4_5: Final = {
+    "AIRSPEED_MIN": ("ARSPD_FBW_MIN", 1.0),
+    "AIRSPEED_MAX": ("ARSPD_FBW_MAX", 1.0),
+    "AIRSPEED_CRUISE": ("TRIM_ARSPD_CM", CM),
+    "ROLL_LIMIT_DEG": ("LIM_ROLL_CD", CM),
+}
+"""The parameters of ArduPlane's envelope, in the order of `envelope_checks`: their names and units before 4.5."""
 PLANE_LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 continues the flight, 2 glides, 3 releases a parachute."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
@@ -79,7 +87,6 @@ PLANE_TYPES = frozenset(
 COPTER_LEADS_AWAY = (1, 2, 3, 4, 5, 6, 7)
 """FS_GCS_ENABLE: RTL, RTL or AUTO, SmartRTL, LAND, AUTO, BRAKE; 0 hovers where setpoints stopped."""
 TAKE_OFF_TO_M = 20.0
-CM = 0.01
 
 
 def heartbeat_timeout(name: str) -> Check:
@@ -160,6 +167,8 @@ class ArduPlane(ArduPilot):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes, limits and the ground station's system id."""
+        told_mps, (least, most, trim, bank) = self.airspeed_to_tell(path.begin_mps), tuple(BEFORE_4_5)
+        envelope = envelope_checks(model, path, told_mps, least, most, trim, bank, ("refused", "refused"))
         return (
             OUR_HEARTBEATS,
             Check(
@@ -179,16 +188,7 @@ class ArduPlane(ArduPilot):
                 lambda value: value >= LEAST_TAKE_OFF_M,
                 lambda _: True,
             ),
-            *envelope_checks(
-                model,
-                path,
-                self.airspeed_to_tell(path.begin_mps),
-                "AIRSPEED_MIN",
-                "AIRSPEED_MAX",
-                "AIRSPEED_CRUISE",
-                "ROLL_LIMIT_DEG",
-                ("refused", "refused"),
-            ),
+            *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
         )
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:

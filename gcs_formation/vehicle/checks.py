@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -27,6 +27,8 @@ RETRY_S = 0.7
 TRIES = 24
 """Attempts for each parameter name; a name unknown to the autopilot gets no answer. With half of all datagrams lost
 each way, one parameter in a thousand isn't read."""
+TRIES_BEFORE_OLD = 3
+"""Attempts for the present name of a parameter before the one that rare versions have is asked for too."""
 TRIM_OFF_MPS = 1.0
 """Largest difference between the trim airspeed and the path's speed, m/s."""
 SAME_MPS = 0.05
@@ -60,6 +62,16 @@ class Check:
     """Whether a value that isn't allowed prevents the take-off of all vehicles."""
     older: Check | None = None
     """The check of the same parameter in earlier versions, under another name and in another unit."""
+    old: bool = False
+    """Whether only versions have it that are rare by now: it's asked for once the newer name isn't answered."""
+
+    def formerly(self, name: str, unit: float = 1.0) -> Check:
+        """Return the check with the parameter's name in rare versions, and the unit that it had then."""
+        allowed = self.allowed if unit == 1.0 else f"{self.allowed} (this is in units of {unit:g})"
+        older = Check(
+            (name,), allowed, lambda value: self.holds(unit * value), lambda value: self.refuses(unit * value), old=True
+        )
+        return replace(self, older=older)
 
     @property
     def all_names(self) -> tuple[str, ...]:
@@ -199,8 +211,13 @@ class ParameterReader:
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 
     def _missing(self) -> list[str]:
-        wanted = [name for check in self._checks if not self._reported(check) for name in check.all_names]
+        wanted = [name for check in self._checks if not self._reported(check) for name in self._names(check)]
         return [name for name in wanted if self._tries[name] < TRIES]
+
+    def _names(self, check: Check) -> tuple[str, ...]:
+        """Return the names to ask for now."""
+        rare = check.older is not None and check.older.old
+        return check.names if rare and self._tries[check.names[-1]] < TRIES_BEFORE_OLD else check.all_names
 
     def _reported(self, check: Check) -> bool:
         return any(name in self._values for name in check.all_names)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -17,14 +17,16 @@ from airlink import mavlink as m
 from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
+from formation_scenario.parameter_files import Parameter
 from sim_vehicles.autopilot.missions import Sender
 
 UNINDEXED = 65535
 """Index in the answer to a request by name."""
 LOITER_RADIUS_M = 60.0
+MOST_VALUE = 3.4e38
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
-FIXED = frozenset({"MAV_SYSID"})
+FIXED = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
 """Parameters that can't be changed without a reboot."""
 PARAMETERS_FILE = "@PARAM/param.pck"
 NO_SESSION, END_OF_FILE, UNKNOWN_COMMAND, NOT_FOUND = 4, 6, 7, 10
@@ -62,6 +64,29 @@ def floating(least: float, most: float, initial: float) -> ParameterKind:
     return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
+def as_in_file(
+    kinds: Mapping[str, ParameterKind], file: Mapping[str, Parameter], identity: Sequence[str] = ()
+) -> dict[str, ParameterKind]:
+    """Return parameters with the initial values of a parameter file, and those that only the file has.
+
+    `identity` names those that a vehicle has of its own, whatever the file says.
+    """
+    found = dict(kinds)
+    for name, given in file.items():
+        kind = found.get(name)
+        if name in identity:
+            continue
+        if kind is None:
+            type_ = given.type if given.type in PACKED else m.MAV_PARAM_TYPE_REAL32
+            found[name] = ParameterKind(int(type_ or m.MAV_PARAM_TYPE_REAL32), -MOST_VALUE, MOST_VALUE, given.value)
+        else:
+            whole = given.value == int(given.value)
+            found[name] = ParameterKind(
+                kind.type if whole else m.MAV_PARAM_TYPE_REAL32, kind.least, kind.most, given.value
+            )
+    return found
+
+
 def _stored(kind: int, value: float) -> float:
     """Return a value as stored for a type: integers are truncated, and limited only by their width."""
     if kind not in BITS:
@@ -78,9 +103,15 @@ def _within(kind: ParameterKind, value: float) -> float:
 class ParameterServer:
     """One vehicle's parameters, and the answers to requests for them."""
 
-    def __init__(self, kinds: Mapping[str, ParameterKind]) -> None:
-        """Start with initial values; their order is that of their indices in messages."""
+    def __init__(
+        self, kinds: Mapping[str, ParameterKind], also_named: Mapping[str, tuple[str, float]] | None = None
+    ) -> None:
+        """Start with initial values; their order is that of their indices in messages.
+
+        `also_named`: names by which pilots ask for parameters that this version has under other ones, in other units.
+        """
         self._kinds, self._names = kinds, tuple(kinds)
+        self._also_named = also_named or {}
         self._values = {name: kind.initial for name, kind in kinds.items()}
         self._used = {name: _within(kind, kind.initial) for name, kind in kinds.items()}
         self.changes = 0
@@ -113,7 +144,8 @@ class ParameterServer:
 
     def __getitem__(self, name: str) -> float:
         """Return the value in use."""
-        return self._used[name]
+        own = self._also_named.get(name)
+        return self._used[name] if own is None else own[1] * self._used[own[0]]
 
     def entries(self) -> list[tuple[str, int, float]]:
         """Return the name, MAV_PARAM_TYPE and value of each."""

@@ -44,7 +44,14 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     GroundStationFailsafe,
     Px4Mode,
 )
-from sim_vehicles.autopilot.parameters import FIXED, LOITER_RADIUS_M, ParameterKind, ParameterServer, floating
+from sim_vehicles.autopilot.parameters import (
+    FIXED,
+    LOITER_RADIUS_M,
+    ParameterKind,
+    ParameterServer,
+    as_in_file,
+    floating,
+)
 from sim_vehicles.autopilot.streams import SHORTEST_US, Builders
 from sim_vehicles.config import VehicleConfig
 
@@ -243,7 +250,11 @@ def _whole(least: float, most: float, initial: float) -> ParameterKind:
 
 
 def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
-    """Return the parameters of a vehicle by name: PX4's defaults, with limits wide enough for its model."""
+    """Return a vehicle's parameters by name: a file's, else PX4's defaults, with limits wide enough for its model."""
+    return as_in_file(_defaults(config, cruise_mps), config.parameters, ("MAV_SYS_ID",))
+
+
+def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
     model = config.model
     common = {
         "COM_DISARM_LAND": floating(-1, 20, 2.0),

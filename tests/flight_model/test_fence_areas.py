@@ -101,8 +101,12 @@ def test_of_inclusions_of_which_one_is_enough_the_nearer_one_is_named() -> None:
 
 def test_shapes_too_far_to_matter_change_nothing_and_unknown_places_stay_unknown() -> None:
     rng = np.random.default_rng(9)
-    lakes = [Circle(rng.uniform(-2000.0, 2000.0, 2), float(rng.uniform(20.0, 300.0))) for _ in range(30)]
-    woods = [Polygon(rng.uniform(-2000.0, 2000.0, 2) + rng.uniform(-300.0, 300.0, (5, 2))) for _ in range(30)]
+    lakes: list[Polygon | Circle] = [
+        Circle(rng.uniform(-2000.0, 2000.0, 2), float(rng.uniform(20.0, 300.0))) for _ in range(30)
+    ]
+    woods: list[Polygon | Circle] = [
+        Polygon(rng.uniform(-2000.0, 2000.0, 2) + rng.uniform(-300.0, 300.0, (5, 2))) for _ in range(30)
+    ]
     found = fence((Polygon(WIDE), True), *((shape, False) for shape in (*lakes, *woods)))
     places = rng.uniform(-1500.0, 1500.0, (20, 10, 2))
     places[3, 4] = np.nan

@@ -255,7 +255,7 @@ def test_those_that_hover_and_those_that_dont_make_no_formation(refusal):
         ),
         (
             "formation.frame=follower_heading",
-            "formation.frame: found follower_heading of vehicles that hover; leader_heading",
+            "formation.frame: found follower_heading of vehicles that hover; leader_heading, or north",
         ),
         ("law.type=consensus", "law.type: found consensus of vehicles that hover; fuzzy_pid, pid"),
     ],

@@ -50,3 +50,14 @@ def test_neglecting_the_turn_displaces_the_virtual_leader():
         for each, slot in zip(followers, COLUMN, strict=True)
     ]
     assert max(map(abs, error_m)) == pytest.approx(2.1, abs=0.1)
+
+
+@given(heading_rad=st.floats(-3.0, 3.0), turn_rps=st.floats(-0.1, 0.1))
+def test_followers_north_and_east_of_their_leader_head_as_it_does(heading_rad, turn_rps):
+    followers = [
+        FlightState(400.0 + slot.forward_m, slot.right_m - 300.0, 100.0 + slot.up_m, 0.0, SPEED_MPS, heading_rad, 0, 0)
+        for slot in COLUMN
+    ]
+    found = amid(followers, COLUMN, SPEED_MPS, turn_rps, "north")
+    assert found.heading_rad == pytest.approx(heading_rad, abs=1e-9)
+    assert (found.north_m, found.east_m, found.height_m) == pytest.approx((400.0, -300.0, 100.0), abs=1e-6)

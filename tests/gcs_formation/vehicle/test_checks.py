@@ -23,6 +23,7 @@ IN_ORDER = {
     "AIRSPEED_CRUISE": 22,
     "ROLL_LIMIT_DEG": 45,
 }
+NOW = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 
@@ -69,7 +70,7 @@ def test_a_parameter_that_is_not_as_it_should_be_is_named_with_what_is_allowed(
 
 def test_a_parameter_is_read_by_whichever_of_its_names_the_version_knows() -> None:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
-    others = {name: value for name, value in IN_ORDER.items() if name != "MAV_GCS_SYSID"}
+    others: dict[str, float] = {name: value for name, value in IN_ORDER.items() if name != "MAV_GCS_SYSID"}
     told(reader, {**others, "SYSID_MYGCS": 1})
     (finding,) = reader.findings()
     assert reader.complete
@@ -101,3 +102,27 @@ def test_parameters_that_nobody_asked_for_are_ignored() -> None:
     told(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
     assert not reader.complete
     assert len(reader._values) == 0
+
+
+def test_an_older_arduplanes_limits_are_read_by_their_names_and_units_before_4_5() -> None:
+    older = {"ARSPD_FBW_MIN": 14, "ARSPD_FBW_MAX": 29, "TRIM_ARSPD_CM": 2200, "LIM_ROLL_CD": 4500}
+    others: dict[str, float] = {name: value for name, value in IN_ORDER.items() if name not in NOW}
+    for changed, found in (({}, []), ({"LIM_ROLL_CD": 2000}, ["LIM_ROLL_CD: found 2000"])):
+        reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
+        told(reader, others)
+        now = START
+        while not reader.complete:
+            for request in reader.requests(now):
+                if request.param_id in older:
+                    told(reader, {request.param_id: (older | changed)[request.param_id]}, now)
+            now = after(now, RETRY_S)
+        assert [each.text.partition(";")[0] for each in reader.findings()] == found
+
+
+def test_old_names_are_not_asked_for_where_the_present_ones_are_answered() -> None:
+    reader, asked, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), set[str](), START
+    for _ in range(2):
+        asked |= {request.param_id for request in reader.requests(now)}
+        told(reader, {name: IN_ORDER[name] for name in asked & set(IN_ORDER)}, now)
+        now = after(now, RETRY_S)
+    assert not asked & {"ARSPD_FBW_MIN", "ARSPD_FBW_MAX", "TRIM_ARSPD_CM", "LIM_ROLL_CD"}
