@@ -28,6 +28,8 @@ LEAST_MPS = 1.0
 """Lower bound of airspeeds that are divided by."""
 STEP_M = 20.0
 """Interval of the points at which a lap is checked."""
+EDGE_POINTS = 121
+"""Number of points by which a circle is drawn."""
 Way = TypeVar("Way", bound=Route)
 
 
@@ -90,6 +92,10 @@ class Polygon:
         """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
         return inside_m(self.corners_m, place_m)
 
+    def edge_m(self) -> Array:
+        """Return points (N, 2) of its edge, the first one again at the end."""
+        return np.concatenate((self.corners_m, self.corners_m[:1]))
+
 
 @dataclass(frozen=True, eq=False)
 class Circle:
@@ -103,6 +109,11 @@ class Circle:
         north_m, east_m = self.centre_m.tolist()
         distance: Array = self.radius_m - np.hypot(place_m[..., 0] - north_m, place_m[..., 1] - east_m)
         return distance
+
+    def edge_m(self) -> Array:
+        """Return points (N, 2) of its edge, the first one again at the end."""
+        angle_rad = np.linspace(0.0, 2.0 * np.pi, EDGE_POINTS)
+        return self.centre_m + self.radius_m * np.stack((np.cos(angle_rad), np.sin(angle_rad)), axis=-1)
 
 
 class FenceArea(NamedTuple):

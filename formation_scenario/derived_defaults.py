@@ -91,13 +91,13 @@ def resolve(source: Source) -> Source:
     return Source(source.file, data, source.places)
 
 
-def standalone(source: Source) -> Source:
+def standalone(source: Source, registry: Registry | None = None) -> Source:
     """Return a scenario that can be read from anywhere: with its vehicles' models, and with absolute paths.
 
     Raises:
         ScenarioError: no such vehicle file, or one with values that aren't allowed.
     """
-    whole = with_files(source)
+    whole = with_files(source, registry)
     return replace(whole, data=whole.data | _with_absolute_files(whole.data, _directory(source)))
 
 

@@ -14,7 +14,7 @@ from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, not_standing, read_order, why_not_set_out
-from formation_scenario.path_limits import TOLERANCE, SampledPath, climbs, excesses
+from formation_scenario.path_limits import SAME_PLACE_M, TOLERANCE, SampledPath, excesses
 from formation_scenario.slot_assignment import (
     Arrangement,
     SlotStep,
@@ -25,28 +25,32 @@ from formation_scenario.slot_assignment import (
     slot_schedule,
 )
 from formation_scenario.slot_motion import Transition
-from formation_scenario.source import Finding, KeyPath, dotted
+from formation_scenario.source import KeyPath, dotted
 from formation_scenario.transition_plan import NotFlyableError
+from formation_scenario.violations import Violation
 
 
-def check(scenario: Scenario) -> list[Finding]:
-    """Return what can't be flown: one problem for each place of the path, or for each formation.
-
-    A leg that is too steep makes the spline overshoot vertically; it is then reported instead of the ground.
-    """
+def check(scenario: Scenario) -> list[Violation]:
+    """Return all that can't be flown, of every kind at once: each place of the path, each formation, each change."""
     over_ground = check_terrain(scenario)
-    if over_ground:
-        steep = list(climbs(scenario, SampledPath.along(scenario.written_path)))
-        return steep or over_ground
-    path, steps = scenario.leader_path, slot_schedule(scenario)
-    standing = _standing(scenario, path, steps, _keys(scenario), 0.0)
-    return standing or [*check_start(scenario), *check_steps(scenario), *_transitions(scenario, path, steps)]
+    unknown = any(each.kind == "ground" for each in over_ground)
+    path, steps = scenario.written_path if unknown else scenario.leader_path, slot_schedule(scenario)
+    standing = [*over_ground, *_standing(scenario, path, steps, _keys(scenario), 0.0)]
+    changes = [each for each in _transitions(scenario, path, steps) if not _within(each.at_m, standing)]
+    # Without an offset vehicles start in their slots, of which all has been said.
+    starts = check_start(scenario) if any(scenario.start.offset_m) or not standing else ()
+    return [*standing, *starts, *check_steps(scenario), *changes]
+
+
+def _within(at_m: float, violations: Sequence[Violation]) -> bool:
+    """Return whether a place of the path is one of violations, so that a change there can't be judged yet."""
+    return any(abs(each.at_m - at_m) < SAME_PLACE_M for each in violations)
 
 
 def check_ahead(scenario: Scenario, step: SlotStep, path: FlightPath, from_m: float) -> list[str]:
     """Return, in words, what of a formation can't be flown on the path from `from_m` on."""
     problems = _standing(scenario, path, (step,), [("formation",)], min(max(from_m, 0.0), path.length_m))
-    return [f"{found}; allowed: {allowed}" for _, found, allowed in problems]
+    return [f"{each.found}; allowed: {each.allowed}" for each in problems]
 
 
 def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
@@ -117,26 +121,27 @@ def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_
 
 def _standing(
     scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], from_m: float
-) -> list[Finding]:
+) -> list[Violation]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
     least_m = scenario.safety.separation_m
     near, allowed = _near(scenario, steps, keys, least_m * (1.0 - TOLERANCE)), f"{least_m:g} m or more"
     return [
         *excesses(scenario, SampledPath.along(path, from_m), steps),
-        *((key, found, f"{allowed} (safety.separation_m)") for key, found in near),
+        *(Violation(key, found, f"{allowed} (safety.separation_m)", "separation") for key, found in near),
         *_ahead_of_leader(scenario, steps, keys),
         *check_fence(scenario, path, steps, from_m),
     ]
 
 
-def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
+def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
     """Return the first change that can't be flown; those after it would start from an unknown formation."""
     for key, at_m, way in _ways(scenario, path, steps):
         if isinstance(way, NotFlyableError):
             missed_m = scenario.speeds.later_m(at_m, way.elapsed_s)
             place = path.at(missed_m)
             where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
-            return [(key, f"path at {missed_m:.0f} m ({where}): {way.found}", way.allowed)]
+            found = f"path at {missed_m:.0f} m ({where}): {way.found}"
+            return [Violation(key, found, way.allowed, "change", at_m=missed_m)]
     return []
 
 
@@ -197,7 +202,7 @@ def _near(
             yield (*path, key), f"found slots of {pair} {distinct_texts(nearest, least_m)[0]} m apart in {step.shape}"
 
 
-def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]) -> Iterator[Finding]:
+def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]) -> Iterator[Violation]:
     if scenario.formation.frame != "follower_heading":
         return
     for path, step in zip(keys, steps, strict=True):
@@ -208,7 +213,7 @@ def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequ
                 f"found shape {step.shape} with {column_names(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"
             )
-            yield (*path, "shape"), found, "slots behind, or frame: leader_heading or north"
+            yield Violation((*path, "shape"), found, "slots behind, or frame: leader_heading or north", "frame")
 
 
 def _keys(scenario: Scenario) -> list[KeyPath]:

@@ -202,7 +202,8 @@ class Problem:
     """One problem of a scenario.
 
     `file` is the scenario's file or the override that it came from, None for a mapping; `line` and `column` count from
-    1. `found` is a phrase ("found 'diamnd'"), and `allowed` says what is allowed instead.
+    1. `found` is a phrase ("found 'diamnd'"), `allowed` says what is allowed instead, and `would_do` what `check` found
+    to do away with it.
     """
 
     file: str | None
@@ -211,11 +212,13 @@ class Problem:
     key: str
     found: str
     allowed: str = ""
+    would_do: str = ""
 
     def __str__(self) -> str:
-        """Return `file:line:column: key: found; allowed: ...`, without the parts that aren't known."""
+        """Return `file:line:column: key: found; allowed: ...; would do: ...`, without the parts that aren't known."""
         place = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
         what = f"{self.found}; allowed: {self.allowed}" if self.allowed else self.found
+        what += f"; would do: {self.would_do}" if self.would_do else ""
         return ": ".join(part for part in (place, self.key, what) if part)
 
 

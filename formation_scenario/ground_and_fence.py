@@ -18,11 +18,12 @@ from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
-from formation_scenario.source import Finding, KeyPath, dotted
+from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
 from formation_scenario.surroundings import FENCE_CORNERS, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
+from formation_scenario.violations import Move, Violation
 
 OFF_M = 0.01
 """Tolerance of heights and clearances, m."""
@@ -35,7 +36,7 @@ Places = dict[tuple[float, float, float], tuple[str, Vehicle]]
 """Vehicles by their slots: forward, right and up of the leader."""
 
 
-def check_terrain(scenario: Scenario) -> list[Finding]:
+def check_terrain(scenario: Scenario) -> list[Violation]:
     """Return the reasons why the formation can't clear the ground, each with the place where it is worst."""
     terrain = scenario.terrain
     if terrain is None:
@@ -48,24 +49,28 @@ def check_terrain(scenario: Scenario) -> list[Finding]:
     if unknown:
         return unknown
     height_m = ground.height(points.north_m, points.east_m)
-    begun = [*_take_off(scenario, ground), *_run_in(terrain, places, points, height_m)]
-    return begun or list(_clearance(scenario, terrain, ground))
+    return [
+        *_take_off(scenario, ground),
+        *_run_in(terrain, places, points, height_m),
+        *_clearance(scenario, terrain, ground),
+    ]
 
 
-def _over_plain(scenario: Scenario) -> Iterator[Finding]:
-    """Yield the lowest point of any vehicle if it is below the clearance: without terrain, paths aren't lifted."""
-    path, least_m = scenario.written_path, scenario.safety.clearance_m
-    points = path.at(sample_places(0.0, int(path.length_m / STEP_M)))
-    worst = int(np.argmin(points.height_m))
+def _over_plain(scenario: Scenario) -> Iterator[Violation]:
+    """Yield the lowest points of any vehicle that are below the clearance: without terrain, paths aren't lifted."""
+    sampled, least_m = SampledPath.along(scenario.written_path), scenario.safety.clearance_m
     below_m, who = min((float(step.places_m[:, 2].min()), step.shape) for step in slot_schedule(scenario))
-    height_m = float(points.height_m[worst]) + min(below_m, 0.0)
-    if height_m < least_m - OFF_M:
-        whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
-        found = f"{place_of(points, worst)}: {whose} is {height_m:.1f} m above the ground"
-        yield WAYPOINTS, found, f"{least_m:g} m or more (safety.clearance_m)"
+    height_m = sampled.points.height_m + min(below_m, 0.0)
+    whose = f"the lowest slot of shape {who}" if below_m < 0.0 else "the leader"
+    for stretch in sampled.stretches(height_m < least_m - OFF_M):
+        worst = stretch.start + int(np.argmin(height_m[stretch]))
+        found, lack_m = f"{whose} is {height_m[worst]:.1f} m above the ground", least_m - height_m
+        moves = sampled.raised(stretch, np.maximum(lack_m, 0.0))
+        allowed = f"{least_m:g} m or more (safety.clearance_m)"
+        yield sampled.violation(worst, found, allowed, "clearance", lack_m[worst] / 10.0, moves)
 
 
-def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Finding]:
+def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Violation]:
     """Yield the first point of the path where the file has no value below the leader or a slot."""
     everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
@@ -79,11 +84,12 @@ def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: P
             first = int(void[0])
             place = f"north {north[first]:.0f}, east {east[first]:.0f}"
             found = f"found no elevation under {who} at {places[first]:.0f} m of the path ({place})"
-            yield ("terrain", "file"), found, "a file that covers the path and every slot, without voids"
+            allowed = "a file that covers the path and every slot, without voids"
+            yield Violation(("terrain", "file"), found, allowed, "ground")
             return
 
 
-def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
+def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Violation]:
     """Yield the first take-off of an emulated vehicle on ground that isn't as high as the origin."""
     if scenario.start.in_air:
         return
@@ -92,11 +98,11 @@ def _take_off(scenario: Scenario, ground: Ground) -> Iterator[Finding]:
     for vehicle, ground_m in zip(scenario.vehicles, height_m.tolist(), strict=True):
         if vehicle.autopilot == "emulator" and not abs(ground_m) <= LEVEL_M:
             found = f"found ground at {ground_m:.0f} m where emulated vehicle {vehicle.vehicle_id} would take off"
-            yield ("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true"
+            yield Violation(("terrain",), found, "the origin's height there, 0 ± 1 m, or start.in_air: true", "start")
             return
 
 
-def check_start(scenario: Scenario) -> Iterator[Finding]:
+def check_start(scenario: Scenario) -> Iterator[Violation]:
     """Yield the worst of the starts in the air that are too near to another, too low, or outside the fence.
 
     After a take-off vehicles assemble at the same positions.
@@ -106,12 +112,12 @@ def check_start(scenario: Scenario) -> Iterator[Finding]:
     who = [f"vehicle {vehicle.vehicle_id}" for vehicle in scenario.vehicles]
     apart_m, found = _nearest(scenario, places)
     if apart_m < safety.separation_m * (1.0 - TOLERANCE):
-        yield OFFSET, found, f"{safety.separation_m:g} m or more (safety.separation_m)"
+        yield Violation(OFFSET, found, f"{safety.separation_m:g} m or more (safety.separation_m)", "start")
     over_m = places[:, 2] - np.nan_to_num(scenario.ground.height(places[:, 0], places[:, 1]), nan=-np.inf)
     lowest = int(over_m.argmin())
     if over_m[lowest] < safety.clearance_m - OFF_M:
         found = f"{who[lowest]} begins {over_m[lowest]:.1f} m above the ground"
-        yield OFFSET, found, f"{safety.clearance_m:g} m or more (safety.clearance_m)"
+        yield Violation(OFFSET, found, f"{safety.clearance_m:g} m or more (safety.clearance_m)", "start")
     yield from _start_in_fence(safety.fence, places, who)
 
 
@@ -137,22 +143,22 @@ def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
     return float(apart_m[one, other]), f"vehicle {first} and vehicle {second} begin {apart_m[one, other]:.3g} m apart"
 
 
-def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Iterator[Finding]:
+def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Iterator[Violation]:
     if fence is None:
         return
     lowest, highest, (least_m, most_m) = int(places[:, 2].argmin()), int(places[:, 2].argmax()), fence.heights_m
     if places[lowest, 2] < least_m - OFF_M:
         allowed = f"{least_m:g} m or more (safety.fence.height_min_m)"
-        yield OFFSET, f"{who[lowest]} begins at {places[lowest, 2]:.1f} m", allowed
+        yield Violation(OFFSET, f"{who[lowest]} begins at {places[lowest, 2]:.1f} m", allowed, "start")
     if places[highest, 2] > most_m + OFF_M:
         allowed = f"{most_m:g} m or less (safety.fence.height_max_m)"
-        yield OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed
+        yield Violation(OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed, "start")
     if fence.sides is not None:
         within_m = fence.sides.inside_m(places[:, :2])
         worst = int(within_m.argmin())
         if within_m[worst] < 0.0:
             found, allowed = _outside(fence.sides, places[worst, :2], float(-within_m[worst]))
-            yield OFFSET, f"{who[worst]} begins {found}", allowed
+            yield Violation(OFFSET, f"{who[worst]} begins {found}", allowed, "start")
 
 
 def _outside(sides: FenceAreas, place_m: Array, by_m: float) -> tuple[str, str]:
@@ -163,7 +169,7 @@ def _outside(sides: FenceAreas, place_m: Array, by_m: float) -> tuple[str, str]:
     return f"{by_m:.0f} m inside the {area}", f"outside it ({area.key})"
 
 
-def check_steps(scenario: Scenario) -> Iterator[Finding]:
+def check_steps(scenario: Scenario) -> Iterator[Violation]:
     """Yield steps of height that lead too near to the ground or outside the fence's heights, each at its worst time."""
     times_s = _within_steps(scenario)
     if not times_s.size:
@@ -187,7 +193,7 @@ def check_steps(scenario: Scenario) -> Iterator[Finding]:
                 f"at {times_s[worst]:.4g} s ({place_of(points, worst)}) {slot} is {flown_m[worst] + up_m:.1f} {what}"
             )
             allowed = f"{limit_m:g} m or {'more' if sign > 0.0 else 'less'} ({key})"
-            yield _step_at(scenario, times_s[worst], sign), found, allowed
+            yield Violation(_step_at(scenario, times_s[worst], sign), found, allowed, "step")
 
 
 def _lowest_and_highest_m(scenario: Scenario) -> tuple[float, float]:
@@ -216,7 +222,7 @@ def _step_at(scenario: Scenario, at_s: float, sign: float) -> KeyPath:
     return "path", "steps", index, "height_m"
 
 
-def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Finding]:
+def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array) -> Iterator[Violation]:
     """Yield the lowest clearance on the level run-in, which isn't lifted, and at the path's start."""
     before = np.flatnonzero(places <= 0.0)
     clearance = points.height_m[before] - height_m[before]
@@ -224,33 +230,43 @@ def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array
     if clearance[worst] < terrain.clearance_m - OFF_M:
         where = "the path's start" if places[worst] == 0.0 else f"{-places[worst]:.0f} m before the path's start"
         found = f"{place_of(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
-        yield (*WAYPOINTS, 0), found, _least(terrain)
+        lack_m = terrain.clearance_m - float(clearance[worst])
+        moves = {0: (0.0, 0.0, lack_m)}
+        yield Violation((*WAYPOINTS, 0), found, _least(terrain), "clearance", lack_m / 10.0, 0.0, 0, moves)
 
 
-def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Finding]:
-    """Yield the lowest clearance of a path that can't be lifted sufficiently."""
+def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Violation]:
+    """Yield the lowest clearances of a path that can't be lifted sufficiently."""
     path = scenario.leader_path
     assert isinstance(path, LiftedPath)
     if path.lift.short_m <= OFF_M:
         return
-    places = np.arange(0.0, path.length_m, SAMPLE_M)
-    points = path.at(places)
+    sampled = SampledPath.along(path)
+    points, places = sampled.points, sampled.places_m
     clearance = points.height_m - ground.height(points.north_m, points.east_m)
-    worst = int(np.argmin(clearance))
+    lack_m = np.maximum(terrain.clearance_m - clearance, 0.0)
     climb_mps = LEADER_SHARE * min(vehicle.model.climb_max_mps for vehicle in scenario.vehicles)
-    found = (
-        f"path at {places[worst]:.0f} m ({place_of(points, worst)}): {clearance[worst]:.1f} m above the ground, "
-        f"{terrain.clearance_m - clearance[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
-    )
-    yield WAYPOINTS, found, f"{_least(terrain)}, or a higher start"
+    for stretch in sampled.stretches(lack_m > OFF_M):
+        worst = stretch.start + int(np.argmax(lack_m[stretch]))
+        if worst == 0:  # the run-in's end, which is said
+            continue
+        found = (
+            f"path at {places[worst]:.0f} m ({place_of(points, worst)}): {clearance[worst]:.1f} m above the ground, "
+            f"{lack_m[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
+        )
+        allowed, waypoint = f"{_least(terrain)}, or a higher start", int(sampled.waypoints[worst])
+        excess, moves = float(lack_m[worst]) / 10.0, {0: (0.0, 0.0, float(lack_m[worst]))}
+        yield Violation(WAYPOINTS, found, allowed, "clearance", excess, float(places[worst]), waypoint, moves)
 
 
 def _least(terrain: Terrain) -> str:
     return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
 
 
-def check_fence(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], from_m: float) -> Iterator[Finding]:
-    """Yield the worst place of each limit of the fence, from `from_m` on the path; at its start with the run-in."""
+def check_fence(
+    scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], from_m: float
+) -> Iterator[Violation]:
+    """Yield the worst of each stretch beyond a limit of the fence, from `from_m` on; at the start with the run-in."""
     fence = scenario.safety.fence
     if fence is None:
         return
@@ -273,40 +289,65 @@ def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
     return found
 
 
-def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
+def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
     lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
-    height_m, (least_m, most_m) = sampled.points.height_m, fence.heights_m
-    for place, index, limit, key in (
-        (lowest, int(height_m.argmin()), least_m, "height_min_m"),
-        (highest, int(height_m.argmax()), most_m, "height_max_m"),
+    for place, sign, limit_m, key in (
+        (lowest, 1.0, fence.heights_m[0], "height_min_m"),
+        (highest, -1.0, fence.heights_m[1], "height_max_m"),
     ):
-        found_m = float(height_m[index]) + place[2]
-        if found_m < limit - OFF_M if key == "height_min_m" else found_m > limit + OFF_M:
-            allowed = f"{limit:g} m or {'more' if key == 'height_min_m' else 'less'} (safety.fence.{key})"
-            yield sampled.finding(index, f"{flyers[place][0]} is at {found_m:.1f} m", allowed)
+        height_m = sampled.points.height_m + place[2]
+        lack_m = np.maximum(sign * (limit_m - height_m), 0.0)
+        for stretch in sampled.stretches(lack_m > OFF_M):
+            worst = stretch.start + int(np.argmax(lack_m[stretch]))
+            allowed = f"{limit_m:g} m or {'more' if sign > 0.0 else 'less'} (safety.fence.{key})"
+            found, excess = f"{flyers[place][0]} is at {height_m[worst]:.1f} m", float(lack_m[worst]) / 10.0
+            moves = sampled.raised(stretch, sign * lack_m)
+            yield sampled.violation(worst, found, allowed, "fence height", excess, moves)
 
 
-def _fence_sides(sides: FenceAreas, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Finding]:
-    """Yield the place farthest outside; if none is, the one with the least room to turn."""
+def _fence_sides(areas: FenceAreas, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
+    """Yield the farthest outside of each stretch; where none is, the place with the least room to turn."""
     points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     way = points.north_m, points.east_m, points.course_rad
-    places, room = room_along_m(
-        sides, way, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario)
-    )
-    within = sides.inside_m(places)
-    if within.min() < 0.0:
-        who, index = np.unravel_index(int(within.argmin()), within.shape)
-        found, allowed = _outside(sides, places[who, index], float(-within.min()))
-        yield sampled.finding(int(index), f"{list(flyers.values())[who][0]} is {found}", allowed)
-        return
-    if room.min() < CHECKED_M:
-        who, index = np.unravel_index(int(room.argmin()), room.shape)
-        area = sides.nearest(places[who, index])
-        what = "fence" if area.inclusion else area
-        found = f"{list(flyers.values())[who][0]} is {within[who, index]:.0f} m from the {what} and heads for it"
-        allowed = f"{CHECKED_M - room.min():.0f} m more room to turn away ({area.key})"
-        yield sampled.finding(int(index), found, allowed)
+    who = Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn)
+    places, room_m = room_along_m(areas, way, who, drift(scenario))
+    within_m, names = areas.inside_m(places), [who for who, _ in flyers.values()]
+    lack_m = np.maximum(CHECKED_M - room_m, 0.0)
+    outside_m = np.maximum(-within_m, 0.0)
+    for stretch in sampled.stretches(np.asarray(np.maximum(outside_m, lack_m).max(axis=0) > 0.0)):
+        out = bool((outside_m[:, stretch] > 0.0).any())
+        worst_m = outside_m if out else lack_m
+        row, index = np.unravel_index(int(worst_m[:, stretch].argmax()), worst_m[:, stretch].shape)
+        at, by_m = stretch.start + int(index), float(worst_m[row, stretch.start + int(index)])
+        moves = _inwards(areas, sampled, stretch, places, np.maximum(outside_m, lack_m))
+        if out:
+            found, allowed = _outside(areas, places[row, at], by_m)
+        else:
+            area = areas.nearest(places[row, at])
+            what = "fence" if area.inclusion else area
+            found = f"{within_m[row, at]:.0f} m from the {what} and heads for it"
+            allowed = f"{by_m:.0f} m more room to turn away ({area.key})"
+        yield sampled.violation(at, f"{names[row]} is {found}", allowed, "fence", by_m / 10.0, moves)
+
+
+def _inwards(areas: FenceAreas, sampled: SampledPath, stretch: slice, places: Array, lack_m: Array) -> dict[int, Move]:
+    """Return the move of each waypoint near to a stretch that brings inside whom it brings farthest outside.
+
+    `places` (F, K, 2) of all vehicles along the path, which lack room by `lack_m` (F, K).
+    """
+    moves, step_m = dict[int, Move](), 0.5
+    worst = lack_m[:, stretch].max(axis=0)
+    for waypoint in np.unique(sampled.waypoints[stretch]).tolist():
+        near_m = np.where(sampled.waypoints[stretch] == waypoint, worst, -1.0)
+        at = stretch.start + int(near_m.argmax())
+        who, by_m = int(lack_m[:, at].argmax()), float(near_m.max())
+        sides = step_m * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+        north, south, east, west = areas.inside_m(places[who, at] + sides).tolist()
+        slope_m = np.hypot(north - south, east - west)
+        if by_m > 0.0 and slope_m > 0.0:
+            moves[int(waypoint)] = (by_m * (north - south) / slope_m, by_m * (east - west) / slope_m, 0.0)
+    return moves
 
 
 class FenceDistance(NamedTuple):

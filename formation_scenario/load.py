@@ -12,8 +12,10 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from flight_model.legs.detour import Detours
+from flight_model.legs.turn import TurnLimits
 from flight_model.path import PathError
-from formation_scenario.derived_defaults import resolve, with_files
+from formation_scenario.derived_defaults import resolve, standalone, with_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import METRICS, WINDOWED
 from formation_scenario.extension_keys import with_extension_keys
@@ -34,11 +36,22 @@ from formation_scenario.source import (
 )
 from formation_scenario.start_states_and_end_times import path_end_s
 from formation_scenario.vehicles import VehicleGroup
+from formation_scenario.violations import Violation, reported
 
 ONE_VEHICLE: dict[Key, Plain] = {"id": 1, "role": "leader"}
 
 SCENARIO_ALONE, STUDY_ALONE = {"vehicles", "path"}, {"base", "random", "parameters"}
 """Keys of every scenario that no study has, and of studies that no scenario has."""
+
+
+class UnflyableError(ScenarioError):
+    """A scenario whose keys are right and that can't be flown: with it, as written and typed, and what can't be."""
+
+    def __init__(
+        self, problems: Sequence[Problem], source: Source, scenario: Scenario, violations: list[Violation]
+    ) -> None:
+        super().__init__(problems)
+        self.source, self.scenario, self.violations = source, scenario, violations
 
 
 def load_scenario(
@@ -59,18 +72,22 @@ def load_scenario(
         plugins: files whose extensions it may use, beside those of installed packages; a scenario has its own already.
 
     Raises:
-        ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be flown.
+        ScenarioError: the scenario can't be read, has values that aren't allowed, contradicts itself or can't be
+            flown (UnflyableError).
     """
     registry = source.registered if isinstance(source, Scenario) and not plugins else load_extensions(plugins)
     read = with_files(apply_overrides(_read(source), overrides, option), registry)
-    scenario, resolved = _to_the_paths_end(read, *_typed(read, registry))
+    scenario, resolved = to_the_paths_end(read, registry)
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:
         scenario = designed(scenario, read.data.get("law"))
-    if not flown:
-        found = [*(found or check(scenario)), *expectations(scenario)]
-    if found:
-        raise ScenarioError([resolved.problem(*each) for each in found])
+    violations = [] if found or flown else check(scenario)
+    found += [] if flown else expectations(scenario)
+    problems = [resolved.problem(*each) for each in (*reported(violations), *((*one, "") for one in found))]
+    if violations:
+        raise UnflyableError(problems, read, scenario, violations)
+    if problems:
+        raise ScenarioError(problems)
     return scenario
 
 
@@ -104,8 +121,27 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
     return plain_mapping(dumped)
 
 
-def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> tuple[Scenario, Source]:
-    """Return a scenario that ends with its path, to a millisecond, if the source gives no `duration_s`."""
+def read_scenario(source: str | Path | Mapping[Any, Any], overrides: Sequence[str], registry: Registry) -> Source:
+    """Return a scenario's keys as written, with the files that they name read, and with overrides.
+
+    Raises:
+        ScenarioError: a file that can't be read, or an override that doesn't fit.
+    """
+    return standalone(apply_overrides(_read(source), overrides, OPTION), registry)
+
+
+def to_the_paths_end(
+    source: Source, registry: Registry, detours: dict[TurnLimits, Detours] | None = None
+) -> tuple[Scenario, Source]:
+    """Return the typed scenario, which ends with its path, to a millisecond, if the source gives no `duration_s`.
+
+    `detours`: those that were found for scenarios like it, to which its path adds its own.
+
+    Raises:
+        ScenarioError: values that aren't allowed.
+    """
+    scenario, resolved = _typed(source, registry)
+    scenario = scenario if detours is None else scenario.sharing(detours)
     if source.data.get("duration_s") is not None:
         return scenario, resolved
     try:
@@ -114,7 +150,9 @@ def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> t
         return scenario, resolved
     if not 0.0 < end_s <= MAX_NUMBER:
         return scenario, resolved
-    return _typed(replace(source, data=source.data | {"duration_s": end_s}), scenario.registered)
+    ended, resolved = _typed(replace(source, data=source.data | {"duration_s": end_s}), registry)
+    keys = type(ended).model_fields.keys() - {"path"}
+    return scenario.on_same_path({name: getattr(ended, name) for name in keys}), resolved
 
 
 def _typed(source: Source, registry: Registry) -> tuple[Scenario, Source]:

@@ -14,7 +14,9 @@ from pydantic import Field, PrivateAttr
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
+from flight_model.legs.detour import Detours
 from flight_model.legs.speeds import SpeedProfile
+from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
@@ -61,6 +63,7 @@ from formation_scenario.links import Links, LinkStep, RecordedDelays, link_steps
 from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.repair_plan import RepairPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.shapes import SHAPE
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
@@ -212,6 +215,7 @@ class Scenario(Keys):
     formation: Formation = key(Formation(), "", derived="its keys'")
     law: Law = key(..., "", derived="its keys'")
     path: PathPlan
+    repair: RepairPlan | None = key(None, "what `check --repair` may change, and in which order")
     terrain: Terrain | None = key(None, "the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
@@ -258,6 +262,7 @@ class Scenario(Keys):
     )
 
     _registered: Registry = PrivateAttr(default_factory=Registry)
+    _detours: dict[TurnLimits, Detours] = PrivateAttr(default_factory=dict[TurnLimits, Detours])
 
     @property
     def registered(self) -> Registry:
@@ -268,6 +273,17 @@ class Scenario(Keys):
         """Return the scenario with other extensions."""
         copied = self.model_copy()
         copied._registered = registry
+        return copied
+
+    @property
+    def detours(self) -> dict[TurnLimits, Detours]:
+        """The detours of its path, by their limits."""
+        return self._detours
+
+    def sharing(self, detours: dict[TurnLimits, Detours]) -> Self:
+        """Return the scenario with detours that were found for others like it, to which its path adds its own."""
+        copied = self.model_copy()
+        copied._detours = detours
         return copied
 
     @property
@@ -344,7 +360,7 @@ class Scenario(Keys):
             PathError: no such path leads through them.
         """
         if self.path.kind == "legs":
-            return path_of_legs(self, self.path, self.drift_mps, self.safety.fence)
+            return path_of_legs(self, self.path, self.drift_mps, self.safety.fence, self._detours)
         return SplinePath(self.path.waypoints_m)
 
     @property

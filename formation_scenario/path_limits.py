@@ -16,10 +16,11 @@ from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.source import Finding, KeyPath
+from formation_scenario.source import KeyPath
 from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
 from formation_scenario.turn_limits import climb_limits
 from formation_scenario.vehicles import Vehicle, VehicleModel
+from formation_scenario.violations import NOWHERE, Kind, Move, Violation
 
 BETWEEN_SAMPLES_M = 5.0
 TOLERANCE = 1e-6
@@ -27,11 +28,19 @@ EQUAL = 1e-9
 """Relative difference below which two shares count as equal, so that rounding doesn't decide which is named."""
 SAME_PLACE_M = 250.0
 """Longest gap between two violations that count as one place, such as the two ends of a bend."""
-MOST_PLACES = 10
-"""Largest number of places that are reported individually."""
+BACK = 4.0
+"""Multiple of the turn rate from which on a bend counts as a reversal."""
+ROUND_M = 100.0
+"""Distance from a reversal within which what slots would need is no matter of its own."""
 LEAST_OVER_GROUND_MPS = 1.0
 """Least ground speed along a path: with less, a gust decides whether a flight reaches its end."""
 SETPOINT = "setpoint"
+_KINDS: Mapping[str, Kind] = {
+    "turn": "slot turn",
+    "speed": "slot speed",
+    "accel": "slot acceleration",
+    SETPOINT: "slot setpoint",
+}
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
@@ -61,10 +70,28 @@ class SampledPath(NamedTuple):
         for run in np.split(indices, breaks) if indices.size else []:
             yield slice(int(run[0]), int(run[-1]) + 1)
 
-    def finding(self, index: int, found: str, allowed: str) -> Finding:
+    def violation(
+        self,
+        index: int,
+        found: str,
+        allowed: str,
+        kind: Kind,
+        excess: float = 1.0,
+        moves: Mapping[int, Move] = NOWHERE,
+    ) -> Violation:
         """Return what was found at a sample, with the nearest waypoint as its key."""
-        where = f"path at {self.places_m[index]:.0f} m ({place_of(self.points, index)})"
-        return (*WAYPOINTS, int(self.waypoints[index])), f"{where}: {found}", allowed
+        at_m, waypoint = float(self.places_m[index]), int(self.waypoints[index])
+        where = f"path at {at_m:.0f} m ({place_of(self.points, index)})"
+        return Violation((*WAYPOINTS, waypoint), f"{where}: {found}", allowed, kind, excess, at_m, waypoint, moves)
+
+    def raised(self, stretch: slice, lack_m: Array) -> dict[int, Move]:
+        """Return by how much the nearest waypoints to a stretch lack height, by the lacks (K,) of all samples."""
+        moves = dict[int, Move]()
+        for waypoint, each_m in zip(self.waypoints[stretch].tolist(), lack_m[stretch].tolist(), strict=True):
+            known = moves.get(int(waypoint), (0.0, 0.0, 0.0))
+            if abs(each_m) > abs(known[2]):
+                moves[int(waypoint)] = (0.0, 0.0, each_m)
+        return moves
 
 
 class _Demand(NamedTuple):
@@ -83,25 +110,14 @@ class _Demand(NamedTuple):
         """(K, N) the share of the limit that is needed, excessive above 1."""
         return self.bound / np.maximum(self.figure, TOLERANCE) if self.least else self.figure / self.bound
 
-    def rank(self, stretch: slice) -> tuple[bool, float]:
-        """Return by what the worst demand of a stretch is chosen: what a slot flies comes before its setpoint."""
-        share = float(self.share[stretch].max())
-        return share > 1.0 + TOLERANCE and self.limit != SETPOINT, share
 
-
-def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Finding]:
-    """Return violations of vehicles' limits: the path's speed, also in the wind, or else up to `MOST_PLACES` places."""
-    parts = list(_by_speed(scenario, sampled))
-    speed = [found for flown, part in parts for found in list(_speed(flown)) or list(_into_wind(flown, part))]
-    if speed:
-        return speed
-    places = [
-        *_crowded(scenario),
-        *climbs(scenario, sampled),
-        *(found for flown, part in parts for found in _bends(flown, part, steps)),
-    ]
-    rest = len(places) - MOST_PLACES
-    return [*places[:MOST_PLACES], *([(WAYPOINTS, f"found {rest} more places like these", "")] if rest > 0 else [])]
+def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
+    """Return violations of vehicles' limits: the path's speed, also in the wind, and each place's worst."""
+    found = [*_crowded(scenario), *climbs(scenario, sampled)]
+    for flown, part in _by_speed(scenario, sampled):
+        speed = list(_speed(flown))
+        found += [*speed, *_into_wind(flown, part), *_bends(flown, part, steps, too_fast=bool(speed))]
+    return found
 
 
 def _by_speed(scenario: Scenario, sampled: SampledPath) -> Iterator[tuple[Scenario, SampledPath]]:
@@ -116,33 +132,36 @@ def _by_speed(scenario: Scenario, sampled: SampledPath) -> Iterator[tuple[Scenar
             yield scenario.at_speed(speed_mps), sampled.only(flown)
 
 
-def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
-    """Yield the steepest point of each stretch that climbs or descends faster than some vehicle can, or steep legs."""
+def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
+    """Yield the legs that are too steep, and the steepest point of each other stretch that some vehicle can't climb."""
     written = scenario.written_path
-    if isinstance(written, LegsPath) and written.steep:
-        yield from _steep_legs(scenario, written.steep)
-        return
+    steep = written.steep if isinstance(written, LegsPath) else dict[int, Steep]()
+    yield from _steep_legs(scenario, steep)
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     most_mps = weakest.model.climb_max_mps
     climb_mps = over_ground_mps(scenario, sampled.points.course_rad, scenario.speeds.at_each(sampled.places_m))
     climb_mps = climb_mps * sampled.points.slope
-    for stretch in sampled.stretches(np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)):
+    leg = np.searchsorted(written.waypoints_at_m, sampled.places_m)
+    over = (np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)) & ~np.isin(leg, list(steep))
+    for stretch in sampled.stretches(over):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
         figure, most = distinct_texts(abs(float(climb_mps[index])), most_mps)
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {figure} m/s"
         allowed = f"up to {most} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        yield sampled.finding(index, found, allowed)
+        yield sampled.violation(index, found, allowed, "climb", abs(float(climb_mps[index])) / most_mps - 1.0)
 
 
-def _crowded(scenario: Scenario) -> Iterator[Finding]:
+def _crowded(scenario: Scenario) -> Iterator[Violation]:
     """Yield circles without room on the leg before their waypoint."""
     written = scenario.written_path
     for waypoint, short_m in written.crowded_m.items() if isinstance(written, LegsPath) else ():
         found = f"found no room for circles on the leg to it, beside its turns, {short_m:.0f} m are missing"
-        yield (*WAYPOINTS, waypoint), found, "a longer leg, a smaller radius_m, or none in path.circles"
+        allowed = "a longer leg, a smaller radius_m, or none in path.circles"
+        at_m = float(written.waypoints_at_m[waypoint])
+        yield Violation((*WAYPOINTS, waypoint), found, allowed, "circles", short_m / 10.0, at_m, waypoint)
 
 
-def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Finding]:
+def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Violation]:
     """Yield the legs that are too steep for some vehicle, and the length that each would need."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     for waypoint, each in steep.items():
@@ -155,10 +174,11 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Find
         flown = f"{abs(each.slope) * speed_mps:.3g} m/s of climb with its rounding"
         most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         allowed = f"up to {most}: {needed_m:.0f} m or more for that height, or path.climb: circle"
-        yield (*WAYPOINTS, waypoint), f"{found}, {flown}", allowed
+        excess, at_m = abs(each.slope) / limits.slope - 1.0, float(scenario.written_path.waypoints_at_m[waypoint])
+        yield Violation((*WAYPOINTS, waypoint), f"{found}, {flown}", allowed, "climb", excess, at_m, waypoint)
 
 
-def _speed(scenario: Scenario) -> Iterator[Finding]:
+def _speed(scenario: Scenario) -> Iterator[Violation]:
     """Yield the path's speed if some vehicle can't fly it, the leader first."""
     speed = scenario.path.begin_mps
     for vehicle in (each for each in columns(scenario) if each is not None):
@@ -169,11 +189,12 @@ def _speed(scenario: Scenario) -> Iterator[Finding]:
             found, least = distinct_texts(speed, slowest, 4)
             found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
             allowed = f"{least} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
-            yield ("path", "speed_mps"), f"found {found} m/s", allowed
+            excess = max(slowest / speed, speed / fastest) - 1.0 if speed > 0.0 else 1.0
+            yield Violation(("path", "speed_mps"), f"found {found} m/s", allowed, "path speed", excess)
             return
 
 
-def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
+def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
     """Yield the place where the wind leaves a leading fixed wing too little ground speed along the path."""
     if scenario.hovers:
         return
@@ -183,39 +204,85 @@ def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Finding]:
     if across_mps.max() >= speed:
         index = int(np.argmax(across_mps >= across_mps.max() * (1.0 - EQUAL)))
         found = f"the wind blows {across_mps[index]:.3g} m/s across it"
-        yield sampled.finding(index, f"{found}, {flown}", f"less than {speed:g} m/s (path.speed_mps)")
+        yield sampled.violation(index, f"{found}, {flown}", f"less than {speed:g} m/s (path.speed_mps)", "wind")
     elif over_mps.min() < LEAST_OVER_GROUND_MPS * (1.0 - TOLERANCE):
         index = int(np.argmax(over_mps <= over_mps.min() + EQUAL))
         found = f"{over_mps[index]:.2g} m/s over the ground is left"
-        yield sampled.finding(index, f"{found}, {flown}", f"{LEAST_OVER_GROUND_MPS:g} m/s or more")
+        yield sampled.violation(index, f"{found}, {flown}", f"{LEAST_OVER_GROUND_MPS:g} m/s or more", "wind")
 
 
-def _bends(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> Iterator[Finding]:
-    """Yield the worst demand of each stretch that is too tight: the leader's if it is too tight for the leader."""
+def _bends(
+    scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...], *, too_fast: bool
+) -> Iterator[Violation]:
+    """Yield the worst demand of each stretch on each limit: the leader's turn, and what a bend asks of slots.
+
+    A slot's turn isn't mentioned where the leader's is, a setpoint where the speed is, nor a slot's speed where the
+    path's is beyond its limits everywhere (`too_fast`).
+    """
     everyone = columns(scenario)
-    leading = [_leaders(scenario, sampled, everyone, steps)]
-    of_leader, following = _over(leading), list[_Demand]()
-    of_all = of_leader.copy()
-    for step in steps:  # of hundreds only those that are too tight somewhere are kept
-        demands = list(_followers(scenario, sampled, everyone, step))
-        over = _over(demands)
-        if over.any():
-            following += demands
-            of_all |= over
-    for stretch in sampled.stretches(of_all):
-        demands = leading if of_leader[stretch].any() else following
-        worst = max(demands, key=lambda demand: demand.rank(stretch))
+    leading = _leaders(scenario, sampled, everyone, steps)
+    turns = list(_worst(scenario, sampled, everyone, [leading]))
+    yield from turns
+    back_m = sampled.places_m[(leading.share > BACK).any(axis=1)]
+    gentle = sampled.only(np.abs(sampled.places_m - _nearest(back_m, sampled.places_m)) > ROUND_M)
+    if gentle.places_m.size:
+        of_steps = (list(_followers(scenario, gentle, everyone, step)) for step in steps)
+        # Of hundreds of steps only those that are too tight somewhere are kept.
+        following = [demand for demands in of_steps if _over(demands).any() for demand in demands]
+        limits = {limit: [each for each in following if each.limit == limit] for limit in _KINDS}
+        speeds = [] if too_fast else list(_worst(scenario, gentle, everyone, limits["speed"]))
+        setpoints = [] if too_fast else list(_worst(scenario, gentle, everyone, limits[SETPOINT]))
+        yield from _elsewhere(_worst(scenario, gentle, everyone, limits["turn"]), turns)
+        yield from _worst(scenario, gentle, everyone, limits["accel"])
+        yield from speeds
+        yield from _elsewhere(setpoints, speeds)
+
+
+def _nearest(known_m: Array, to_m: Array) -> Array:
+    """Return the nearest of rising distances to each of others; infinite if there are none."""
+    ends_m = np.concatenate(([-np.inf], known_m, [np.inf]))
+    after = np.searchsorted(ends_m, to_m)
+    before_m, after_m = ends_m[np.maximum(after - 1, 0)], ends_m[np.minimum(after, ends_m.size - 1)]
+    return np.where(to_m - before_m < after_m - to_m, before_m, after_m)
+
+
+def _elsewhere(violations: Iterable[Violation], others: Sequence[Violation]) -> Iterator[Violation]:
+    """Yield the violations that are at other places than some others."""
+    yield from (each for each in violations if all(abs(each.at_m - other.at_m) > SAME_PLACE_M for other in others))
+
+
+def _worst(
+    scenario: Scenario, sampled: SampledPath, everyone: Sequence[Vehicle | None], demands: Sequence[_Demand]
+) -> Iterator[Violation]:
+    """Yield the worst of demands on one limit on each stretch where one is excessive."""
+    for stretch in sampled.stretches(_over(demands)) if demands else ():
+        worst = max(demands, key=lambda demand: float(demand.share[stretch].max()))
         share = worst.share[stretch]
         row, column = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
         who, index = everyone[int(column)], stretch.start + int(row)
         assert who is not None
-        too_many = np.any([(each.share[stretch] > 1.0 + TOLERANCE).any(axis=0) for each in demands], axis=0)
-        shape = None if worst.step is None else worst.step.shape
-        whose = f"vehicle {who.vehicle_id}'s slot in shape {shape}" if shape else f"leader {who.vehicle_id}"
-        more = f", the worst of {int(too_many.sum())} slots there" if too_many.sum() > 1 else ""
-        figure, bound = float(worst.figure[index, column]), float(worst.bound[column])
+        figure, bound, excess = float(worst.figure[index, column]), float(worst.bound[column]), float(share.max()) - 1.0
+        if worst.step is None and excess > BACK - 1.0:
+            yield _reversal(sampled, index, who, scenario.path.begin_mps)
+            continue
+        beyond = np.any([(each.share[stretch] > 1.0 + TOLERANCE).any(axis=0) for each in demands], axis=0)
+        whose = f"vehicle {who.vehicle_id}'s slot in shape {worst.step.shape}" if worst.step else _leader_named(who)
+        more = f", the worst of {int(beyond.sum())} slots there" if beyond.sum() > 1 else ""
         found = f"{whose} would need {distinct_texts(figure, bound)[0]} {worst.unit}{more}"
-        yield sampled.finding(index, found, _allowed(worst.limit, who.model, scenario.path.begin_mps))
+        allowed = _allowed(worst.limit, who.model, scenario.path.begin_mps)
+        yield sampled.violation(index, found, allowed, _KINDS[worst.limit] if worst.step else "turn", excess)
+
+
+def _leader_named(who: Vehicle) -> str:
+    return f"leader {who.vehicle_id}"
+
+
+def _reversal(sampled: SampledPath, index: int, who: Vehicle, speed_mps: float) -> Violation:
+    """Return the violation of a bend that no aircraft flies: the path turns back, or round a point."""
+    radius_m, least_m = 1.0 / abs(float(sampled.points.curvature_1pm[index])), speed_mps / who.model.turn_rate_max_rps
+    found = f"turns back, or sharply, in a radius of {radius_m:.2g} m"
+    allowed = f"{least_m:.0f} m or more, {_leader_named(who)}'s turn_rate_max_rps of {who.model.turn_rate_max_rps:g}"
+    return sampled.violation(index, found, f"{allowed} rad/s at {speed_mps:g} m/s", "turn", least_m / radius_m - 1.0)
 
 
 def _over(demands: Iterable[_Demand]) -> Mask:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Complex
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, room_along_m
+from flight_model.legs.detour import Detours
 from flight_model.legs.joining import Lack, TurnRules
 from flight_model.legs.path import Circles, LegPlan, LegsPath
 from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
@@ -27,7 +28,13 @@ CHANGE_LAGS = 2.0
 """Shortest duration of a change of speed, in time constants of the slowest vehicle's airspeed."""
 
 
-def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float], fence: Fence | None) -> LegsPath:
+def path_of_legs(
+    members: Members,
+    path: PathPlan,
+    drift_mps: tuple[float, float],
+    fence: Fence | None,
+    known: dict[TurnLimits, Detours] | None = None,
+) -> LegsPath:
     """Return the path along a scenario's legs that all its vehicles can fly, clear of the fence where there is room.
 
     Args:
@@ -35,6 +42,7 @@ def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float
         path: the keys of the path.
         drift_mps: the wind that drifts the vehicles, north and east.
         fence: within which detours should stay.
+        known: detours that were found before, by their limits; those of this path are added.
 
     Raises:
         PathError: two successive waypoints less than 1 m apart horizontally.
@@ -43,12 +51,13 @@ def path_of_legs(members: Members, path: PathPlan, drift_mps: tuple[float, float
     climbs = {each: climb_limits(members, each, wind_mps) for each in set(path.legs_mps)}
     lack = _lack(members, steps, path.fastest_mps, drift_mps, fence)
     circles = {each.waypoint: Circles(each.turns, each.radius_m) for each in path.circles}
+    known = {} if known is None else known
     turns, flown_mps = dict[float, TurnLimits](), [{each} for each in path.legs_mps]
     for _ in range(MOST_ROUNDS):
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
-        rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack)
+        rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack, known)
         plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle", circles)
         found = LegsPath(path.waypoints_m, plan)
         # On a leg too short for its speed, another one is flown in the turn at its end.

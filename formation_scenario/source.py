@@ -70,9 +70,9 @@ class Source:
         """The directory of its file; None if it isn't one."""
         return None if self.file is None else Path(self.file).parent
 
-    def problem(self, path: KeyPath, found: str, allowed: str = "") -> Problem:
+    def problem(self, path: KeyPath, found: str, allowed: str = "", would_do: str = "") -> Problem:
         """Return a problem at a key's place."""
-        return Problem(*self.place(path), dotted(path), found, allowed)
+        return Problem(*self.place(path), dotted(path), found, allowed, would_do)
 
 
 def _numbers_of_yaml_1_2(

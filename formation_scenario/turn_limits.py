@@ -31,6 +31,8 @@ GENTLEST = 0.02
 """Share of the turn rate below which turns aren't planned: feasibility says then which slot has no speed left."""
 SHORTEST_S, LONGEST_S = 1.0, 60.0
 """Duration of a turn's beginning; it lasts at least a heading's time constant."""
+WIDEST = 4.0
+"""Multiple of the radius that single vehicles turn with, beyond which a formation turns badly."""
 TRIED = 240
 LEAST_MPS = 1.0
 
@@ -58,6 +60,13 @@ def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, w
     begins_s = _begins_s(models, steps, frame, speed_mps, tightest_rps)
     over_mps = speed_mps + wind_mps
     return TurnLimits(tightest_rps / over_mps, STEEPEST * tightest_rps / (begins_s * over_mps**2))
+
+
+def turns_well(members: Members, steps: Sequence[SlotStep], speed_mps: float, wind_mps: float) -> bool:
+    """Return whether slots leave the formation turns that are at most `WIDEST` times as wide as the vehicles' own."""
+    most_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(members))
+    own_1pm = most_rps / (max(speed_mps, LEAST_MPS) + wind_mps)
+    return WIDEST * turn_limits(members, steps, speed_mps, wind_mps).curvature_1pm >= own_1pm
 
 
 def _begins_s(

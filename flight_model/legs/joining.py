@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -31,12 +31,14 @@ class TurnRules:
     """How waypoints are passed: within `most_m` of the turn (fly-by), or over them, in turns within the limits.
 
     `limits` are those of each leg (n - 1,), which differ with its speed; a joint is flown at that of the leg before.
+    `known` keeps detours by their limits: paths that differ in some waypoints share the others' detours.
     """
 
     limits: Sequence[TurnLimits]
     most_m: float
     over: bool = False
     lack: Lack | None = None
+    known: dict[TurnLimits, Detours] = field(default_factory=dict[TurnLimits, Detours])
 
 
 class Placed(NamedTuple):
@@ -61,7 +63,6 @@ class Joiner:
         legs = np.diff(waypoints)
         self._lengths_m: list[float] = np.abs(legs).tolist()
         self._courses: list[float] = np.angle(legs).tolist()
-        self._detours = dict[TurnLimits, Detours]()
 
     def joints(self) -> list[Placed]:
         """Return the joints along the legs, one after another, such that each leg has room for those at its ends."""
@@ -132,7 +133,9 @@ class Joiner:
     def _detour(self, first: int, last: int) -> Placed:
         """Return the shortest detour from a waypoint's leg to another's that has room, or lacks the least."""
         corner, limits = self._corner(first, last), self._limits(first)
-        detours = self._detours.setdefault(limits, Detours(limits))
+        if limits not in self._rules.known:
+            self._rules.known[limits] = Detours(limits)
+        detours = self._rules.known[limits]
         ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
         best, least_m = None, math.inf
         for way in ways:

@@ -16,6 +16,7 @@ from formation_scenario.expectation import CHANNEL_UNITS, GAP_S, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
+from formation_scenario.repair import Repair
 from formation_scenario.slot_assignment import columns
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
 from gcs_formation.app import check_law, check_links, check_parameters, check_path, check_room
@@ -42,6 +43,8 @@ NO_MARGIN = "# delay margin: – (this law states none; docs/own-law.md)"
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
+MOST_REPAIR_M = 500e3
+"""Length of paths that are checked while what would do is searched without `--repair`: some 2 s."""
 SAME_S = 1e-3
 """Differences of the planned end below which a path isn't said to end early, s: a derived `duration_s` is rounded."""
 
@@ -71,6 +74,17 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
 def refusal_report(error: ScenarioError) -> dict[str, Any]:
     """Return what `check --json` prints for a scenario that can't be flown: each problem with its place."""
     return {"valid": False, "problems": [asdict(problem) for problem in error.problems]}
+
+
+def repair_report(found: Repair) -> dict[str, Any]:
+    """Return what `check --repair --json` prints: whether a scenario that flies was found, and by which changes."""
+    return {
+        "valid": not found.problems,
+        "problems": [asdict(problem) for problem in found.problems],
+        "repaired": not found.left,
+        "changes": [{"key": each.key, "text": each.text} for each in found.changes],
+        "left": [asdict(problem) for problem in found.left],
+    }
 
 
 def check_text(scenario: Scenario) -> str:

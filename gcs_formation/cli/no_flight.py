@@ -7,7 +7,7 @@ import shutil
 import sys
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
@@ -19,7 +19,11 @@ from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import NothingRunningError, RecordError, StationError
 
 if TYPE_CHECKING:
-    from formation_scenario import Scenario
+    from collections.abc import Sequence
+
+    from formation_scenario import Scenario, ScenarioError
+    from formation_scenario.repair import Repair
+    from formation_scenario.violations import Violation
 
 INIT_EXAMPLES = examples(
     "gcs-formation init                      quickstart.yaml, here",
@@ -29,7 +33,9 @@ CHECK_EXAMPLES = examples(
     "gcs-formation check quickstart.yaml",
     "gcs-formation check quickstart.yaml --set law.rate_hz=5 --json",
     "gcs-formation check quickstart.yaml --export path.kml             for a map; .plan for QGroundControl",
+    "gcs-formation check mission.yaml --repair repaired.yaml           the nearest scenario that flies",
 )
+REPAIR_HINT = "next: --repair OUT.yaml writes the nearest scenario that flies"
 SCHEMA_EXAMPLES = examples("gcs-formation schema > scenario.schema.json", "gcs-formation schema --markdown | less")
 TELL_USAGE = (
     examples(
@@ -115,6 +121,19 @@ def init(directory: Path, example: str) -> None:
     help="Write the flown path: .plan, .waypoints of the leader; .kml, .gpx, .geojson, .csv of every slot.",
 )
 @click.option("--export-vehicle", metavar="ID", help="With --export: the path of this vehicle alone.")
+@click.option(
+    "--repair",
+    "repaired",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="OUT.yaml",
+    help="Write the nearest scenario that flies, and list what is changed (key `repair`: in which order).",
+)
+@click.option(
+    "--plan",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.png",
+    help="Draw the path from above and its heights, with what can't be flown marked.",
+)
 def check(
     scenario: Path,
     overrides: tuple[str, ...],
@@ -122,26 +141,88 @@ def check(
     as_json: bool,
     exported: Path | None,
     export_vehicle: str | None,
+    repaired: Path | None,
+    plan: Path | None,
 ) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
     from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor margins
-    from gcs_formation.app.check import check_report, check_text, refusal_report  # noqa: PLC0415
+    from gcs_formation.app.check import check_report, check_text  # noqa: PLC0415
 
+    if repaired is not None:
+        _repair(scenario, overrides, plugins, as_json, repaired, plan)
+        return
     try:
         loaded = load_scenario(scenario, overrides, plugins=plugins)
     except ScenarioError as error:
-        if as_json:
-            click.echo(json.dumps(refusal_report(error), indent=2))
-        fail(str(error))
+        _refuse(error, as_json, plan)
     try:
         text = json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded)
     except StationError as error:  # of an extension, whose code is asked here for what it states
         sys.exit(say(str(error), Status.COULD_NOT_GO_ON))
     click.echo(text)
+    if plan is not None:
+        _draw(plan, loaded, ())
     if exported is not None:
         _export(loaded, exported, export_vehicle)
     elif export_vehicle is not None:
         fail("found --export-vehicle alone; allowed: with --export FILE")
+
+
+def _refuse(error: ScenarioError, as_json: bool, plan: Path | None) -> NoReturn:
+    """Exit with what is wrong in a scenario, and what would do, as far as a short search finds it."""
+    from formation_scenario import ScenarioError  # noqa: PLC0415
+    from formation_scenario.load import UnflyableError  # noqa: PLC0415
+    from formation_scenario.repair import repair_refused  # noqa: PLC0415 - only of a scenario that is refused
+    from gcs_formation.app.check import MOST_REPAIR_M, refusal_report  # noqa: PLC0415
+
+    hint = ""
+    if isinstance(error, UnflyableError):
+        found = repair_refused(error, MOST_REPAIR_M)
+        if plan is not None:
+            _draw(plan, error.scenario, error.violations, found if found.flies else None)
+        error, hint = ScenarioError(found.problems), "" if found.whole and not found.flies else f"\n{REPAIR_HINT}"
+    if as_json:
+        click.echo(json.dumps(refusal_report(error), indent=2))
+    fail(f"{error}{hint}")
+
+
+def _repair(
+    scenario: Path, overrides: tuple[str, ...], plugins: tuple[str, ...], as_json: bool, file: Path, plan: Path | None
+) -> None:
+    """Write the nearest scenario that flies, and print what is changed; exit with what is in the way of one."""
+    from formation_scenario import ScenarioError  # noqa: PLC0415
+    from formation_scenario.repair import repair  # noqa: PLC0415 - only this option needs it
+    from gcs_formation.app.check import repair_report  # noqa: PLC0415
+
+    try:
+        found = repair(scenario, overrides, plugins)
+    except ScenarioError as error:
+        fail(str(error))
+    if as_json:
+        click.echo(json.dumps(repair_report(found), indent=2))
+    if plan is not None:
+        _draw(plan, found.given.scenario, found.given.violations, found)
+    if found.left:
+        fail(f"nothing was found that flies; what is in the way:\n{ScenarioError(found.left)}")
+    try:
+        file.write_text(found.text(), encoding="utf-8")
+    except OSError as error:
+        fail(f"cannot write {file}: {error.strerror}; allowed: a writable file")
+    if not as_json:
+        click.echo("".join(f"{each}\n" for each in found.changes) or "nothing to repair\n", nl=False)
+    click.echo(f"wrote {file}", err=True)
+
+
+def _draw(file: Path, scenario: Scenario, violations: Sequence[Violation], repair: Repair | None = None) -> None:
+    from gcs_formation.report.mission_plan import draw_plan  # noqa: PLC0415 - this option alone needs it
+
+    if file.suffix.lower() != ".png":
+        fail(f"found {file}; allowed: a file *.png")
+    try:
+        draw_plan(scenario, violations, file, repair)
+    except OSError as error:
+        fail(f"cannot write {file}: {error.strerror}; allowed: a writable file")
+    click.echo(f"wrote {file}", err=True)
 
 
 def _export(scenario: Scenario, file: Path, vehicle: str | None) -> None:

@@ -25,11 +25,17 @@ def test_a_straight_path_is_flown_by_every_shape(load):
 
 
 def test_a_turn_tighter_than_the_leader_can_fly_names_place_figure_and_limit(refusal):
-    (leader,) = refusal(with_path(circle(80.0)))
+    leader, *slots = refusal(with_path(circle(80.0)))
     assert leader.startswith("path.waypoints_m.2: path at 10")  # the half circle begins at waypoint 1, after 1000 m
     assert "leader 1 would need" in leader
     assert "rad/s of turn; up to 0.25 rad/s" in leader
     assert "height 100" in leader
+    limits = (
+        "m/s² of acceleration, the worst of 3 slots there; up to 1.5 m/s²",
+        "m/s, the worst of 3 slots there; 16 to 28 m/s",
+    )
+    assert len(slots) == 2
+    assert all(limit in slot for limit, slot in zip(limits, slots, strict=True))
 
 
 def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, load):
@@ -69,7 +75,8 @@ def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):
 def test_each_place_is_reported_once_with_its_worst_figure(refusal):
     """Two turns are too tight for all four; the second, of 70 m, is the tighter one."""
     twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
-    lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in refusal(with_path(twice))]
+    places = [line for line in refusal(with_path(twice)) if "leader 1 would need" in line]
+    lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in places]
     assert len(lines) == 2
     assert 22.0 / 80.0 < float(lines[0]) < float(lines[1]) < 1.5 * 22.0 / 70.0
 
@@ -80,7 +87,7 @@ def test_many_places_are_counted_from_the_eleventh_on(refusal):
     lines = refusal(with_path(bends), *tight)
     assert len(lines) == 11
     assert lines[-1].startswith("path.waypoints_m: found ")
-    assert lines[-1].endswith(" more places like these; ")
+    assert lines[-1].endswith(" more places like these (turn); ")
 
 
 def test_a_climb_is_held_against_the_vehicle_that_climbs_least(refusal, load):
@@ -116,11 +123,35 @@ def test_a_figure_just_beyond_its_limit_is_not_printed_as_the_limit(refusal, key
     assert refusal(*keys)[0].endswith(line)
 
 
-@pytest.mark.parametrize("ground", ["terrain=", "terrain={clearance_m: 20}"])
-def test_a_leg_too_steep_is_not_called_too_low(refusal, ground):
+@pytest.mark.parametrize(
+    ("ground", "limit"), [("terrain=", "safety.clearance_m"), ("terrain={clearance_m: 20}", "terrain.clearance_m")]
+)
+def test_a_leg_too_steep_is_named_beside_what_dips_below_the_clearance(refusal, ground, limit):
     """The spline swings 450 m below the ground before a leg of 150 m in height over 100 m."""
-    (line,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2100, 0, 250], [4000, 0, 100]]", ground)
-    assert line.startswith("path.waypoints_m.1: path at 2047 m (north 2047, east 0, height 171.3): climbs 33.4 m/s;")
+    lines = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2100, 0, 250], [4000, 0, 100]]", ground)
+    assert any(line.startswith("path.waypoints_m.1: ") and "climbs" in line for line in lines)
+    assert any(line.endswith("up to 3 m/s, vehicle 1's climb_max_mps") for line in lines)
+    assert any(limit in line for line in lines)
+
+
+@pytest.mark.parametrize("kind", ["spline", "legs"])
+def test_a_problem_of_one_kind_hides_none_of_another(refusal, kind):
+    """A descent of 8 m/s, then a waypoint 97 m too low and one 400 m outside the fence, 29 m/s, and slots 4 m apart."""
+    path = "path.waypoints_m=[[0, 0, 200], [1500, 0, 200], [2000, 0, 20], [4000, 0, 3], [6000, 2400, 200]]"
+    fence = "safety={separation_m: 5, clearance_m: 100, fence: {corners_m: %s}}"
+    corners = [[-2000, -2000], [7000, -2000], [7000, 2000], [-2000, 2000]]
+    lines = refusal(path, f"path.kind={kind}", fence % corners, "path.speed_mps=29", "formation.spacing_m=2")
+    for part in ("m/s", "100 m or more (safety.clearance_m)", "outside the fence", "found 29 m/s", "separation_m"):
+        assert any(part in line for line in lines), part
+    assert any("climb_max_mps" in line for line in lines)
+
+
+def test_a_path_that_turns_back_is_called_so(refusal):
+    """There and back along almost one line: a spline turns there in some metres."""
+    lines = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [0, 40, 100]]")
+    assert any("turns back, or sharply, in a radius of" in line for line in lines)
+    assert any("88 m or more, leader 1's turn_rate_max_rps of 0.25 rad/s at 22 m/s" in line for line in lines)
+    assert len(lines) == 1
 
 
 def test_the_speed_of_the_path_must_suit_the_leader(refusal):
@@ -242,7 +273,8 @@ def test_a_path_or_a_slot_below_the_clearance_over_a_plain_is_refused(load, refu
     assert load(low, "formation.shape=custom", below, "safety.clearance_m=1")
     (line,) = refusal(low, "formation.shape=custom", below)
     assert line == (
-        "path.waypoints_m: north 2000, east 0, height 20: the lowest slot of shape custom is 2.0 m above the ground; "
+        "path.waypoints_m.1: path at 2000 m (north 2000, east 0, height 20): the lowest slot of shape custom is 2.0 m "
+        "above the ground; "
         "5 m or more (safety.clearance_m)"
     )
     assert "the leader is -50.0 m above the ground" in refusal(with_path([[0, 0, -50], [2000, 0, -50]]))[0]

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from flight_model.arrays import beside
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
 from formation_scenario.mission_files import read_mission
 from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
+from formation_scenario.repair import repair
 from formation_scenario.slot_assignment import column_names, slot_schedule
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
 from gcs_formation.app.check_path import path_figures, path_text, rally_outside
@@ -190,3 +192,12 @@ def test_a_plan_comes_back_from_the_scenario_with_its_fence_and_rally_points(tmp
     assert isinstance(around_given, FencePolygon)
     assert np.array(around.corners) == pytest.approx(np.array(around_given.corners), abs=2e-8)
     assert np.array(back.rally) == pytest.approx(np.array(given.rally), abs=1e-3)
+
+
+def test_a_leg_across_an_exclusion_is_repaired_to_one_beside_it() -> None:
+    path = {"kind": "legs", "waypoints_m": [[0, 0, 100], [3000, 0, 100], [3000, 2000, 100]]}
+    plain = keys(circle("exclusion", 1500, 130, 150), corners_m=None) | {"path": path}
+    assert "inside the exclusion circle" in problems(plain)
+    found = repair(plain)
+    assert [change.key for change in found.changes] == ["path.waypoints_m.0", "path.waypoints_m.1"]
+    assert min(each["least_m"] for each in path_figures(load_scenario(yaml.safe_load(found.text())))["fence"]) > 0.0
