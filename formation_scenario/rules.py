@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from flight_model.earth import SEMI_MAJOR_M
+from flight_model.legs.path import MIN_LEG_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
 from formation_scenario.expectation import (
@@ -128,11 +131,16 @@ def circles(scenario: Scenario) -> Iterator[Finding]:
 
 
 def path(scenario: Scenario) -> Iterator[Finding]:
-    """Yield waypoints without a flyable spline, and paths that are too long."""
+    """Yield all waypoints through which no path leads, and paths that are too long."""
+    allowed = "waypoints 1 m or more apart, without turning straight back"
+    legs_m = np.hypot(*np.diff(np.array(scenario.path.waypoints_m)[:, :2], axis=0).T)
+    for index in np.flatnonzero(legs_m < MIN_LEG_M).tolist():
+        yield (*WAYPOINTS, index + 1), f"found a waypoint {legs_m[index]:.3g} m from the one before it", allowed
+    if legs_m.min() < MIN_LEG_M:
+        return
     try:
         length_m = scenario.written_path.length_m
     except PathError as error:
-        allowed = "waypoints 1 m or more apart, without turning straight back"
         yield (*WAYPOINTS, error.waypoint), str(error), allowed
     else:
         if length_m > MAX_PATH_M:

@@ -146,6 +146,11 @@ def test_a_problem_of_one_kind_hides_none_of_another(refusal, kind):
     assert any("climb_max_mps" in line for line in lines)
 
 
+def test_all_waypoints_on_the_one_before_are_named(refusal):
+    lines = refusal("path.waypoints_m=[[0, 0, 100], [0, 0.5, 100], [900, 0, 100], [900, 0, 120], [2000, 0, 100]]")
+    assert [line.partition(":")[0] for line in lines] == ["path.waypoints_m.1", "path.waypoints_m.3"]
+
+
 def test_a_path_that_turns_back_is_called_so(refusal):
     """There and back along almost one line: a spline turns there in some metres."""
     lines = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [0, 40, 100]]")

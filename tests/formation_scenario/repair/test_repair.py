@@ -38,6 +38,7 @@ MISSIONS: dict[str, dict[str, Any]] = {
     "too close": {"path": COMPETITION, "formation": {"spacing_m": 3}},
     "ahead of the leader": {"path": COMPETITION, "formation": {"shape": "circle", "frame": "follower_heading"}},
     "twice the same": {"path": [[0, 0, 100], [0, 0, 100], [1000, 0, 100], [1000, 0.2, 100], [2000, 1500, 100]]},
+    "every point twice": {"path": [point for point in COMPETITION for _ in range(4)]},
     "across a gale": {"path": COMPETITION, "wind": {"velocity_mps": [0, 23, 0]}},
     "a hill": {"path": [[0, 0, 50], [2000, 0, 60], [5000, 0, 60]], "terrain": HILL},
     "multirotors": {
